@@ -5,13 +5,14 @@ The front desk: what is listed in `__init__.pyi` is fetched on first use (SPEC 1
 else is in the subpackages, which are fetched on first use as well.
 
 >>> import contbreather as cb
->>> cb.BadInput.__module__, cb.dynamics.sweep.__name__
+>>> cb.BadInput.__module__, cb.simulation.sweep.__name__
 ('contbreather.errors', 'sweep')
 """
 
 from __future__ import annotations
 
 from importlib import import_module
+from warnings import warn
 
 from lazy_loader import attach_stub
 
@@ -20,11 +21,15 @@ from .display import Shown
 __version__ = "0.1.0"
 _fetch, _, _names = attach_stub(__name__, __file__)
 __all__ = [*_names]
+_RENAMED = {"breathers": "orbits", "dynamics": "simulation"}
 
 
 def __getattr__(name: str) -> object:
     if name in _names:
         return _fetch(name)
+    if name in _RENAMED:
+        warn(f"contbreather.{name} is contbreather.{_RENAMED[name]} now", DeprecationWarning, 2)
+        name = _RENAMED[name]
     inner = f"{__name__}.{name}"
     try:
         return import_module(inner)
@@ -33,7 +38,7 @@ def __getattr__(name: str) -> object:
             raise
     raise AttributeError(
         f"module {__name__!r} has no attribute {name!r}; it has {', '.join(_names)}, and more in "
-        "its subpackages breathers, continuation, dynamics, lattice and plotting"
+        "its subpackages continuation, lattice, orbits, plotting and simulation"
     )
 
 

@@ -3,18 +3,6 @@
 # For type checkers, which would not know cb.paper otherwise; lazy_loader skips such a line.
 import contbreather.paper  # noqa: F401
 
-from .breathers import Orbit as Orbit
-from .breathers import grazing as grazing
-from .breathers import neimark_sacker as neimark_sacker
-from .breathers import period_doubling as period_doubling
-from .breathers import pitchfork as pitchfork
-from .breathers import symmetric as symmetric
-from .breathers import zones as zones
-from .breathers.atlas import atlas as atlas
-from .breathers.multi import multibreather as multibreather
-from .breathers.multi import multibreathers as multibreathers
-from .breathers.shooting import shooting as shooting
-from .breathers.zones_many import zones_many as zones_many
 from .continuation import Branch as Branch
 from .continuation import Event as Event
 from .continuation import Problem as Problem
@@ -30,7 +18,6 @@ from .continuation.diagram import diagram as diagram
 from .continuation.many import trace_many as trace_many
 from .continuation.maps import FixedPoint as FixedPoint
 from .continuation.switching import switch as switch
-from .dynamics import simulate as simulate
 from .errors import BadInput as BadInput
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged
@@ -43,10 +30,23 @@ from .lattice import Symbolic as Symbolic
 from .lattice.finite import Grid as Grid
 from .lattice.finite import Lattice as Lattice
 from .lattice.finite import OpenChain as OpenChain
+from .orbits import Orbit as Orbit
+from .orbits import grazing as grazing
+from .orbits import neimark_sacker as neimark_sacker
+from .orbits import period_doubling as period_doubling
+from .orbits import pitchfork as pitchfork
+from .orbits import symmetric as symmetric
+from .orbits import zones as zones
+from .orbits.atlas import atlas as atlas
+from .orbits.multi import multibreather as multibreather
+from .orbits.multi import multibreathers as multibreathers
+from .orbits.shooting import shooting as shooting
+from .orbits.zones_many import zones_many as zones_many
 from .plotting import plot as plot
 from .plotting import save_figure as save_figure
 from .runs import Run as Run
 from .runs import load as load
 from .runs import save as save
+from .simulation import simulate as simulate
 
 __version__: str

@@ -50,12 +50,12 @@ TEXTS = (  # the modules with kernels, each to be imported with nothing but nump
     "contbreather.lattice.responses",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
-    "contbreather.breathers.closed_loops",
-    "contbreather.breathers.pair_loops",
-    "contbreather.breathers.margins",
-    "contbreather.dynamics.cruise",
-    "contbreather.dynamics.tangent_flow",
-    "contbreather.dynamics.smooth_flow",
+    "contbreather.orbits.closed_loops",
+    "contbreather.orbits.pair_loops",
+    "contbreather.orbits.margins",
+    "contbreather.simulation.cruise",
+    "contbreather.simulation.tangent_flow",
+    "contbreather.simulation.smooth_flow",
 )
 
 # What object code may refer to and never calls, as nothing is raised and no memory asked for. It
@@ -103,7 +103,7 @@ class Kernel:
 
     Examples
     --------
-    >>> from contbreather.breathers import margins
+    >>> from contbreather.orbits import margins
     >>> margins.MARGINS.function is margins.margins
     True
     """

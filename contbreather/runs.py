@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contbreather.breathers  # noqa: F401 - enters the equations of orbits
+import contbreather.orbits  # noqa: F401 - enters the equations of orbits
 from contbreather.continuation import Run, load, save
 from contbreather.storage.serialise import later
 
 
 def _dynamics() -> None:
-    import contbreather.dynamics.stored_runs  # noqa: F401 - enters runs and motions
+    import contbreather.simulation.stored_runs  # noqa: F401 - enters runs and motions
 
 
 later(_dynamics)

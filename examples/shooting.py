@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.breathers.shooting import shooting
 from contbreather.continuation import refined
 from contbreather.continuation.switching import switch
+from contbreather.orbits.shooting import shooting
 from contbreather.plotting import new_figure, save_figure
 from contbreather.plotting.canvas import style
 

@@ -15,8 +15,8 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined
-from contbreather.dynamics import Axis, Basin, Sweep, attraction, periodic, sweep, there_and_back
 from contbreather.plotting import new_figure, plot_basin, plot_sweep, save_figure
+from contbreather.simulation import Axis, Basin, Sweep, attraction, periodic, sweep, there_and_back
 
 FOLD = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
 ATTRACTOR = {"a": 0.3, "gamma": 0.05, "k": 0.8, "damping": 0.05}

@@ -16,8 +16,8 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined
-from contbreather.dynamics import periodic
 from contbreather.plotting import new_figure, save_figure
+from contbreather.simulation import periodic
 
 SETTINGS = {"a": 0.3, "gamma": 0.04, "k": 0.8, "damping": 0.005}
 WINDOW = {"a": (0.06, 0.3)}

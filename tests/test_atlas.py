@@ -13,7 +13,7 @@ import pytest
 import xarray
 
 import contbreather as cb
-from contbreather.breathers.atlas import save_atlas, words
+from contbreather.orbits.atlas import save_atlas, words
 from contbreather.plotting import atlas as atlas_drawn
 from contbreather.plotting import plot_atlas
 

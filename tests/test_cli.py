@@ -19,11 +19,11 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.breathers import neighbour_peak, smallest_amplitude
-from contbreather.breathers.closed_form import SymmetricFlight
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
+from contbreather.orbits import neighbour_peak, smallest_amplitude
+from contbreather.orbits.closed_form import SymmetricFlight
 from contbreather.stability.arc import on_arc
 
 from .apart import ended
@@ -78,12 +78,12 @@ def test_bad_places_are_refused_before_anything_is_computed(
 def test_what_the_library_raises_has_its_sentence_and_status(
     run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, status: int, words: str
 ) -> None:
-    monkeypatch.setattr("contbreather.breathers.symmetric_roots", Mock(side_effect=error))
+    monkeypatch.setattr("contbreather.orbits.symmetric_roots", Mock(side_effect=error))
     assert run(POINT) == (status, "", f"contbreather: {words}\n")
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contbreather.breathers.symmetric_roots", Mock(side_effect=KeyError("bug")))
+    monkeypatch.setattr("contbreather.orbits.symmetric_roots", Mock(side_effect=KeyError("bug")))
     with pytest.raises(KeyError):
         run(POINT)
 
@@ -168,7 +168,7 @@ def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
 
 def test_any_root_can_be_asked_for(run: Run) -> None:
     place = f"--a 0.3 --gamma 0.12 --k 0.7 --forcing {TWO_HARMONICS!r} --json"
-    roots = cb.breathers.symmetric_roots(0.3, 0.12, 0.7, forcing=cb.Symbolic(TWO_HARMONICS))
+    roots = cb.orbits.symmetric_roots(0.3, 0.12, 0.7, forcing=cb.Symbolic(TWO_HARMONICS))
     assert len(roots) == 4
     for number, root in enumerate(roots, start=1):
         content = strict(run(f"point {place} --root {number}")[1])
@@ -180,7 +180,7 @@ def test_any_root_can_be_asked_for(run: Run) -> None:
 
 def test_the_point_is_the_root_that_is_admissible(run: Run) -> None:
     line = "point --a 0.79 --gamma 0.2 --k 0.8"
-    upper, lower = cb.breathers.symmetric_roots(0.79, 0.2, 0.8)
+    upper, lower = cb.orbits.symmetric_roots(0.79, 0.2, 0.8)
     content = strict(run(f"{line} --json")[1])
     assert (content["root"], content["p"], content["admissible"]) == (2, lower.p, True)
     (other,) = content["other_roots"]
@@ -200,7 +200,7 @@ def test_zones_of_both_families_are_drawn_when_asked_for(run: Run) -> None:
 
 def test_branch_starts_at_the_root_that_was_asked_for(run: Run) -> None:
     line = "branch --free gamma --a 0.5 --k 0.8 --gamma 0.1 --json"
-    for number, root in enumerate(cb.breathers.symmetric_roots(0.5, 0.1, 0.8), start=1):
+    for number, root in enumerate(cb.orbits.symmetric_roots(0.5, 0.1, 0.8), start=1):
         columns = strict(run(f"{line} --root {number}")[1])["columns"]
         nearest = min(abs(np.array(columns["gamma"]) - 0.1))
         here = int(np.argmin(abs(np.array(columns["gamma"]) - 0.1)))
@@ -573,7 +573,7 @@ def test_zones_of_several_values_are_shared_out_in_order(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To whoever computes many pieces of work, no executor being named: all cores."""
-    module, asked = import_module("contbreather.breathers.zones_many"), dict[str, Any]()
+    module, asked = import_module("contbreather.orbits.zones_many"), dict[str, Any]()
 
     def here(work: Any, items: Any, **more: Any) -> Any:
         asked.update(more)

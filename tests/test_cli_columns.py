@@ -13,7 +13,7 @@ import pytest
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE, run_summary
 from contbreather.cli.output import say, to_csv, to_json
-from contbreather.dynamics import open_recording, there_and_back
+from contbreather.simulation import open_recording, there_and_back
 
 from .typed import table
 

@@ -222,7 +222,7 @@ class Finder:
 
 sys.meta_path.insert(0, Finder())
 if "in numba" in wanted:
-    import contbreather.dynamics.impacting as impacting
+    import contbreather.simulation.impacting as impacting
     walk = impacting.walk
     own = dict(globals(), __name__="numba.core.dispatcher")
     exec("def interrupted(*given, **more): interrupt(); return walk(*given, **more)", own)
@@ -234,7 +234,7 @@ SIMULATE = "simulate --a 0.1 --gamma 0.04 --k 0.8 --periods 3 --json"
 IMPORTED = [
     (SIMULATE, "contbreather.cli"),
     (SIMULATE, "cyclopts"),
-    (SIMULATE, "contbreather.dynamics"),
+    (SIMULATE, "contbreather.simulation"),
     (SIMULATE, "llvmlite.binding"),
     (SIMULATE, "in numba"),
     ("branch --free a --gamma 0.08 --k 0.8 --json", "scipy.linalg"),

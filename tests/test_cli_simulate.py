@@ -195,7 +195,7 @@ def interrupt(monkeypatch, module, periods):
 
 
 def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(run, monkeypatch):
-    from contbreather.dynamics import recording
+    from contbreather.simulation import recording
 
     walk = recording.walk
     interrupt(monkeypatch, recording, 10)
@@ -211,7 +211,7 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
 
 
 def test_interrupted_run_writes_what_it_has(run, monkeypatch):
-    from contbreather.dynamics import impacting
+    from contbreather.simulation import impacting
 
     interrupt(monkeypatch, impacting, 10)
     status, out, _ = run(f"{STABLE} --periods 1000 --csv s.csv --json")
@@ -223,7 +223,7 @@ def test_interrupted_run_writes_what_it_has(run, monkeypatch):
 
 
 def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):
-    from contbreather.dynamics import impacting, verdicts
+    from contbreather.simulation import impacting, verdicts
 
     def again(_):
         raise KeyboardInterrupt
@@ -241,7 +241,7 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
 
 
 def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypatch):
-    from contbreather.dynamics import verdicts
+    from contbreather.simulation import verdicts
 
     def stopped(_):
         assert Path("s.csv").exists()
@@ -256,7 +256,7 @@ def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypa
 
 
 def test_interruption_inside_newtons_method_is_not_taken_for_its_failure(monkeypatch):
-    from contbreather.dynamics import impacting, periodic
+    from contbreather.simulation import impacting, periodic
 
     def stopped(*args, **kwargs):
         raise KeyboardInterrupt
@@ -282,8 +282,8 @@ def test_picture_of_a_run_is_drawn(run, extra):
 
 
 def test_energy_that_blows_up_is_status_1(run, monkeypatch):
-    from contbreather.dynamics import smooth
     from contbreather.errors import NotConverged
+    from contbreather.simulation import smooth
 
     def grows(self, *given):
         raise NotConverged("the energy blows up in period 3")

@@ -168,10 +168,10 @@ def test_a_name_that_is_not_given_means_what_it_means_elsewhere(path: Path) -> N
 
 # Where one name has several meanings: whose is whose.
 WHOSE = {
-    "dynamics.verdict": {"settle": 4000, "periods": 4096},
-    "dynamics.lyapunov": {"settle": 0, "count": 2, "seed": 0},
-    "dynamics.attraction": {"periods": 500, "tolerance": 1e-3, "site": 0},
-    "dynamics.periodic": {"periods": 1, "symmetric": False},
+    "simulation.verdict": {"settle": 4000, "periods": 4096},
+    "simulation.lyapunov": {"settle": 0, "count": 2, "seed": 0},
+    "simulation.attraction": {"periods": 500, "tolerance": 1e-3, "site": 0},
+    "simulation.periodic": {"periods": 1, "symmetric": False},
     "diagram": {"depth": 2, "most": 100},
     "multibreathers": {"most": 3},
     "FixedPoint": {"period": 1},

@@ -17,8 +17,11 @@ from nbclient import NotebookClient
 
 import contbreather as cb
 from contbreather import progress
-from contbreather.breathers.zones import KINDS, Zones
-from contbreather.dynamics import (
+from contbreather.errors import BadInput
+from contbreather.orbits.zones import KINDS, Zones
+from contbreather.plotting import cards, plot_orbit, style
+from contbreather.plotting.canvas import CYCLE, GREY
+from contbreather.simulation import (
     Axis,
     Fate,
     Sample,
@@ -27,9 +30,6 @@ from contbreather.dynamics import (
     simulate_smooth,
     sweep,
 )
-from contbreather.errors import BadInput
-from contbreather.plotting import cards, plot_orbit, style
-from contbreather.plotting.canvas import CYCLE, GREY
 from contbreather.tables import Sheet
 
 from .apart import HUNG

@@ -250,14 +250,20 @@ def test_no_function_is_longer_than_sixty_lines() -> None:
 def test_the_front_desk_computes_nothing() -> None:
     tree = modules(PACKAGE)[FRONT_DESK]
     fetched = [node.module for node in tree.body if isinstance(node, ast.ImportFrom)]
-    assert fetched == ["__future__", "importlib", "lazy_loader", "display"]
+    assert fetched == ["__future__", "importlib", "warnings", "lazy_loader", "display"]
     calls = [
         node.func.id
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
     ]
     assert set(calls) <= {"attach_stub", "_fetch", "import_module", "AttributeError", "sorted",
-                          "globals", "str"}  # fmt: skip
+                          "globals", "str", "warn"}  # fmt: skip
+
+
+@pytest.mark.parametrize(("before", "now"), [("breathers", "orbits"), ("dynamics", "simulation")])
+def test_a_subpackage_answers_to_its_former_name_and_says_so(before: str, now: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"contbreather.{before} is contbreather.{now} now"):
+        assert getattr(contbreather, before) is import_module(f"contbreather.{now}")
 
 
 def test_a_type_checker_reads_the_list_that_python_reads() -> None:
@@ -275,7 +281,7 @@ def test_public_name_is_found_where_the_list_says(name: str) -> None:
     assert getattr(contbreather, name) is getattr(home, name)
 
 
-@pytest.mark.parametrize("name", ["breathers", "continuation", "dynamics", "lattice", "plotting"])
+@pytest.mark.parametrize("name", ["orbits", "continuation", "simulation", "lattice", "plotting"])
 def test_a_subpackage_is_fetched_on_first_use(name: str) -> None:
     code = f"import contbreather; print(contbreather.{name}.__name__)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.closed_form import SymmetricFlight
+from contbreather.orbits.closed_form import SymmetricFlight
 
 HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
 NO_NUMBERS: tuple[Any, ...] = (
@@ -39,7 +39,7 @@ def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         return cb.simulate(**{**ring, "periods": 1, **numbers})
 
     def smooth(**numbers: Any) -> Any:
-        return cb.dynamics.simulate_smooth(**{**ring, "periods": 1, "m": 6, **numbers})
+        return cb.simulation.simulate_smooth(**{**ring, "periods": 1, "m": 6, **numbers})
 
     def window(low: Any, high: Any) -> Any:
         return cb.trace(b, "a", within={"a": (low, high)}, steps=cb.Steps(most=2))
@@ -62,8 +62,8 @@ def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         "fourier": (lambda c: cb.Fourier(cos={1: c}), {"c": -1.0}),
         "simulate": (run, {**HERE, "periods": 1, "damping": 0.0, "t0": 0.0}),
         "smooth": (smooth, {"a": 0.5, "gamma": 0.04, "k": 0.8, "m": 6, "damping": 0.0}),
-        "sample": (lambda n: cb.dynamics.Sample((0,), n), {"n": 20}),
-        "axis": (lambda site: cb.dynamics.Axis("u", site, [0.0]), {"site": 0}),
+        "sample": (lambda n: cb.simulation.Sample((0,), n), {"n": 20}),
+        "axis": (lambda site: cb.simulation.Axis("u", site, [0.0]), {"site": 0}),
     }
 
 
@@ -128,12 +128,12 @@ def options(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         "samples": (cb.Samples, {"values": [-1.0, 0.0, 1.0, 0.0]}),
         "simulate": (cb.simulate, {"state": b.state(4), **HERE, "periods": 1, "progress": None}),
         "multipliers": (b.multipliers, {"half": False}),
-        "peak": (cb.breathers.neighbour_peak, {"orbit": b, "n": 1}),
+        "peak": (cb.orbits.neighbour_peak, {"orbit": b, "n": 1}),
         "branch": (branch.first, {"kind": "PF"}),
         "column": (point.__getitem__, {"name": "a"}),
         "impacts": (run.at_site, {"n": 0, "wall": 1}),
         "chain": (cb.InfiniteChain().chi, {"gamma": 0.1}),
-        "axis": (cb.dynamics.Axis, {"name": "u", "site": 0, "values": [0.0]}),
+        "axis": (cb.simulation.Axis, {"name": "u", "site": 0, "values": [0.0]}),
     }
 
 
@@ -157,7 +157,7 @@ def test_an_amplitude_that_is_none_is_named(bad: Any) -> None:
 
 def test_samples_without_sites_are_refused() -> None:
     with pytest.raises(cb.BadInput, match="one site or several were expected"):
-        cb.dynamics.Sample(sites=())
+        cb.simulation.Sample(sites=())
 
 
 # --- what the command line accepts ----------------------------------------------------------------
@@ -228,7 +228,7 @@ def test_a_loaded_point_without_equations_says_so_to_switch_and_extend(tmp_path:
 
 
 def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:
-    sample = cb.dynamics.Sample((0, 1), 20)
+    sample = cb.simulation.Sample((0, 1), 20)
     run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
     lines = [line.get_ydata() for line in cb.plotting.plot_motion(run).axes.get_lines()]
     assert run.record is not None

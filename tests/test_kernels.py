@@ -83,13 +83,13 @@ for kind, lines in zones.curves.items():
         print(json.dumps([line["a"].tolist(), line["gamma"].tolist()]))
 u, v = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 8))
 where = {"a": 0.5, "gamma": 0.08, "k": 0.3, "damping": 0.01, "spring": 0.1}
-sites = cb.dynamics.Sample(sites=[0], per_period=8)
+sites = cb.simulation.Sample(sites=[0], per_period=8)
 for on in ({}, {"lattice": cb.OpenChain(8), "k": 0.0}):
     run = cb.simulate((u, v), periods=6, sample=sites, **{**where, **on})
     print("run", told(run.final.u, run.impacts, run.rests, run.record.u))
-smooth = cb.dynamics.simulate_smooth((0.3 * u, v), a=0.5, gamma=0.08, k=0.8, m=20, periods=1)
+smooth = cb.simulation.simulate_smooth((0.3 * u, v), a=0.5, gamma=0.08, k=0.8, m=20, periods=1)
 print("smooth", told(smooth.final.u))
-print("tangent", told(cb.dynamics.variation(run), cb.dynamics.variation(smooth)))
+print("tangent", told(cb.simulation.variation(run), cb.simulation.variation(smooth)))
 print("numba" in sys.modules, "llvmlite" in sys.modules and sys.modules["llvmlite"] is not None)
 """
 
@@ -105,7 +105,7 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
 
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
-    from contbreather.dynamics.smooth_flow import MOTION
+    from contbreather.simulation.smooth_flow import MOTION
 
     short = np.zeros(4), 0.5, 0.1, 0.1, 6.0, 0.0, 0.0, np.zeros((3, 1)), np.zeros((1, 3))
     if MOTION.code() is None:

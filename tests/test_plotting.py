@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.regions import regions
-from contbreather.breathers.shooting import shooting
-from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
+from contbreather.orbits.regions import regions
+from contbreather.orbits.shooting import shooting
+from contbreather.orbits.zones import Zones, zones
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels
@@ -63,7 +63,7 @@ def test_line_is_solid_exactly_where_the_infinite_chain_is_stable(in_a: Branch) 
             # on this branch p tells the breather: a by (13) from p
             chi, q = cb.InfiniteChain().chi(0.04), 0.2 / 1.8
             a = np.hypot(1 - p * chi, p * q)
-            roots = (cb.symmetric(a, 0.04, 0.8), *cb.breathers.symmetric_roots(a, 0.04, 0.8))
+            roots = (cb.symmetric(a, 0.04, 0.8), *cb.orbits.symmetric_roots(a, 0.04, 0.8))
             breather = min(roots, key=lambda b: abs(b.p - p))
             if abs(breather.p - p) < 1e-6:
                 assert (breather.stability().unstable > 0) == dashed
@@ -318,7 +318,7 @@ def test_regions_carry_the_verdict_of_the_infinite_chain(diagram: Zones) -> None
 
 def test_outside_of_existence_there_is_no_letter(diagram: Zones) -> None:
     for region in diagram.regions:
-        exists = region.y > cb.breathers.smallest_amplitude(region.x, 0.8)
+        exists = region.y > cb.orbits.smallest_amplitude(region.x, 0.8)
         if not exists or not cb.symmetric(region.y, region.x, 0.8).admissibility().ok:
             assert region.verdict == ""
 
@@ -361,7 +361,7 @@ def test_regions_are_polygons_that_fill_the_box_and_follow_the_curves(diagram: Z
         area += 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
     assert area == pytest.approx((x1 - x0) * (y1 - y0), rel=2e-3)  # but for slivers
     for gamma in np.linspace(0.01, 0.24, 24):
-        fold = cb.breathers.smallest_amplitude(gamma, 0.8)
+        fold = cb.orbits.smallest_amplitude(gamma, 0.8)
         for a, exists in ((fold + 1e-3, True), (fold - 1e-3, False)):
             there = [region for path, region in shapes if path.contains_point((gamma, a))]
             assert len(there) <= 1

@@ -12,20 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 
 import contbreather as cb
-from contbreather.breathers.zones import Zones, zones
 from contbreather.continuation import Branch
-from contbreather.dynamics import (
-    Axis,
-    Basin,
-    Fate,
-    Sample,
-    Sweep,
-    attraction,
-    localisation,
-    simulate_smooth,
-    sweep,
-    there_and_back,
-)
+from contbreather.orbits.zones import Zones, zones
 from contbreather.plotting import (
     new_figure,
     plot,
@@ -40,6 +28,18 @@ from contbreather.plotting import (
 )
 from contbreather.plotting.canvas import CYCLE
 from contbreather.plotting.runs import FATES
+from contbreather.simulation import (
+    Axis,
+    Basin,
+    Fate,
+    Sample,
+    Sweep,
+    attraction,
+    localisation,
+    simulate_smooth,
+    sweep,
+    there_and_back,
+)
 
 SET = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
 TURN = 2 * math.pi

@@ -14,10 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import contbreather as cb
-from contbreather.breathers.zones import Zones
 from contbreather.cli.simulate import draw
-from contbreather.dynamics import Axis, Basin, Sample, sweep, there_and_back
 from contbreather.errors import BadInput
+from contbreather.orbits.zones import Zones
 from contbreather.paper import figure4
 from contbreather.paper.time_series import Curve, Panel, TimeSeries
 from contbreather.plotting import (
@@ -38,6 +37,7 @@ from contbreather.plotting import (
 from contbreather.plotting import zones as zones_drawn
 from contbreather.plotting.canvas import CYCLE, MARKERS, marker, size, style, symbol
 from contbreather.plotting.multipliers import off_the_band
+from contbreather.simulation import Axis, Basin, Sample, sweep, there_and_back
 
 HERE = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 
@@ -165,13 +165,13 @@ def diagram() -> Zones:
 
 
 @pytest.fixture(scope="module")
-def run() -> cb.dynamics.Run:
+def run() -> cb.simulation.Run:
     state = cb.symmetric(**HERE).state(6)
     return cb.simulate(state, **HERE, periods=30, sample=Sample((0, 1, 3), 64))
 
 
 @pytest.fixture(scope="module")
-def pictures(diagram: Zones, run: cb.dynamics.Run) -> dict[str, Axes]:
+def pictures(diagram: Zones, run: cb.simulation.Run) -> dict[str, Axes]:
     branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.05, 0.9)})
     arms = cb.switch(branch.first("PF"), within={"a": (0.05, 0.9)})
     state = cb.symmetric(**HERE).state(6)

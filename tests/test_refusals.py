@@ -16,16 +16,16 @@ import pytest
 from scipy import sparse
 
 import contbreather as cb
-from contbreather.breathers import find_symmetric, neighbour_peak
-from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.orbit import orbit_of
 from contbreather.checks import MOST, check_kind, kind_of, number, numbers, real, row, whole
 from contbreather.continuation import Event
-from contbreather.dynamics import judge, open_recording, periodic, simulate_smooth
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.orbits import find_symmetric, neighbour_peak
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.orbit import orbit_of
+from contbreather.simulation import judge, open_recording, periodic, simulate_smooth
 
 LINE: dict[str, Any] = {
     "residual": lambda x, p: x - p["mu"],

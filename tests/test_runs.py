@@ -14,7 +14,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.columns import Columns
-from contbreather.dynamics import Axis, Basin, Sample, periodic, simulate_smooth, sweep
+from contbreather.simulation import Axis, Basin, Sample, periodic, simulate_smooth, sweep
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 STATE = cb.symmetric(**ON).state(6)

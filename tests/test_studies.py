@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.search import window_of
-from contbreather.breathers.zones_many import Slice
+from contbreather.orbits.search import window_of
+from contbreather.orbits.zones_many import Slice
 from contbreather.studies import Report, read, tasks
 from contbreather.studies import run as conduct
 from contbreather.studies.cluster import cluster

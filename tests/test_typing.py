@@ -15,7 +15,7 @@ import contbreather
 
 ROOT = Path(__file__).parents[1]
 HOME = Path(contbreather.__file__).parents[1]
-SUBPACKAGES = ("breathers", "certified", "continuation", "dynamics", "lattice", "paper", "plotting")
+SUBPACKAGES = ("orbits", "certified", "continuation", "simulation", "lattice", "paper", "plotting")
 STORY = """
 b = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
 branch: cb.Branch = cb.trace(b, "a", within={"a": (0.05, 1.2)}, towards="both")

@@ -261,8 +261,8 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
     "name",
     [
         "workers",
-        "breathers.zones_many",
-        "breathers.atlas",
+        "orbits.zones_many",
+        "orbits.atlas",
         "plotting.atlas",
         "studies.run",
         "studies.validation",

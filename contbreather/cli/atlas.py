@@ -48,8 +48,8 @@ def atlas(
     save
         Write the atlas to this netCDF file.
     """
-    from contbreather.breathers.atlas import save_atlas
     from contbreather.checks import values_by
+    from contbreather.orbits.atlas import save_atlas
 
     if into == Output() and save is None:
         into, save = Output(output=FIGURE), DATA
@@ -93,7 +93,7 @@ def _assigned(text: str) -> tuple[str, list[float]]:
 
 def _columns(found: Dataset) -> dict[str, Any]:
     """Those along points, words in place of their numbers."""
-    from contbreather.breathers.atlas import words
+    from contbreather.orbits.atlas import words
 
     columns: dict[str, Any] = {
         str(n): c.to_numpy() for n, c in found.items() if c.dims == ("point",)

@@ -45,7 +45,7 @@ def boundary(
     given = where.need(*(name for name in NEEDED if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
     like = {**given, **on.given, "within": within, "threshold": on.threshold}
-    seed = cb.breathers.find_event(wanted, pair, **like)
+    seed = cb.orbits.find_event(wanted, pair, **like)
     steps = cb.Steps(largest=0.02)
     found, cut = kept(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save

@@ -312,7 +312,7 @@ class BranchWindow:
             raise BadInput(
                 f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
             )
-        found = cb.breathers.find_symmetric(free, near, root=root, **{**given, **on.given})
+        found = cb.orbits.find_symmetric(free, near, root=root, **{**given, **on.given})
         return Start(found, on, free, {free: span})
 
 
@@ -327,14 +327,14 @@ class Start(NamedTuple):
     @property
     def problem(self) -> cb.Problem:
         """Its equations, with all events."""
-        from contbreather.breathers.search import problem_with
+        from contbreather.orbits.search import problem_with
 
         return problem_with(self.breather, self.free, threshold=self.on.threshold)
 
     @property
     def shot(self) -> cb.Problem:
         """Equations that can be switched from: on finite lattices those of shooting."""
-        from contbreather.breathers.section import check_possible
+        from contbreather.orbits.section import check_possible
         from contbreather.stability.verdict import THRESHOLD
 
         if self.on.threshold != THRESHOLD:

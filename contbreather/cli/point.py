@@ -34,12 +34,12 @@ def point(
     json
         Print one JSON object, in full precision.
     """
-    from contbreather.breathers.symmetric import rooted
+    from contbreather.orbits.symmetric import rooted
 
     values, rule = where.need(*NEEDED), where.on()
     # of a point, --sites asks for a ring besides the infinite chain
     on = rule if where.lattice else replace(where, sites=None, threshold=None).on()
-    found: tuple[Any, ...] = cb.breathers.symmetric_roots(**{**values, **on.given})
+    found: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**values, **on.given})
     breather = rooted(found, root)
     others = [other for other in found if other is not breather]
     verdicts = _verdicts(breather, on, rule)

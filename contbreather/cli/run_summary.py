@@ -13,8 +13,8 @@ import contbreather as cb
 from contbreather.cli.interrupts import computing
 
 if TYPE_CHECKING:
-    from contbreather.dynamics import SmoothRun
-    from contbreather.dynamics.stretches import Stretch
+    from contbreather.simulation import SmoothRun
+    from contbreather.simulation.stretches import Stretch
 
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
@@ -24,11 +24,11 @@ ENOUGH = 50  # and at least
 class RunSummary:
     """A run (of a stream its last periods), what it is in the end, and how it ended."""
 
-    run: cb.dynamics.Run | SmoothRun
+    run: cb.simulation.Run | SmoothRun
     periods: int
     interrupted: bool
     stop: str
-    stream: cb.dynamics.Recording | None = None
+    stream: cb.simulation.Recording | None = None
     site: int = 0
     by_site: dict[int, int] | None = None
     lost: int | None = None
@@ -39,11 +39,11 @@ class RunSummary:
     def stretches(self) -> Iterator[Stretch]:
         """All of it; a stream piece by piece, so that memory does not grow with its length."""
         if self.stream is None:
-            from contbreather.dynamics.stretches import Stretch
+            from contbreather.simulation.stretches import Stretch
 
             u, v = (row[1:] for row in self.run.strobe)
             hits: dict[str, Any] = (
-                {"impacts": self.run.impacts} if isinstance(self.run, cb.dynamics.Run) else {}
+                {"impacts": self.run.impacts} if isinstance(self.run, cb.simulation.Run) else {}
             )
             yield Stretch(0, u, v, u[:0], v[:0], **hits)
             return
@@ -52,15 +52,15 @@ class RunSummary:
             yield one
 
 
-def summary_of(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> RunSummary:
+def summary_of(run: cb.simulation.Run | SmoothRun, site: int = 0) -> RunSummary:
     """A whole run and how it ended, not judged yet."""
     stop = getattr(run, "reason", "") or run.stop.value
     return RunSummary(
-        run, run.periods, run.stop is cb.dynamics.RunStop.INTERRUPTED, stop, site=site
+        run, run.periods, run.stop is cb.simulation.RunStop.INTERRUPTED, stop, site=site
     )
 
 
-def summary_in(kept: cb.dynamics.Recording, wanted: int, site: int = 0) -> RunSummary:
+def summary_in(kept: cb.simulation.Recording, wanted: int, site: int = 0) -> RunSummary:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
     run = _end_of(kept, 2 * JUDGED)
     interrupted = kept.interrupted
@@ -74,7 +74,7 @@ def summary_in(kept: cb.dynamics.Recording, wanted: int, site: int = 0) -> RunSu
 def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
-        if isinstance(summary.run, cb.dynamics.Run):
+        if isinstance(summary.run, cb.simulation.Run):
             by_site = _counted(one.impacts for one in summary.stretches())
             summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
         kind, reason, evidence = _judged(summary.run)
@@ -110,13 +110,13 @@ def _lost_in(summary: RunSummary) -> int | None:
     return None
 
 
-def _end_of(kept: cb.dynamics.Recording, count: int) -> cb.dynamics.Run:
+def _end_of(kept: cb.simulation.Recording, count: int) -> cb.simulation.Run:
     """The last periods of a stream as a run."""
     import numpy as np
 
-    from contbreather.dynamics import RunStop
-    from contbreather.dynamics.states import PERIOD
-    from contbreather.dynamics.stretches import IMPACT, REST
+    from contbreather.simulation import RunStop
+    from contbreather.simulation.states import PERIOD
+    from contbreather.simulation.stretches import IMPACT, REST
 
     first = max(0, kept.periods - count)
     u, v = [kept.start.u[None]], [kept.start.v[None]]
@@ -128,20 +128,20 @@ def _end_of(kept: cb.dynamics.Recording, count: int) -> cb.dynamics.Run:
         u, v = [*u, one.u], [*v, one.v]
         impacts, rests = [*impacts, one.impacts], [*rests, one.rests]
     whole = kept.periods - first + 1
-    states = cb.dynamics.State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
+    states = cb.simulation.State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
     hits, held = (_since(np.concatenate(rows), first) for rows in (impacts, rests))
     for table in (hits, held):
         table["time"] += kept.t0
     times = kept.t0 + PERIOD * (first + np.arange(len(states.u)))
-    return cb.dynamics.Run(
+    return cb.simulation.Run(
         impacts=hits, rests=held, times=times, strobe=states, final=kept.final, end=kept.end,
         record=None, conditions=kept.conditions, stop=stop, reason=reason,
     )  # fmt: skip
 
 
-def length_of(run: cb.dynamics.Run | SmoothRun) -> float:
+def length_of(run: cb.simulation.Run | SmoothRun) -> float:
     """How many periods it went, the fraction at its end included."""
-    from contbreather.dynamics.states import PERIOD
+    from contbreather.simulation.states import PERIOD
 
     return run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6)
 
@@ -151,12 +151,12 @@ def periods_in_words(count: float) -> str:
     return "1 period" if count == 1 else f"{count:.12g} periods"
 
 
-def _judged(run: cb.dynamics.Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
+def _judged(run: cb.simulation.Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
-    from contbreather.dynamics.verdicts import Kind, judge
+    from contbreather.simulation.verdicts import Kind, judge
 
     half = min(JUDGED, run.periods // 2)
-    if run.stop is cb.dynamics.RunStop.CHATTER:
+    if run.stop is cb.simulation.RunStop.CHATTER:
         return Kind.UNDECIDED.name, "it ends before a period of too many impacts", {}
     if half < ENOUGH:
         length = length_of(run)
@@ -176,9 +176,9 @@ def _later(run: Any, skip: int) -> Any:
     """A run without its first periods."""
     rest: dict[str, Any] = {
         "times": run.times[skip:],
-        "strobe": cb.dynamics.State(run.strobe.u[skip:], run.strobe.v[skip:]),
+        "strobe": cb.simulation.State(run.strobe.u[skip:], run.strobe.v[skip:]),
         # the verdict is about whole periods
-        "final": cb.dynamics.State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
+        "final": cb.simulation.State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
         "end": float(run.times[-1]),
     }
     tables = [name for name in ("impacts", "rests") if hasattr(run, name)]

@@ -110,7 +110,7 @@ def _drawn(found: Mapping[str, Any]) -> Any:
     from contbreather.continuation.diagram import Diagram
 
     values = list(found.values())
-    if all(isinstance(value, cb.breathers.Zones) for value in values):
+    if all(isinstance(value, cb.orbits.Zones) for value in values):
         return cb.plotting.plot_zones(values)[0]
     if len(values) == 1 and isinstance(values[0], Diagram):
         return cb.plotting.plot_diagram(values[0])

@@ -38,8 +38,8 @@ from contbreather.tables import Sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from contbreather.dynamics import SmoothRun
     from contbreather.progress import Bar
+    from contbreather.simulation import SmoothRun
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
@@ -104,8 +104,8 @@ class RunOptions:
     @computing()
     def simulate(self, where: ModelOptions) -> RunSummary:
         """Run it."""
-        from contbreather.dynamics.impacting import length_of
         from contbreather.progress import Bar
+        from contbreather.simulation.impacting import length_of
 
         # also before the first period: on long rings and dense lattices the breather takes a while
         with Bar(None, int(length_of(self.periods, 0))) as bar:
@@ -121,10 +121,12 @@ class RunOptions:
         shared["progress"] = bar
         if self.smooth is not None:
             smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
-            return summary_of(cb.dynamics.simulate_smooth(self._pushed(state), **smooth, **shared))
+            return summary_of(
+                cb.simulation.simulate_smooth(self._pushed(state), **smooth, **shared)
+            )
         shared |= {"walls": on.more["walls"]}
         if self.stream is not None:
-            kept = cb.dynamics.record(
+            kept = cb.simulation.record(
                 self.stream, self._pushed(state), periods=int(self.periods), **shared
             )
             return summary_in(kept, int(self.periods), where.site)
@@ -222,7 +224,7 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
     """One row for each stroboscopic state; those of a stream are read piece by piece."""
     import numpy as np
 
-    from contbreather.dynamics.states import PERIOD
+    from contbreather.simulation.states import PERIOD
 
     kept, run = summary.stream, summary.run
     t0, begin = (float(run.times[0]), run.strobe) if kept is None else (kept.t0, kept.start)
@@ -243,7 +245,7 @@ def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
             yield dict(zip(IMPACTS, row, strict=True))
 
 
-def draw(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> Figure:
+def draw(run: cb.simulation.Run | SmoothRun, site: int = 0) -> Figure:
     """The last periods of three sites, the section of one, and how localised it was."""
     plotting = cb.plotting
     with plotting.style():
@@ -259,13 +261,13 @@ def draw(run: cb.dynamics.Run | SmoothRun, site: int = 0) -> Figure:
 
 def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.dynamics.impacting import completed
-    from contbreather.dynamics.smooth import let_go
+    from contbreather.simulation.impacting import completed
+    from contbreather.simulation.smooth import let_go
 
     count = min(WINDOW, run.periods)
-    state = cb.dynamics.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
+    state = cb.simulation.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])
     shown = tuple(dict.fromkeys((site + n) % run.sites for n in (0, 1, run.sites // 2)))
-    window: dict[str, Any] = {"periods": max(1, count), "sample": cb.dynamics.Sample(shown, 100)}
+    window: dict[str, Any] = {"periods": max(1, count), "sample": cb.simulation.Sample(shown, 100)}
     window |= {"t0": float(run.times[-1 - count]), "progress": False}
     return completed(let_go(state, run.conditions, **window)).record
 

@@ -36,7 +36,7 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
     return (u, v), 0.0
 
 
-def write_state(path: str, state: cb.dynamics.State, t: float) -> Path:
+def write_state(path: str, state: cb.simulation.State, t: float) -> Path:
     """JSON with u, v and t, all digits."""
     content = {"t": float(t), "u": state.u.tolist(), "v": state.v.tolist()}
     text = json.dumps(content, allow_nan=False) + "\n"

@@ -65,12 +65,12 @@ def zones(
     )
 
 
-def _computed(asked: dict[str, Any], save: Any) -> tuple[cb.breathers.Zones, ...]:
+def _computed(asked: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]:
     """All diagrams, over the cores where that pays."""
     from contbreather.continuation.checkpoint import checkpoint
     from contbreather.workers import Failed
 
-    done: list[cb.breathers.Zones] = []
+    done: list[cb.orbits.Zones] = []
     with checkpoint(save, "zones") as file:
         for one in cb.zones_many(**asked):
             if isinstance(one, Failed):
@@ -96,7 +96,7 @@ def _fixed(
     return next(iter(given.items()))
 
 
-def _table(found: Sequence[cb.breathers.Zones]) -> Table:
+def _table(found: Sequence[cb.orbits.Zones]) -> Table:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
     from contbreather.columns import stacked
 
@@ -110,7 +110,7 @@ def _columns(branch: cb.Branch) -> dict[str, Any]:
     return {name: branch[name] for name in COLUMNS if name in slots}
 
 
-def _entry(diagram: cb.breathers.Zones) -> dict[str, Any]:
+def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     curves = [
         {"curve": kind, **_columns(branch), "labels": [point.label for point in branch]}
         for kind, branches in diagram.curves.items()
@@ -124,14 +124,14 @@ def _entry(diagram: cb.breathers.Zones) -> dict[str, Any]:
             "points": list(_points(diagram)), "regions": regions}  # fmt: skip
 
 
-def _points(diagram: cb.breathers.Zones) -> Iterator[dict[str, Any]]:
+def _points(diagram: cb.orbits.Zones) -> Iterator[dict[str, Any]]:
     """The codim-2 points, each once."""
     table = diagram.table()
     names = [column.heading for column in table.columns]
     return (dict(zip(names, row, strict=True)) for row in table.rows)
 
 
-def _lines(found: Sequence[cb.breathers.Zones]) -> Iterator[object]:
+def _lines(found: Sequence[cb.orbits.Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
     table = found[0].table().further(*(row for one in found[1:] for row in one.table().rows))
     yield table if table.rows else "No two curves meet there."

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from typing import Any
 
 from contbreather.continuation import Point
-from contbreather.dynamics import Run, RunStop
 from contbreather.errors import ContbreatherError, Interrupted
 from contbreather.progress import INTERVAL, Bar, Counter
+from contbreather.simulation import Run, RunStop
 
 Say = Callable[[str], object]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.regions import Region, regions
-from contbreather.breathers.zones import KINDS, Zones
+from contbreather.orbits.regions import Region, regions
+from contbreather.orbits.zones import KINDS, Zones
 from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import names_of_meetings
 
@@ -46,7 +46,7 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
 
     Examples
     --------
-    >>> from contbreather.breathers import zones
+    >>> from contbreather.orbits import zones
     >>> left, right = zones(k=[0.75, 0.8])
     >>> between(left, right, 0.78).exact
     False

@@ -9,8 +9,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from contbreather.breathers import zones
-from contbreather.breathers.zones import Zones
 from contbreather.checks import whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
@@ -19,6 +17,8 @@ from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import Work, breather, point_of
 from contbreather.files import writable
+from contbreather.orbits import zones
+from contbreather.orbits.zones import Zones
 from contbreather.parameters import parameter
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.runs import load, save

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from contbreather.breathers.zones import Zones
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
-from contbreather.dynamics import Run
 from contbreather.explorer.preview import Preview, preview_of
+from contbreather.orbits.zones import Zones
+from contbreather.simulation import Run
 
 RING = 400  # sites of the ring that is judged besides, the paper's
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Orbit
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.lattice import Ring
+from contbreather.orbits import Orbit
 from contbreather.plotting.multipliers import off_the_band
 
 Array = NDArray[Any]

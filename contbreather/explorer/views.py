@@ -10,14 +10,12 @@ from bokeh.models import ColumnDataSource, HoverTool, Range1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from contbreather.breathers.regions import Region
 from contbreather.continuation import Branch, Point
-from contbreather.dynamics import Run
-from contbreather.dynamics.states import PERIOD
 from contbreather.explorer.preview import Preview
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.summary import Motion, Multipliers, Profile
 from contbreather.explorer.theme import Theme
+from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import (
     BEYOND,
     STABLE,
@@ -26,6 +24,8 @@ from contbreather.plotting.branches import (
     pieces,
     value_of,
 )
+from contbreather.simulation import Run
+from contbreather.simulation.states import PERIOD
 
 Array = NDArray[Any]
 

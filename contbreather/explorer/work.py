@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.breathers import symmetric
 from contbreather.continuation import Branch, boundary, trace
 from contbreather.continuation.switching import switch
-from contbreather.dynamics import Sample, simulate
 from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Job, Progress
 from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
 from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.orbits import symmetric
+from contbreather.simulation import Sample, simulate
 
 Window = tuple[float, float]
 MOMENTS = 32  # in a period, at which a simulation is seen
@@ -130,7 +130,7 @@ def simulated(
         f"orbit = {chosen.code}" + f".on(cb.Ring({sites}))" * infinite,
         "u, v = (one.copy() for one in orbit.state())",
         f"v[{site}] += {push!r}",
-        f"sample = cb.dynamics.Sample({sample.sites}, {MOMENTS})",
+        f"sample = cb.simulation.Sample({sample.sites}, {MOMENTS})",
     )
     code = f"cb.simulate((u, v), **vars(orbit.conditions), periods={periods}, sample=sample)"
     return Work(f"{periods} periods on the {orbit.lattice.describe()}", "run", code, job, setup)

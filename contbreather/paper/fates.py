@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Orbit
 from contbreather.checks import check_kind, whole
 from contbreather.continuation import fold, trace
-from contbreather.dynamics import PeriodicMotion, Run, SmoothRun, State, periodic
-from contbreather.dynamics.energy import localised
-from contbreather.dynamics.impacting import completed
-from contbreather.dynamics.smooth import let_go
-from contbreather.dynamics.verdicts import BROAD
 from contbreather.errors import NotConverged, keeping
+from contbreather.orbits import Orbit
+from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic
+from contbreather.simulation.energy import localised
+from contbreather.simulation.impacting import completed
+from contbreather.simulation.smooth import let_go
+from contbreather.simulation.verdicts import BROAD
 
 Array = NDArray[Any]
 
@@ -79,7 +79,7 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
 
     Examples
     --------
-    >>> from contbreather.breathers import symmetric
+    >>> from contbreather.orbits import symmetric
     >>> b = symmetric(a=0.2, gamma=0.104, k=0.8)
     >>> own = periodic(b.state(6), a=0.2, gamma=0.104, k=0.8, damping=0.02, symmetric=True)
     >>> bool(abs(growth(own) - own.largest) < 1e-4)

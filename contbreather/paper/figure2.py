@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from contbreather.breathers import neimark_sacker as exact_event
-from contbreather.breathers import symmetric
-from contbreather.breathers.zones import Zones, zones
 from contbreather.checks import row
 from contbreather.continuation import trace
 from contbreather.errors import keeping
+from contbreather.orbits import neimark_sacker as exact_event
+from contbreather.orbits import symmetric
+from contbreather.orbits.zones import Zones, zones
 from contbreather.paper import threshold as rule
 from contbreather.paper.threshold import ThresholdLine
 from contbreather.plotting.canvas import new_figure, style

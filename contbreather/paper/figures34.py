@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contbreather.breathers import Orbit, symmetric
+from contbreather.orbits import Orbit, symmetric
 from contbreather.paper.threshold import SITES
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, style
 from contbreather.plotting.multipliers import plot_multipliers

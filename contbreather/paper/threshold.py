@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from contbreather.breathers import Orbit, smallest_amplitude, symmetric
 from contbreather.checks import real, row, whole
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.orbits import Orbit, smallest_amplitude, symmetric
 from contbreather.parameters import parameter
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_map import even_multipliers

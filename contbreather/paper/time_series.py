@@ -17,11 +17,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Orbit, symmetric
-from contbreather.breathers.orbit import orbit_at, orbit_of
-from contbreather.breathers.wave_road import ACROSS, asymmetric_problem
 from contbreather.checks import whole
-from contbreather.dynamics import (
+from contbreather.orbits import Orbit, symmetric
+from contbreather.orbits.orbit import orbit_at, orbit_of
+from contbreather.orbits.wave_road import ACROSS, asymmetric_problem
+from contbreather.paper.fates import (
+    delocalised,
+    enough_damping,
+    growth,
+    life,
+    smooth_breather,
+    softest,
+)
+from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
+from contbreather.simulation import (
     PeriodicMotion,
     Run,
     Sample,
@@ -33,17 +42,8 @@ from contbreather.dynamics import (
     sweep,
     verdict,
 )
-from contbreather.dynamics.impacting import completed
-from contbreather.dynamics.states import PERIOD
-from contbreather.paper.fates import (
-    delocalised,
-    enough_damping,
-    growth,
-    life,
-    smooth_breather,
-    softest,
-)
-from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
+from contbreather.simulation.impacting import completed
+from contbreather.simulation.states import PERIOD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

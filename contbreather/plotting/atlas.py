@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.atlas import words
-from contbreather.breathers.zones import KINDS
 from contbreather.checks import kind_of
 from contbreather.errors import BadInput
+from contbreather.orbits.atlas import words
+from contbreather.orbits.zones import KINDS
 from contbreather.plotting.canvas import COLUMN, Drawn, drawing, symbol
 from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import LINES
@@ -46,7 +46,7 @@ def plot_atlas(
     Parameters
     ----------
     atlas : xarray.Dataset
-        Of `contbreather.breathers.atlas`.
+        Of `contbreather.orbits.atlas`.
     ax : matplotlib Axes3D, optional
         A new figure unless given.
     over : str, optional
@@ -68,7 +68,7 @@ def plot_atlas(
 
     Examples
     --------
-    >>> from contbreather.breathers.atlas import atlas
+    >>> from contbreather.orbits.atlas import atlas
     >>> found = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.02)}, executor=1)
     >>> axes = plot_atlas(found).axes
     >>> axes.get_ylabel(), [text.get_text() for text in axes.get_legend().get_texts()]

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contbreather.breathers import Orbit
-from contbreather.breathers.zones import Zones
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.run import Run as Kept
-from contbreather.dynamics import Basin, Run, SmoothRun, Sweep
 from contbreather.errors import ContbreatherError
+from contbreather.orbits import Orbit
+from contbreather.orbits.zones import Zones
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import inline, symbol
 from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.orbits import plot_orbit
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
+from contbreather.simulation import Basin, Run, SmoothRun, Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

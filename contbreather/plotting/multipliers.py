@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers import Orbit
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
+from contbreather.orbits import Orbit
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing
 from contbreather.plotting.labels import Labels
 

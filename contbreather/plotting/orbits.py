@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contbreather.breathers import Orbit
 from contbreather.checks import MOST, whole
 from contbreather.continuation import Point
 from contbreather.errors import BadInput
+from contbreather.orbits import Orbit
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
 
 if TYPE_CHECKING:

@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, one_of, whole
-from contbreather.dynamics import Basin, Fate, Record, Run, SmoothRun, Sweep
-from contbreather.dynamics.energy import localised
-from contbreather.dynamics.states import PERIOD
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import (
     BLUE,
@@ -24,6 +21,9 @@ from contbreather.plotting.canvas import (
     drawing,
     symbol,
 )
+from contbreather.simulation import Basin, Fate, Record, Run, SmoothRun, Sweep
+from contbreather.simulation.energy import localised
+from contbreather.simulation.states import PERIOD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
     Examples
     --------
     >>> import contbreather as cb
-    >>> from contbreather.dynamics import Sample
+    >>> from contbreather.simulation import Sample
     >>> state = cb.symmetric(a=0.5, gamma=0.08, k=0.8).state(10)
     >>> run = cb.simulate(state, a=0.5, gamma=0.08, k=0.8, periods=2, sample=Sample((0, 1)))
     >>> len(plot_motion(run.record).axes.get_lines())
@@ -165,7 +165,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     Examples
     --------
     >>> import contbreather as cb
-    >>> from contbreather.dynamics import sweep, there_and_back
+    >>> from contbreather.simulation import sweep, there_and_back
     >>> state = cb.symmetric(a=0.2, gamma=0.04, k=0.8).state(10)
     >>> way = there_and_back([0.2, 0.1, 0.05])
     >>> found = sweep(state, "a", way, periods=20, a=0.2, gamma=0.04, k=0.8, damping=0.01)
@@ -201,7 +201,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
     --------
     >>> from concurrent.futures import ThreadPoolExecutor
     >>> import contbreather as cb
-    >>> from contbreather.dynamics import Axis, attraction
+    >>> from contbreather.simulation import Axis, attraction
     >>> state = cb.symmetric(a=0.5, gamma=0.02, k=0.4).state(5)
     >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
     >>> with ThreadPoolExecutor(1) as one:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.breathers.regions import Box, Region
-from contbreather.breathers.zones import KINDS, Zones
 from contbreather.checks import check_kind, flag
 from contbreather.errors import BadInput
+from contbreather.orbits.regions import Box, Region
+from contbreather.orbits.zones import KINDS, Zones
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
@@ -89,7 +89,7 @@ def plot_zones(
 
     Examples
     --------
-    >>> from contbreather.breathers.zones import zones
+    >>> from contbreather.orbits.zones import zones
     >>> ax = plot_zones(zones(k=0.8, within={"gamma": (0, 0.06)})).axes
     >>> sorted(text.get_text() for text in ax.texts if text.get_text() in ("S", "US"))
     ['S', 'US']

@@ -223,7 +223,7 @@ def _even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array | None:
 
 def _dense_even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array:
     """The even sector in its modes, about N x N, by a dense eigenvalue solver."""
-    from contbreather.flows.modes import turn
+    from contbreather.lattice.modal_flow import turn
     from contbreather.stability.section_map import Blow, ModalMap
 
     basis = ring.basis((0,))

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.flows.modes import Turn, free_multipliers, turn
 from contbreather.lattice import Ring
+from contbreather.lattice.modal_flow import Turn, free_multipliers, turn
 from contbreather.stability.pairs import REAL, beyond, farthest, outermost, upper
 from contbreather.stability.saltation import Kick, saltation
 from contbreather.stability.secular import Secular

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.flows.modes import Turn, free_multipliers
+from contbreather.lattice.modal_flow import Turn, free_multipliers
 from contbreather.stability.pairs import REAL
 from contbreather.stability.zeros import distinct, newton, refined
 

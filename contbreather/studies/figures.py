@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from contbreather.breathers.atlas import save_atlas, surfaces
-from contbreather.breathers.zones_many import slices_of
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput, ContbreatherError
+from contbreather.orbits.atlas import save_atlas, surfaces
+from contbreather.orbits.zones_many import slices_of
 from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
 from contbreather.runs import Run, load
 from contbreather.studies.report import Report

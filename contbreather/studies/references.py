@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from contbreather.breathers.section import Section, check_walls
-from contbreather.breathers.zones import PAIRS
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.orbits.section import Section, check_walls
+from contbreather.orbits.zones import PAIRS
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.studies.schema import Chain, Figure, Study
 

@@ -16,10 +16,10 @@ from pydantic import (
     model_validator,
 )
 
-from contbreather.breathers.zones import PAIRS
 from contbreather.checks import number, spread
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.orbits.zones import PAIRS
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from contbreather.breathers.search import find_symmetric, problem_with
-from contbreather.breathers.zones_many import Slice, drawn
 from contbreather.checks import combinations
 from contbreather.continuation import Branch, Point, Steps, boundary, trace
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.files import write_whole
+from contbreather.orbits.search import find_symmetric, problem_with
+from contbreather.orbits.zones_many import Slice, drawn
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
 from contbreather.studies.schema import Chain, Study, Table

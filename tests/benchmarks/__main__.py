@@ -56,10 +56,10 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
 
         return shooting.rows()
 
-    def dynamics() -> list[Row]:
-        from . import dynamics
+    def simulation() -> list[Row]:
+        from . import simulation
 
-        return dynamics.rows()
+        return simulation.rows()
 
     def large() -> list[Row]:
         from . import large
@@ -74,7 +74,7 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
         "zones": zones,
         "first-run": first_run,
         "shooting": shooting,
-        "dynamics": dynamics,
+        "simulation": simulation,
         "large": large,
     }
 

@@ -18,7 +18,7 @@ print(time.perf_counter() - start)
 ZONES = """
 import numpy, scipy.linalg, scipy.optimize, contbreather as cb, time
 from contbreather import kernels
-from contbreather.breathers import zones
+from contbreather.orbits import zones
 cb.zones, cb.symmetric, cb.trace
 assert all(one.code() for one in kernels.KERNELS)
 cb.zones(k=0.5)

@@ -39,7 +39,7 @@ def drawn(rng):
         if not WINDOWS[free][0] < {"a": a, "gamma": gamma, "k": k}[free] < WINDOWS[free][1]:
             continue
         try:
-            found = cb.breathers.symmetric_roots(a, gamma, k, forcing=forcing)
+            found = cb.orbits.symmetric_roots(a, gamma, k, forcing=forcing)
         except ContbreatherError:
             continue
         good = [b for b in found if b.admissibility().margin > 1e-3]

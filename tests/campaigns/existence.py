@@ -19,13 +19,13 @@ import numpy as np
 import shapely
 
 import contbreather as cb
-from contbreather.breathers import Closure, symmetric_roots
+from contbreather.orbits import Closure, symmetric_roots
 
 BESIDE = 2e-3  # of the diagram's sides: so close to a curve its chords decide, not the curve
 WORDS = ("places", "no region", "disagree", "mixed", "misjudged", "lower unsaid", "lower said")
 
 
-def drawn(rng: np.random.Generator) -> tuple[dict[str, Any], cb.breathers.Zones]:
+def drawn(rng: np.random.Generator) -> tuple[dict[str, Any], cb.orbits.Zones]:
     """A random diagram, and how it was asked for."""
     cos, sin = {1: -1.0}, {}
     for m in ((), (3,), (5,), (3, 5))[rng.integers(4)]:
@@ -58,7 +58,7 @@ def there(values: dict[str, float], asked: dict[str, Any]) -> dict[str, list[Any
 
 
 def judged(
-    region: cb.breathers.Region, breathers: dict[str, list[Any]], zones: cb.breathers.Zones
+    region: cb.orbits.Region, breathers: dict[str, list[Any]], zones: cb.orbits.Zones
 ) -> list[str]:
     """What is wrong with what a region says of a place in it."""
     own = [one for family in zones.families for one in breathers[family]]

@@ -26,8 +26,8 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.errors import ContbreatherError
-from tests.breathers.test_lattices import random_lattice, random_orbit
 from tests.continuation.zoo import ZOO
+from tests.orbits.test_lattices import random_lattice, random_orbit
 
 KINDS: dict[str, dict[str, str]] = {
     **{name: {"OPENBLAS_CORETYPE": name} for name in ("Haswell", "SkylakeX", "Zen", "Nehalem")},

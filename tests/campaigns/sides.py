@@ -16,7 +16,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.stability.verdict import THRESHOLD
-from tests.breathers.test_lattices import random_orbit
+from tests.orbits.test_lattices import random_orbit
 
 LATTICES = int(sys.argv[1]) if len(sys.argv) > 1 else 10
 GAMMA = float(sys.argv[2]) if len(sys.argv) > 2 else 0.03

@@ -19,11 +19,11 @@ from flint import arb
 
 import contbreather as cb
 import contbreather.certified
-from contbreather.breathers import Orbit, orbit_of
 from contbreather.certified import Interval, certificate, certify, tiles, winding
 from contbreather.certified.balls import working
 from contbreather.certified.points import certify_point
 from contbreather.certified.tiles import Sheet, certify_curve
+from contbreather.orbits import Orbit, orbit_of
 from contbreather.stability import unstable_count
 from tests.lattice.by_hand import MEANS, ring_mean
 

@@ -351,7 +351,7 @@ def test_a_fold_of_the_closure_is_the_least_amplitude_and_below_it_is_none() -> 
     branch = cb.trace(cb.symmetric(0.2, 0.04, 0.8), "a", towards="down", within={"a": (0.01, 0.3)})
     fold = branch.first("LP")["a"]
     for off in (1e-9, 1e-6, 1e-3):
-        assert len(cb.breathers.symmetric_roots(fold + off, 0.04, 0.8)) == 2
+        assert len(cb.orbits.symmetric_roots(fold + off, 0.04, 0.8)) == 2
         with pytest.raises(NoSolution):
             cb.symmetric(fold - off, 0.04, 0.8)
 
@@ -361,7 +361,7 @@ def test_a_fold_of_the_closure_is_the_least_amplitude_and_below_it_is_none() -> 
 )
 def test_all_roots_of_a_forcing_solve_the_closure_by_falling_momentum(harmonics, a) -> None:
     forcing = cb.Fourier(cos=harmonics)
-    roots = cb.breathers.symmetric_roots(a, 0.02, 0.8, forcing=forcing)
+    roots = cb.orbits.symmetric_roots(a, 0.02, 0.8, forcing=forcing)
     assert roots
     assert [root.p for root in roots] == sorted((root.p for root in roots), reverse=True)
     for root in roots:

@@ -98,7 +98,7 @@ def test_a_curve_of_folds_by_null_vectors_is_the_exact_one(compiled: Any) -> Non
     line = fold_curve([cb.fold()])
     assert len(line) > 10
     for a, gamma in zip(line["a"], line["gamma"], strict=True):
-        smallest = cb.breathers.closure.smallest_amplitude(float(gamma), 0.8)
+        smallest = cb.orbits.closure.smallest_amplitude(float(gamma), 0.8)
         assert a == pytest.approx(smallest, rel=1e-10)
 
 

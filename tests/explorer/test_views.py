@@ -13,11 +13,11 @@ from bokeh.models import GlyphRenderer, HoverTool
 from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
-from contbreather.breathers.regions import Region
 from contbreather.explorer import summary, views
 from contbreather.explorer.preview import Preview, preview_of
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.theme import DARK, LIGHT
+from contbreather.orbits.regions import Region
 from contbreather.plotting import canvas, plot
 from contbreather.plotting.zones import LINES, SHADES
 
@@ -250,7 +250,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
 def test_the_motion_shows_each_site_between_its_walls() -> None:
     view, shown = views.MotionView(LIGHT, "t/2π"), summary.motion(B, (1, 0))
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
-                      sample=cb.dynamics.Sample((0, 3), 32))  # fmt: skip
+                      sample=cb.simulation.Sample((0, 3), 32))  # fmt: skip
     view.show(shown)
     assert rows(view.lines, "site", "colour") == [("site 1", "#0072B2"), ("site 0", "#D55E00")]
     hits = [(time, wall, "#D55E00") for _, time, wall in shown.hits]

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import smallest_amplitude
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
 from contbreather.lattice.periodic import wave
+from contbreather.orbits import smallest_amplitude
 
 GRID = 2 * np.pi * np.arange(64) / 64
 CHAIN = InfiniteChain()
@@ -80,7 +80,7 @@ def test_a_flat_top_that_touches_is_one_root() -> None:
     """Without losses ``p chi = 1 - a f`` where f' = 0, of third order at the flat top."""
     flat = Fourier.from_response(cos={1: 1.0, 3: -1 / 9})
     for a in (0.3, 0.7):
-        found = cb.breathers.symmetric_roots(a, 0.1, 1.0, forcing=flat)
+        found = cb.orbits.symmetric_roots(a, 0.1, 1.0, forcing=flat)
         wanted = [(1 + side * a * 8 / 9) / CHAIN.chi(0.1) for side in (1, -1)]
         assert [b.p for b in found] == pytest.approx(wanted, rel=1e-14)
         assert [math.cos(b.phi) for b in found] == pytest.approx([-1.0, 1.0], abs=1e-12)
@@ -171,7 +171,7 @@ def test_next_to_the_fold_there_are_two_roots_and_each_solves_the_closure(above:
     least = smallest_amplitude(0.1, 0.8)
     apart = []
     for forcing in (Harmonic(), SAME):
-        found = cb.breathers.symmetric_roots(least * (1 + above), 0.1, 0.8, forcing=forcing)
+        found = cb.orbits.symmetric_roots(least * (1 + above), 0.1, 0.8, forcing=forcing)
         assert len(found) == 2
         assert max(b.residual for b in found) < 4e-16
         apart.append(found[0].p - found[1].p)
@@ -185,10 +185,10 @@ def test_roots_of_both_roads_are_the_same_to_rounding() -> None:
     for _ in range(60):
         a, gamma, k = rng.uniform(0.1, 3), rng.uniform(0, 0.249), rng.uniform(0.3, 1)
         try:
-            one = cb.breathers.symmetric_roots(a, gamma, k)
+            one = cb.orbits.symmetric_roots(a, gamma, k)
         except NoSolution:
             continue
-        two = cb.breathers.symmetric_roots(a, gamma, k, forcing=SAME)
+        two = cb.orbits.symmetric_roots(a, gamma, k, forcing=SAME)
         assert [b.p for b in one] == pytest.approx([b.p for b in two], rel=1e-12)
         assert [math.cos(b.phi) for b in one] == pytest.approx(
             [math.cos(b.phi) for b in two], abs=1e-12
@@ -199,6 +199,6 @@ def test_a_forcing_with_a_tiny_highest_harmonic_has_all_its_roots() -> None:
     """A last coefficient of 1e-11 spoils no companion matrix."""
     tiny = Fourier(cos={1: -1.0, 3: -2.7, 31: 1e-11})
     plain = Fourier(cos={1: -1.0, 3: -2.7})
-    one, two = (cb.breathers.symmetric_roots(0.3, 0.12, 0.7, forcing=f) for f in (tiny, plain))
+    one, two = (cb.orbits.symmetric_roots(0.3, 0.12, 0.7, forcing=f) for f in (tiny, plain))
     assert len(one) == len(two) == 4
     assert [b.p for b in one] == pytest.approx([b.p for b in two], abs=1e-12)

@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers.arms import asymmetric
-from contbreather.breathers.modal_road import Modes
-from contbreather.breathers.orbit import Orbit, orbit_at
-from contbreather.breathers.symmetric import ClosedForm
-from contbreather.breathers.wave_road import Waves
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.modal_road import Modes
+from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.symmetric import ClosedForm
+from contbreather.orbits.wave_road import Waves
 
 from .field import FieldOf, farthest
 

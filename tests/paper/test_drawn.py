@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex, to_rgb
 
-from contbreather.breathers.zones import zones
+from contbreather.orbits.zones import zones
 from contbreather.paper import figure2, figure3, figure4
 from contbreather.paper.figure2 import TRANSITIONS, Figure2
 from contbreather.paper.time_series import Curve, Panel, TimeSeries

@@ -11,10 +11,10 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, main
-from contbreather.dynamics import Sample, periodic, simulate, simulate_smooth, sweep
-from contbreather.dynamics.stretches import IMPACT
 from contbreather.paper import fates, time_series
-from tests.dynamics import zoo
+from contbreather.simulation import Sample, periodic, simulate, simulate_smooth, sweep
+from contbreather.simulation.stretches import IMPACT
+from tests.simulation import zoo
 
 SET = {"gamma": 0.104, "k": 0.8}
 

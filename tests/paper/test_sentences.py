@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.dynamics import Sample, State, simulate_smooth
 from contbreather.errors import NotConverged
 from contbreather.paper import figure4, threshold, time_series
 from contbreather.paper.fates import delocalised
 from contbreather.paper.time_series import Curve, Panel
+from contbreather.simulation import Sample, State, simulate_smooth
 
 PERIOD = 2.0 * math.pi
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.breathers import Orbit, neighbour_peak, smallest_amplitude
 from contbreather.errors import BadInput, NotConverged
+from contbreather.orbits import Orbit, neighbour_peak, smallest_amplitude
 from contbreather.paper.threshold import (
     STRIDE,
     TINY,

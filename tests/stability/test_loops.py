@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from contbreather.breathers import pair_loops
 from contbreather.kernels import Kernel
 from contbreather.lattice import green
+from contbreather.orbits import pair_loops
 from contbreather.stability import aliases, arc, band_pairs
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_period import HalfMap

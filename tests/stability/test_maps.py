@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contbreather.flows.modes import turn
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.modal_flow import turn
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.pairs import outermost

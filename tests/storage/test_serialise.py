@@ -10,9 +10,9 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation.branch_to_dict import result_to_dict
-from contbreather.dynamics import open_recording, record, simulate
 from contbreather.errors import BadInput
 from contbreather.runs import load
+from contbreather.simulation import open_recording, record, simulate
 from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
 
 EARLIER = Path(__file__).parent / "earlier"

@@ -1,3 +1,0 @@
-"""A flight from one time to another with its derivatives. Knows nothing of impacts."""
-
-from __future__ import annotations

@@ -1,0 +1,184 @@
+"""Atlas: zone diagrams over further parameters, so that their curves make surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import kind_of
+from contbreather.errors import BadInput, keeping, taking
+from contbreather.lattice import Forcing, Lattice
+from contbreather.orbits.zones import KINDS, Zones
+from contbreather.orbits.zones_many import Slice, drawn, slices_of
+from contbreather.stability.verdict import THRESHOLD
+from contbreather.storage.netcdf import ATLAS, encoded, write_checked
+from contbreather.workers import Failed, each
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Array = NDArray[Any]
+Variable = tuple[str, Any, dict[str, Any]]  # dimension, values, attributes
+
+COLUMNS = ("gamma", "a", "k", "p", "phi")
+MEANINGS = {
+    "kind": "which limit of the breather the point is on",
+    "meeting": "the limits that meet there",
+    "curve": "number of the curve, its points in order along it",
+    "slice": "number of the diagram",
+}
+NONE = "an atlas needs values of at least one parameter"
+
+
+def atlas(
+    *,
+    k: float | Sequence[float] | None = None,
+    gamma: float | Sequence[float] | None = None,
+    a: float | Sequence[float] | None = None,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | None = None,
+    within: Mapping[str, tuple[float, float]] | None = None,
+    threshold: float = THRESHOLD,
+    past_folds: bool = False,
+    executor: Executor | int | None = None,
+    progress: bool | None = None,
+    **over: float | Sequence[float],
+) -> Dataset:
+    """Surfaces of LP, GR, PF and NS in three parameters or more: zone diagrams, one by one.
+
+    Parameters
+    ----------
+    k, gamma, a : float or sequence of float
+        Exactly one: each diagram is in the plane of the other two.
+    **over : float or sequence of float
+        Values of parameters of the forcing, ``c3=(0.0, 0.1, 0.2)``; a diagram for each combination.
+    forcing, lattice, within, threshold, past_folds
+        As of `zones`, for all of them.
+    executor, progress
+        As of `zones_many`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``point``: ``gamma``, ``a``, ``k``, the parameters in `over`, ``p`` and ``phi`` of the
+        breather; ``kind`` (LP, GR, PF, NS) and ``meeting`` (the kind of point where two limits
+        meet, NS-GR for instance) as numbers with `flag_values` and `flag_meanings`; ``curve``
+        and ``slice`` are numbers, from 0. Along ``failed``: values of which there is no diagram,
+        with the ``reason``. `contbreather.plotting.plot_atlas` draws it.
+
+    Raises
+    ------
+    BadInput
+        As `zones_many`; or if there is no diagram at all.
+    Interrupted
+        On Ctrl-C; its ``partial`` is the atlas as far as it got.
+
+    Examples
+    --------
+    >>> found = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.03)}, executor=1)
+    >>> found.sizes["point"] > 400, found.kind.attrs["flag_meanings"]
+    (True, 'LP GR PF NS')
+    >>> fold = found.where(found.kind == 0, drop=True)
+    >>> round(float(fold.a.sel(point=(fold.k == 0.8) & (fold.gamma == 0.0)).item()), 9)
+    0.070559228
+    """
+    slices = slices_of({"k": k, "gamma": gamma, "a": a}, over, forcing)
+    draw = partial(
+        drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds
+    )
+    done: list[Zones | Failed] = []
+    with (
+        keeping(lambda: surfaces(slices, done) if done else None),
+        taking(lambda piece: done.extend(piece[len(done) :])),
+    ):
+        for one in each(draw, slices, executor=executor, progress=progress, unit="diagrams"):
+            done.append(one)
+    return surfaces(slices, done)
+
+
+def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dataset:
+    """The points of many diagrams in one table, with what they are."""
+    from xarray import Dataset
+
+    if all(isinstance(one, Failed) for one in diagrams):
+        raise next((one.error for one in diagrams if isinstance(one, Failed)), BadInput(NONE))
+    over = tuple(slices[0].forcing.params)
+    curves = [
+        (i, kind, branch)
+        for i, one in enumerate(diagrams)
+        if isinstance(one, Zones)
+        for kind, branch in one
+    ]
+    names = (*COLUMNS, *over)
+    numbers = {name: np.concatenate([b[name] for _, _, b in curves]) for name in names}
+    sizes = [len(branch) for _, _, branch in curves]
+    numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)
+    numbers["slice"] = np.repeat(np.array([i for i, _, _ in curves], dtype="i4"), sizes)
+    words = {"kind": np.repeat([kind for _, kind, _ in curves], sizes).tolist()}
+    words["meeting"] = [p.kind if "-" in p.kind else "" for _, _, b in curves for p in b]
+    columns = {name: ("point", values, _meaning(name)) for name, values in numbers.items()}
+    columns["kind"] = _coded("kind", words["kind"], KINDS)
+    columns["meeting"] = _coded(
+        "meeting", words["meeting"], ("", *sorted({*words["meeting"]} - {""}))
+    )
+    return Dataset(
+        {**columns, **_failed(slices, diagrams, over)}, attrs=_about(slices[0], diagrams)
+    )
+
+
+def _coded(name: str, words: Sequence[str], known: Sequence[str]) -> Variable:
+    """Words as numbers, with what each of them means, as CF has it."""
+    shown = " ".join(word or "none" for word in known)
+    flags = {"flag_values": np.arange(len(known), dtype="i1"), "flag_meanings": shown}
+    codes = {word: code for code, word in enumerate(known)}
+    return "point", np.array([codes[word] for word in words], dtype="i1"), _meaning(name) | flags
+
+
+def _meaning(name: str) -> dict[str, Any]:
+    return {"long_name": MEANINGS[name]} if name in MEANINGS else {}
+
+
+def _failed(
+    slices: Sequence[Slice], diagrams: Sequence[Zones | Failed], over: Sequence[str]
+) -> dict[str, Variable]:
+    """Values that have no diagram, and why."""
+    pairs = [(s, one) for s, one in zip(slices, diagrams, strict=False) if isinstance(one, Failed)]
+    fixed = slices[0].name
+    found: dict[str, Variable] = {f"failed_{fixed}": ("failed", [s.value for s, _ in pairs], {})}
+    for name in over:
+        found[f"failed_{name}"] = ("failed", [s.forcing.params[name] for s, _ in pairs], {})
+    found["reason"] = ("failed", np.array([one.reason for _, one in pairs], "U"), {})
+    return found
+
+
+def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
+    zones = next(zones for zones in diagrams if isinstance(zones, Zones))
+    about = {
+        "format": ATLAS,
+        "Conventions": "CF-1.11",
+        "fixed": one.name,
+        "plane": " ".join(zones.pair),
+        "over": " ".join(one.forcing.params),
+        "forcing": one.forcing.describe(),
+    }
+    return {name: text for name, text in about.items() if text}
+
+
+def words(atlas: Dataset, name: str) -> list[str]:
+    """A column of numbers with flags as words, empty where it says none."""
+    known = ["" if word == "none" else word for word in atlas[name].attrs["flag_meanings"].split()]
+    return [known[code] for code in atlas[name].to_numpy().tolist()]
+
+
+def save_atlas(path: str | Path, atlas: Dataset) -> Path:
+    """Write an atlas to a netCDF-4 file, whole or not at all; anything that reads netCDF or HDF5
+    reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
+    if not hasattr(atlas, "reason"):
+        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
+    return write_checked(path, encoded(atlas))

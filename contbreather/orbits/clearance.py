@@ -1,0 +1,322 @@
+"""Does every site keep off its walls except at the impacts that an orbit names?
+
+Three things can go wrong: a site that never hits a wall reaches one (15), a site that does touches
+one between its impacts (B3), the far field gets there. Each has a margin (see `margins`): a float
+that is positive inside, zero at the limit and continuous in all unknowns and parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import kind_of, whole
+from contbreather.errors import BadInput
+from contbreather.orbits.margins import (
+    FOUND,
+    LENGTH,
+    MARGIN,
+    MARGINS,
+    NEXT,
+    STEEP,
+    TIE,
+    WHEN,
+)
+from contbreather.orbits.motion import points_of
+from contbreather.orbits.site_motion import USUAL, SiteMotion
+
+FloatArray = NDArray[np.float64]
+Place = tuple[int | None, float]  # a site, None for the far field, and a time
+
+LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
+
+
+@dataclass(frozen=True)
+class Admissibility:
+    """What keeps a solution from being an orbit of the lattice, or by how much it is one.
+
+    Attributes
+    ----------
+    ok : bool
+        All margins are positive.
+    max_neighbour : float
+        Largest displacement of a site coupled to one that impacts, eq. (15), where it comes
+        closest to a wall; 0 if there is none.
+    margin : float
+        The least of the margins below.
+    reason : str
+        A sentence: what is closest to its limit, or beyond it.
+    site, time : int or None, float
+        Where and when that is; None stands for the far field.
+    neighbours : float
+        The sites that never impact: distance from the nearer wall; 1 if there are none.
+    centre : float
+        The sites that do, between their impacts, (B3).
+    far : float
+        The far field on a lattice without end: ``1 - max |c + a f|``, else 1.
+    places : dict
+        Site and time of each of the three margins, by name.
+    """
+
+    ok: bool
+    max_neighbour: float
+    margin: float
+    reason: str
+    site: int | None
+    time: float
+    neighbours: float
+    centre: float
+    far: float
+    places: Mapping[str, Place]
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    def __repr__(self) -> str:
+        verdict = "ok" if self.ok else "not ok"
+        return f"<Admissibility {verdict}, margin {self.margin:.6g}: {self.reason.rstrip('.')}>"
+
+
+class Clearance(NamedTuple):
+    """The smallest of the margins of one site: by how much, where, when, and in which flight."""
+
+    margin: float
+    site: Any  # None stands for the far field
+    time: float
+    flight: int = -1  # since which impact of the section; -1: never hits
+
+
+class Measured(NamedTuple):
+    """What `margins` finds of the flights, of sites without impacts, and of one that touches."""
+
+    rows: FloatArray
+    sites: Sequence[int]
+
+
+def measure(
+    orbit: SiteMotion,
+    idle: Sequence[int],
+    near: Collection[int] = (),
+    *,
+    ceiling: float = math.inf,
+    touching: int | None = None,
+    time: float = math.nan,
+) -> Measured:
+    """All margins that `margins` is asked for."""
+    motion, sites = orbit.of(idle, near, touching)
+    wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
+    rows = FOUND + motion.flights + len(sites) + 2
+    work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP))
+    which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
+    MARGINS(motion, wanted, ceiling, which, time, work)
+    return Measured(work[FOUND:, : NEXT + 1], sites)
+
+
+def clearance(orbit: SiteMotion) -> Admissibility:
+    """Whether, and by how much, an orbit keeps off all walls except at its impacts.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.symmetric import symmetric
+    >>> verdict = symmetric(0.5, 0.12, 0.4).admissibility()
+    >>> verdict.ok, round(verdict.max_neighbour, 12)
+    (True, 0.667948289045)
+    """
+    measured = measure(orbit, orbit.idle, orbit.beside)
+    far, centre = Clearance(orbit.far, None, orbit.far_time()), least(of_flights(orbit, measured))
+    idle = of_idle(orbit, measured)
+    neighbours = least(idle) if idle else _nobody(orbit)
+    places = {"neighbours": neighbours, "centre": centre, "far": far}
+    worst = least([centre, neighbours, far])  # an impact that vanishes before what comes with it
+    margin = min(place.margin for place in places.values())
+    heights = [_height(orbit, near) for near in idle if near.site in orbit.beside]
+    return Admissibility(
+        ok=margin > 0.0,
+        max_neighbour=max(heights, default=0.0),
+        margin=margin,
+        reason=_reason(orbit, worst),
+        site=worst.site,
+        time=worst.time,
+        places={name: (least.site, least.time) for name, least in places.items()},
+        **{name: least.margin for name, least in places.items()},
+    )
+
+
+def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
+    """Of each flight of a site from one impact to its next."""
+    impacts, gaps = orbit.impacts, []
+    for i in range(len(orbit.orbit.impacts)):
+        row = measured.rows[i].tolist()
+        # an impact is named by its own time, not by one that is it but for rounding
+        at_next = row[WHEN] == row[LENGTH]
+        time = impacts[int(row[NEXT])].time if at_next else impacts[i].time + row[WHEN]
+        gaps.append(Clearance(row[MARGIN], impacts[i].site, time, i))
+    for i, j in orbit.orbit.section.repeats:
+        early, late = impacts[i], impacts[j]
+        if late.time <= early.time:  # their order is lost
+            gaps.append(Clearance(late.time - early.time, late.site, late.time, i))
+    return gaps
+
+
+def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
+    """Of those sites that never hit a wall that were looked at."""
+    rows = measured.rows[len(orbit.orbit.impacts) : -2, : WHEN + 1].tolist()
+    named = zip(measured.sites, rows, strict=True)
+    return [
+        Clearance(margin, site, within_a_period(orbit, when))
+        for site, (margin, when) in named
+        if margin < math.inf
+    ]
+
+
+def within_a_period(orbit: SiteMotion, when: float) -> float:
+    return orbit.start + when % orbit.period
+
+
+def least(of: Sequence[Clearance]) -> Clearance:
+    """The first of those that have the least margin but for rounding."""
+    lowest = min(each.margin for each in of)
+    return next(each for each in of if each.margin <= lowest + TIE)
+
+
+def least_margin(orbit: SiteMotion) -> float:
+    """The least of all margins, without a word on whose it is.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> abs(least_margin(b.watch) - b.admissibility().margin) < 1e-14
+    True
+    """
+    measured = measure(orbit, orbit.idle, ceiling=orbit.far)
+    lost = (
+        [each.margin for each in of_flights(orbit, measured)] if orbit.orbit.section.repeats else []
+    )
+    return min(orbit.far, *measured.rows[:, MARGIN].tolist(), *lost)
+
+
+def closest(orbit: SiteMotion) -> Clearance:
+    """What is closest to a wall, or beyond it, the far field aside."""
+    measured = measure(orbit, orbit.idle)
+    return least([*of_flights(orbit, measured), *of_idle(orbit, measured)])
+
+
+def closest_idle(orbit: SiteMotion) -> Clearance:
+    """The site closest to a wall of all that never hit one; margin 1 if there are none."""
+    idle = of_idle(orbit, measure(orbit, orbit.idle))
+    return least(idle) if idle else _nobody(orbit)
+
+
+def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
+    """When and how high a site that must not impact climbs: ``(t, max over t of |u_n|)``.
+
+    The time is within a period of the first impact; of a symmetric orbit the one of the two at
+    which u_n is positive, so that grazing is ``u_n(t) = 1, u_n'(t) = 0``; both hold to rounding.
+
+    Raises
+    ------
+    BadInput
+        If n is an impacting site.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> t, height = neighbour_peak(b)
+    >>> round(height, 12), abs(b.velocity(1, t)) < 1e-14
+    (0.667948289045, True)
+    """
+    motion, site = _motion_of(orbit), whole("n", n, -(10**9))
+    if n == 1 and not motion.idle:
+        return motion.start, 0.0
+    motion.at(site, motion.start)  # says why where there is no such site
+    distance = getattr(orbit.lattice, "distance", abs)
+    if any(distance(n - hit) == 0 for hit in motion.hit):
+        raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
+    (peak,) = of_idle(motion, measure(motion, [site], [site]))
+    return peak.time, _height(motion, peak)
+
+
+def _motion_of(orbit: Any) -> SiteMotion:
+    if not hasattr(orbit, "watch") or isinstance(orbit, type):
+        raise BadInput(f"an orbit was expected, got {kind_of(orbit)}")
+    motion: SiteMotion = orbit.watch
+    return motion
+
+
+def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
+    """Which site that must not impact climbs highest: ``(n, t, |u_n|)``; height 0 if there is none.
+
+    On the upper branch of (13) it is the nearest one wherever that matters (the paper's
+    Appendix B); on the lower branch, and for other forcings, it is often the second.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.symmetric import symmetric_roots
+    >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
+    [1, 2]
+    """
+    motion = _motion_of(orbit)
+    peak = closest_idle(motion)
+    return peak.site, peak.time, _height(motion, peak) if motion.idle else 0.0
+
+
+def centre_margin(orbit: Any) -> float:
+    """How far the impacting sites keep off their walls between their impacts, (B3)."""
+    motion = _motion_of(orbit)
+    return least(of_flights(motion, measure(motion, []))).margin
+
+
+def _nobody(orbit: SiteMotion) -> Clearance:
+    """The margin of idle sites where there are none."""
+    return Clearance(1.0, orbit.hit[0] + 1, orbit.start)
+
+
+def _height(orbit: SiteMotion, least: Clearance) -> float:
+    """How far a site is displaced where it comes closest to a wall."""
+    if orbit.walls(least.site) == USUAL:
+        return 1.0 - least.margin
+    return abs(float(orbit.at(least.site, least.time)[0]))
+
+
+def _reason(orbit: SiteMotion, worst: Clearance) -> str:
+    reach = _reach(orbit, worst)
+    if abs(worst.margin) < LIMIT:
+        return f"at the limit: {reach}."
+    if worst.margin > 0.0:
+        return f"every site keeps off its walls; closest to the limit: {reach}."
+    rule = "|a f| <= 1" if worst.site is None else "(B3)" if worst.flight >= 0 else "(15)"
+    return f"no breather: {reach}; {rule} is broken."
+
+
+def _reach(orbit: SiteMotion, worst: Clearance) -> str:
+    margin, site, time, flight = worst
+    if site is None:
+        return f"the far field follows the forcing and reaches |u| = {1.0 - margin:.6g}"
+    if flight >= 0:
+        return _reach_between(orbit, worst, site)
+    if orbit.walls(site) == USUAL:
+        return f"site {site} reaches |u| = {1.0 - margin:.6g} at t = {time:.6g}"
+    return f"site {site} reaches u = {orbit.at(site, time)[0]:.6g} at t = {time:.6g}"
+
+
+def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
+    margin, _, time, flight = worst
+    at_start = time == orbit.impacts[flight].time
+    hits = [hit for hit in orbit.impacts if (hit.time, hit.site) == (time, site)]
+    if not hits:
+        u = orbit.at(site, time)[0]
+        return f"site {site} between its impacts is at u = {u:.6g} at t = {time:.6g}"
+    if orbit.k == 0.0 and at_start:
+        way = "inwards" if margin > 0.0 else "into the wall, so it sticks"
+        return f"after its impact with k = 0 site {site} is pushed {way}"
+    speed = -hits[0].wall * hits[0].impulse / (1.0 + orbit.k) * (orbit.k if at_start else 1.0)
+    if abs(margin) < LIMIT:
+        return f"the impact of site {site} itself vanishes, at velocity {speed:.2g}"
+    return f"the impact of site {site} itself, at velocity {speed:.6g}"

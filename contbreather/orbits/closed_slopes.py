@@ -1,0 +1,244 @@
+"""How a symmetric breather changes along p, phi and its parameters, for Newton's method.
+
+Everything that can happen to it has a closed form, so each defining system has exact derivatives:
+one scalar for a fold and for a pitchfork, two equations and the unknown angle for a complex pair,
+two and the unknown time for a site that grazes. All but those with springs, and of rings, are known
+to the compiled steps besides (`contbreather.orbits.closed_loops`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Locus, Point
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.strider import Loops
+from contbreather.lattice import Lattice
+from contbreather.lattice.green import response_weights
+from contbreather.orbits import closed_loops, pair_loops
+from contbreather.orbits.closed_form import SymmetricFlight, flight_slope_of
+from contbreather.orbits.grazing import Crest
+from contbreather.orbits.on_circle import OnCircle
+from contbreather.orbits.site_motion import phase
+from contbreather.stability.arc import arc_table
+
+Array = NDArray[np.float64]
+
+# As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
+# k = 1 there are none: within rounding of the edge the curve cannot be followed.
+ELASTIC = 1.0 - 1e-5
+
+
+def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+    """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
+    breather: SymmetricFlight = point.solution.flight
+    if nu is not None:
+        endless = of.map(point.solution).lattice.sites is None
+        loops = partial(_with_pair, breather.lattice) if endless else None
+        slopes = partial(_circle_slopes, of)
+        return Locus({"nu": nu}, of.conditions, slopes, loops=loops, **more)
+    if of.nu == 0.0 and "spring" in point.curve.free:
+        # with the lower edge of the band, root of the spring, as an unknown: 1/tau grows in
+        # proportion to that from no spring on, where the curve in the spring has no tangent
+        edge = math.sqrt(breather.lattice.spring)
+        return Locus({"edge": edge}, _pitchfork_at_edge, domain={"edge": (0.0, 1.0)})
+    scalar = PITCHFORK if of.nu == 0.0 else FOLD
+    return Locus({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
+
+
+def _breather(curve: Curve, z: Array) -> SymmetricFlight:
+    flight: SymmetricFlight = Point(curve, z).solution.flight
+    return flight
+
+
+def _names(curve: Curve) -> tuple[str, ...]:
+    """What the columns of a derivative belong to: p, phi and the freed parameters."""
+    return (*curve.problem.start, *curve.free)
+
+
+def _driven(breather: SymmetricFlight, order: int, name: str, t: float) -> float:
+    """Derivative of ``a f^(order)(t)`` at a fixed time."""
+    f = breather.forcing
+    if name == "a":
+        return float((f.f, f.df, f.d2f)[order](t))
+    return breather.a * f.f_param(name, t, order) if name in f.params else 0.0
+
+
+def _drive_slope(breather: SymmetricFlight, order: int, name: str) -> float:
+    """Derivative of ``a f^(order)(phi)``."""
+    f = breather.forcing
+    if name == "phi":
+        return breather.a * (f.df, f.d2f, f.d3f)[order](breather.phi)
+    return _driven(breather, order, name, breather.phi)
+
+
+def _mean_slope(breather: SymmetricFlight, mean: str, name: str) -> float:
+    """Derivative of `chi`, `eta` or `sigma`."""
+    lattice: Any = breather.lattice
+    if name == "spring":
+        return float(lattice.by_spring(breather.gamma, mean))
+    return float(getattr(lattice, f"d{mean}")(breather.gamma)) if name == "gamma" else 0.0
+
+
+def _q_slope(breather: SymmetricFlight, name: str) -> float:
+    return -2.0 / (1.0 + breather.k) ** 2 if name == "k" else 0.0
+
+
+# --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
+
+
+class Scalar(NamedTuple):
+    """What vanishes where a multiplier is 1 or -1, and its slope by any name."""
+
+    value: Callable[[SymmetricFlight], float]
+    slope: Callable[[SymmetricFlight, str], float]
+    evaluate: Any  # both in compiled steps, beside (11)
+    derive: Any
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return np.array([self.value(_breather(curve, z))])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        breather = _breather(curve, z)
+        return np.array([[self.slope(breather, name) for name in _names(curve)]])
+
+    def loops(self, closure: Loops, n: int) -> Loops:
+        return replace(closure, evaluate=self.evaluate, derive=self.derive)
+
+
+def _fold(breather: SymmetricFlight) -> float:
+    """The determinant of (11), eq. (14)."""
+    f, phi = breather.forcing, breather.phi
+    return breather.a * (breather.chi * f.d2f(phi) + breather.q * f.df(phi))
+
+
+def _fold_slope(breather: SymmetricFlight, name: str) -> float:
+    a, f, phi = breather.a, breather.forcing, breather.phi
+    driven = breather.chi * _drive_slope(breather, 2, name)
+    driven += breather.q * _drive_slope(breather, 1, name)
+    by_chi, by_q = _mean_slope(breather, "chi", name), _q_slope(breather, name)
+    return driven + a * (by_chi * f.d2f(phi) + by_q * f.df(phi))
+
+
+def _pitchfork(breather: SymmetricFlight, edge: float | None = None) -> float:
+    """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma. Springs,
+    with which it has none, add ``2 d^2/tau``."""
+    forced = breather.a * breather.forcing.d2f(breather.phi)
+    return forced - 2.0 * breather.p * _turning(breather, edge)
+
+
+def _turning(breather: SymmetricFlight, edge: float | None = None) -> float:
+    lattice: Any = breather.lattice
+    sigma = lattice.sigma(breather.gamma)
+    if edge is None and not lattice.spring:
+        return sigma
+    return sigma + 0.5 * breather.q**2 / lattice.tau(breather.gamma, edge)
+
+
+def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
+    if name == "p":
+        return -2.0 * _turning(breather)
+    lattice: Any = breather.lattice
+    turning = _mean_slope(breather, "sigma", name)
+    if lattice.spring:
+        gamma, q = breather.gamma, breather.q
+        tau = lattice.tau(gamma)
+        by_tau = lattice.dtau(gamma) if name == "gamma" else 0.0
+        turning += q / tau * (_q_slope(breather, name) - 0.5 * q / tau * by_tau)
+    return _drive_slope(breather, 2, name) - 2.0 * breather.p * turning
+
+
+def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
+    breather, edge = _breather(curve, z), float(extra[0])
+    return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
+
+
+FOLD = Scalar(_fold, _fold_slope, closed_loops.fold, closed_loops.fold_slopes)
+PITCHFORK = Scalar(
+    _pitchfork, _pitchfork_slope, closed_loops.pitchfork, closed_loops.pitchfork_slopes
+)
+
+
+# --- a pair on a circle -------------------------------------------------------------------------
+
+
+def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
+    """Along the curve's columns, through b and directly, and the angle."""
+    orbit = Point(curve, z).solution
+    F = of.map(orbit).gradient(of.angle(extra), of.radius)
+    direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": getattr(F, "d_spring", 0.0)}
+    columns = [
+        F.d_b * _b_slope(orbit.flight, name) + direct.get(name, 0.0) for name in _names(curve)
+    ]
+    row = np.array([*columns, F.d_nu])
+    return np.array([row.real, row.imag])
+
+
+def _b_slope(breather: SymmetricFlight, name: str) -> float:
+    """Derivative of the entry b of the saltation matrix (19), ``c^2/2 (a f''/p - eta)``."""
+    c, p = 1.0 + breather.k, breather.p
+    if name == "k":
+        return 2.0 * breather.b / c
+    if name == "p":
+        return -0.5 * c * c * breather.a * breather.forcing.d2f(breather.phi) / (p * p)
+    driven = _drive_slope(breather, 2, name) / p
+    return 0.5 * c * c * (driven - _mean_slope(breather, "eta", name))
+
+
+def _with_pair(lattice: Lattice, closure: Loops, n: int) -> Loops | None:
+    """The closure with both equations of a pair."""
+    scratch = pair_loops.TABLE - pair_loops.ETA
+    more = [*np.zeros(scratch), *arc_table(), *lattice.expansion("eta")]
+    return _lengthened(closure, pair_loops.pair, pair_loops.pair_slopes, more)
+
+
+def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float]) -> Loops | None:
+    """The closure with one more unknown and two more equations, which ask for more from `MORE` on;
+    None where a forcing has so many harmonics that these reach there."""
+    room = pair_loops.MORE - len(closure.data)
+    data = [*closure.data, *room * [0.0], *map(float, more)]
+    data[closed_loops.UNKNOWNS] = 1.0
+    return Loops(evaluate, derive, tuple(data)) if room >= 0 else None
+
+
+# --- a site that grazes -------------------------------------------------------------------------
+
+
+def crest(breather: SymmetricFlight, site: int) -> Crest:
+    loops = partial(_with_contact, breather.lattice, breather.lattice.distance(site))
+    return Crest(site, partial(_slopes, site), loops=loops)
+
+
+def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
+    """Of displacement and velocity at a fixed time, u = a f + p times a `Flight` of that site."""
+    breather: SymmetricFlight = orbit.flight
+    y, sign = phase(breather, t)
+    p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
+    own = breather.lattice, breather.gamma, breather.lattice.distance(site)
+    rows = []
+    for name in _names(curve):
+        free = {"p": (sign * u, sign * v), "phi": (-p * v, -p * w)}.get(name, (0.0, 0.0))
+        if name in ("gamma", "spring"):
+            slope = flight_slope_of(*own, name).at(y)
+            free = p * slope[0], p * slope[1]
+        rows.append([free[i] + _driven(breather, i, name, t) for i in range(2)])
+    return np.array(rows).T
+
+
+def _with_contact(
+    lattice: Lattice, distance: int, wall: float, closure: Loops, n: int
+) -> Loops | None:
+    """The closure with a contact on the infinite chain."""
+    if lattice.sites is not None:
+        return None
+    room = [0.0] * (pair_loops.MOMENTS - pair_loops.OWN)
+    weights = response_weights().ravel()
+    more = [wall, distance, *room, *lattice.moments(distance), *weights, *6 * [0.0]]
+    return _lengthened(closure, pair_loops.contact, pair_loops.contact_slopes, more)

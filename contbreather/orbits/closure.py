@@ -1,0 +1,342 @@
+"""The two equations (11) of the symmetric breather: their residual, slopes and all their roots.
+
+Unknowns are ``(p, phi)``: half the momentum of an impact and the phase lag. With ``f`` the forced
+response at unit amplitude and ``q = (1 - k)/(1 + k)``
+
+    ``p chi(gamma) + a f(phi) - 1 = 0``   (the impact is on the wall),
+    ``a f'(phi) - p q = 0``               (the reset law).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation.strider import Loops
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import (
+    Forcing,
+    Fourier,
+    Harmonic,
+    InfiniteChain,
+    Lattice,
+    Ring,
+    forcing_of,
+    lattice_of,
+)
+from contbreather.lattice.conditions import restitution_ratio
+from contbreather.lattice.forcing import Series
+from contbreather.lattice.held import Held
+from contbreather.orbits import closed_loops
+from contbreather.orbits.closed_loops import FIRST, GAMMA, A, K
+from contbreather.parameters import parameter
+
+FloatArray = NDArray[np.float64]
+PLAIN = {"a": (A, 1.0), "gamma": (GAMMA, 1.0), "k": (K, 1.0)}
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Equations (11) for one forcing and one lattice, ready for a continuation.
+
+    ``x = (p, phi)``; ``params`` names a, gamma, k and any parameters of the forcing (those left
+    out keep the forcing's own value). Each method raises `BadInput` outside the domain: gamma
+    outside [0, 1/4), k outside [0, 1], anything not finite.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.symmetric import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> here = {"a": 0.5, "gamma": 0.12, "k": 0.4}
+    >>> bool(abs(Closure().residual([b.p, b.phi], here)).max() < 1e-15)
+    True
+    """
+
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Lattice = field(default_factory=InfiniteChain)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
+
+    @property
+    def params(self) -> tuple[str, ...]:
+        """The names this closure can be continued in."""
+        return ("a", "gamma", "k", *self.forcing.params)
+
+    def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        """Both equations, shape (2,)."""
+        p, phi, a, gamma, k, f = self._unpack(x, params)
+        q, chi = (1.0 - k) / (1.0 + k), sprung(self.lattice, f).chi(gamma)
+        return np.array((p * chi + a * f.f(phi) - 1.0, a * f.df(phi) - p * q))
+
+    def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
+        _, phi, a, gamma, k, f = self._unpack(x, params)
+        q = (1.0 - k) / (1.0 + k)
+        return np.array(((sprung(self.lattice, f).chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
+
+    def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
+        """Derivatives with respect to the parameter ``name``, shape (2,)."""
+        p, phi, a, gamma, k, f = self._unpack(x, params)
+        if name == "a":
+            return np.array((f.f(phi), f.df(phi)))
+        if name == "gamma":
+            return np.array((p * sprung(self.lattice, f).dchi(gamma), 0.0))
+        if name == "k":
+            return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
+        if name not in f.params:
+            raise BadInput(
+                f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
+            )
+        slopes = np.array((a * f.f_param(name, phi, 0), a * f.f_param(name, phi, 1)))
+        if name == "spring":
+            slopes[0] += p * sprung(self.lattice, f).by_spring(gamma, "chi")
+        return slopes
+
+    def loops(self, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
+        """The equations with these parameters free, as functions that can be compiled; None with
+        springs, for the coupling of a ring, and on lattices of somebody else."""
+        own = self.forcing.params
+        places = {**PLAIN, **_coefficients(self.forcing)}
+        ring = self.lattice.sites is not None and "gamma" in names
+        known = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(self.forcing, Held)
+        if not known or ring or any(name not in places for name in names):
+            return None
+        f = self.forcing.at(**{name: params[name] for name in own if name in params})
+        freed = [float(entry) for name in names for entry in places[name]]
+        here = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
+        data = pack(len(names), freed, here, f.harmonics, self.lattice)
+        return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
+
+    def _unpack(
+        self, x: FloatArray, params: Mapping[str, float]
+    ) -> tuple[float, float, float, float, float, Forcing]:
+        p, phi = float(x[0]), float(x[1])
+        a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
+        if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
+            restitution_ratio(k)
+            raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
+        if not 0.0 <= gamma < 0.25:
+            self.lattice.check(gamma)  # says it
+        own = self._own  # type: ignore[attr-defined]
+        if not own:
+            return p, phi, a, gamma, k, self.forcing
+        values = tuple([(name, params.get(name, value)) for name, value in own])
+        if values == own:
+            return p, phi, a, gamma, k, self.forcing
+        return p, phi, a, gamma, k, forcing_with(self.forcing, values)
+
+
+def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
+    """Where the coefficients of a forcing are among its harmonics, and the factor for each."""
+    orders = [m for m, _, _ in forcing.harmonics] if isinstance(forcing, Fourier) else []
+    return {
+        f"{letter}{m}": (FIRST + 3 * i + 1 + side, -1.0 / m**2)
+        for i, m in enumerate(orders)
+        for side, letter in enumerate("cs")
+        if f"{letter}{m}" in forcing.params
+    }
+
+
+def pack(
+    freed: int, places: list[float], here: list[float], harmonics: Any, on: Lattice
+) -> tuple[float, ...]:
+    """The data of `closed_loops`."""
+    places, gamma = [*places, *(4 - 2 * freed) * [0.0]], here[1]
+    means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+    flat = [entry for harmonic in harmonics for entry in harmonic]
+    head = [freed, *places, *here, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
+    return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
+
+
+def sprung(lattice: Any, forcing: Forcing) -> Any:
+    """The lattice, with springs to the ground where the forced response has them."""
+    return lattice.held(forcing.spring) if isinstance(forcing, Held) else lattice
+
+
+@lru_cache(maxsize=256)
+def forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
+    """The forcing with these values; kept, for residual, Jacobian and sensitivities ask for the
+    same few in turn."""
+    return forcing.at(**dict(values))
+
+
+def roots(
+    a: float, gamma: float, k: float, forcing: Forcing, lattice: Lattice
+) -> tuple[tuple[float, float], ...]:
+    """All ``(p, phi)`` with p > 0 that solve (11), by descending p; phi in [-pi, pi].
+
+    A double root (the fold) is listed once.
+
+    Raises
+    ------
+    NoSolution
+        Below the fold; the sentence names the smallest a.
+    """
+    a, q = parameter("a", a), restitution_ratio(k)
+    chi = sprung(lattice, forcing).chi(gamma)
+    if isinstance(forcing, Harmonic):
+        found = _harmonic_roots(a, chi, q)
+    else:
+        found = general_roots(a, chi, q, forcing)
+    if found:
+        return tuple(sorted(found, reverse=True))
+    # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
+    # equation changes sign while f rises, and there p q = a f' > 0
+    raise NoSolution(
+        f"no breather at a = {a!r} (gamma = {gamma}, k = {k}, {forcing.describe()}): it is below "
+        f"the fold, eq. (14); the smallest a is {smallest_amplitude(gamma, k, forcing, lattice)!r}."
+    )
+
+
+def smallest_amplitude(
+    gamma: float, k: float, forcing: Forcing | None = None, lattice: Lattice | None = None
+) -> float:
+    """The fold, eq. (14), for any forcing: ``a_min = q / max of (chi f' + q f)``.
+
+    Eliminating p from (11) leaves ``a (chi f' + q f) = q`` for phi alone.
+
+    Examples
+    --------
+    >>> round(smallest_amplitude(0.1, 0.8), 12)
+    0.057029037182
+    """
+    return min(folds(gamma, k, forcing_of(forcing), lattice_of(lattice)))
+
+
+def folds(gamma: float, k: float, forcing: Forcing, lattice: Lattice) -> list[float]:
+    """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
+    chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
+    if isinstance(forcing, Harmonic):
+        return [q / math.hypot(chi, q)]
+    series = _reduced(forcing, chi, q)
+    heights = [series.at(phi, 0) for phi in _crests(series)]
+    return [q / height for height in heights if height > 0.0]
+
+
+def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]:
+    """(13), with its phase on the right branch and free of cancellation.
+
+    Both roots share ``h^2 = chi^2 + q^2`` and ``r^2 = a^2 h^2 - q^2``, which vanishes at the fold.
+    """
+    h = math.hypot(chi, q)
+    gap = a * h - q
+    if gap < -4.0 * EPS * q:
+        return []
+    r = math.sqrt(max(gap, 0.0) * (a * h + q))
+    hh = h * h
+    p = (chi + r) / hh
+    found = [(p, math.atan2(-p * q, (q * q - chi * r) / hh))]
+    p = (1.0 - a) * (1.0 + a) / (chi + r)  # = (chi - r)/h^2
+    if r > 0.0 and p > 0.0:
+        found.append((p, math.atan2(-p * q, (q * q + chi * r) / hh)))
+    return found
+
+
+def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
+    """``p chi = 1 - a f``, ``p q = a f'`` with p > 0, for any f that is a series.
+
+    Between two neighbouring extrema of ``chi f' + q f`` lies one root of what is left of them
+    without p, ``a (chi f' + q f) = q``, or none.
+    """
+    series = _reduced(forcing, chi, q)
+    crests = _crests(series)
+    heights = [a * series.at(phi, 0) - q for phi in crests]
+    phases: list[float] = []
+    touching = False
+    for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
+        slack = 8.0 * EPS * (a * abs(chi * forcing.df(phi)) + a * q * abs(forcing.f(phi)) + q)
+        touched, touching = touching, abs(height) <= slack
+        if touching:  # a double root: rounding must not decide whether it exists
+            heights[i] = 0.0
+            if not touched:
+                phases.append(phi)
+            elif abs(series.at(phi, 1)) < abs(series.at(phases[-1], 1)):
+                phases[-1] = phi  # of points on one flat top the one nearest its crest
+    for i, left in enumerate(crests):
+        right = crests[i + 1] if i + 1 < len(crests) else crests[0] + 2.0 * math.pi
+        if heights[i] * heights[(i + 1) % len(crests)] < 0.0:
+            phases.append(_crossing(series, q / a, left, right))
+    found = []
+    for phi in phases:
+        p = (1.0 - a * forcing.f(phi)) / chi
+        if p > 0.0:
+            found.append((p, math.remainder(phi, 2.0 * math.pi)))
+    return found
+
+
+def _crossing(series: Series, level: float, left: float, right: float) -> float:
+    from scipy.optimize import brentq  # dear to import
+
+    def above(phi: float) -> float:
+        return float(series.at(phi, 0)) - level
+
+    x = float(brentq(above, left, right, xtol=1e-14, rtol=4.0 * EPS))
+    steepness = series.at(x, 1)
+    step = above(x) / steepness if steepness else 0.0
+    return x - step if abs(step) < 1e-9 else x
+
+
+def _reduced(forcing: Forcing, chi: float, q: float) -> Series:
+    """``chi f' + q f``."""
+    return Series(
+        tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
+    )
+
+
+def _crests(series: Series) -> list[float]:
+    """All extrema in [-pi, pi), by the companion matrix of the slope.
+
+    Roots off the unit circle give spurious angles; as points between which to look they do
+    no harm, so none is thrown away and no tolerance decides.
+    """
+    slope = {m: (m * s, -m * c) for m, c, s in series.harmonics}
+    largest = max(math.hypot(c, s) for c, s in slope.values())
+    # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
+    kept = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
+    if max(kept) > 64:
+        start = _bends(slope, 32 * max(slope))
+    else:
+        # odd harmonics only: with Z = z^2 the matrix has half the size
+        top = max(kept)
+        poly = np.zeros(top + 1, dtype=complex)
+        for m in kept:
+            c, s = slope[m]
+            poly[(top - m) // 2] += 0.5 * complex(c, -s)
+            poly[(top + m) // 2] += 0.5 * complex(c, s)
+        half = 0.5 * np.angle(np.roots(poly))
+        start = np.concatenate([half, half + math.pi])
+    found = [_settled(phi, series) for phi in start.tolist()]
+    distinct: list[float] = []
+    for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in found):
+        if not distinct or phi - distinct[-1] > 1e-9:
+            distinct.append(phi)
+    return distinct
+
+
+def _bends(slope: Mapping[int, tuple[float, float]], size: int) -> FloatArray:
+    """Times on a grid next to which a series is or comes near to zero."""
+    values = Series(tuple((m, c, s) for m, (c, s) in slope.items())).on_grid(size)
+    after, small = np.roll(values, -1), np.abs(values)
+    low = (small <= np.roll(small, 1)) & (small <= np.roll(small, -1))
+    return np.asarray(2.0 * math.pi * np.flatnonzero(low | (values * after <= 0.0)) / size)
+
+
+def _settled(phi: float, series: Series) -> float:
+    """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
+    x = phi
+    for _ in range(8):
+        _, slope, curvature = series.motion(x)
+        if curvature == 0.0:
+            break
+        x -= slope / curvature
+        if abs(slope) < 1e-15 * abs(curvature):
+            break
+    return x if abs(x - phi) < 1.0 else phi

@@ -1,0 +1,243 @@
+"""GR: a site comes to touch a wall that it must not touch. One test, one locus for every orbit.
+
+The test is the clearance from the walls, the locus ``u = wall, u' = 0`` at an unknown time for the
+site that is closest. VI: an impact itself loses its velocity, or two of them become one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Event, Locus, Point
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Meeting
+from contbreather.continuation.strider import Loops
+from contbreather.orbits.clearance import Clearance, closest, closest_idle, least_margin
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.other_contacts import closest_other
+from contbreather.orbits.section import Section
+from contbreather.orbits.site_motion import Terms
+
+Array = NDArray[np.float64]
+
+VANISHED = 1e-8  # an impact at a smaller velocity is none
+ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
+SAME = 1e-9  # displacements that differ by less are mirror images
+ONE = 1e-4  # impacts of a site at a wall less apart than this are one
+AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, is that impact
+
+
+@dataclass(frozen=True)
+class Crest:
+    """One site whose crest is followed: it is on a wall, without velocity, at an unknown time.
+
+    The representation of an orbit knows how its motion depends on its unknowns.
+    """
+
+    site: int
+    slopes: Callable[[Curve, Orbit, float], Any]
+    """Derivatives of displacement and velocity in all unknowns and free parameters, (2, n)."""
+    motion: Callable[[Orbit, float], Terms] | None = None
+    """Of the site, unless it is that on which its clearance is measured."""
+    loops: Callable[[float, Loops, int], Loops | None] | None = None
+    """The equations of an orbit with a contact at a wall, as functions that can be compiled."""
+    further: tuple[Event, ...] = ()
+    """What else ends its curve besides another contact."""
+    scale: Callable[[Point], float] | None = None
+    """What margins of other contacts are divided by, where they vanish at such an end."""
+    meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
+
+    def locus(self, wall: float, t: float, **more: Any) -> Locus:
+        loops = self.loops and partial(self.loops, wall)
+        conditions = partial(self._conditions, wall)
+        return Locus({"t": t}, conditions, self._derivative, loops=loops, **more)
+
+    def _terms(self, orbit: Orbit, t: float) -> Terms:
+        return orbit.watch.at(self.site, t) if self.motion is None else self.motion(orbit, t)
+
+    def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
+        u, v, _ = self._terms(solution_at(Point(curve, z)), float(extra[0]))
+        return np.array([u - wall, v])
+
+    def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        return np.column_stack([self.slopes(curve, orbit, t), self._terms(orbit, t)[1:]])
+
+
+def grazing() -> Event:
+    """GR, and VI where an impact itself loses its velocity."""
+    return Event("GR", _margin, ends="domain", locus=_locus, examine=_vanishing)
+
+
+def _margin(point: Point) -> float:
+    return least_margin(solution_at(point).watch)
+
+
+def _locus(point: Point) -> Locus:
+    orbit = solution_at(point)
+    if _vanishing(point):  # with it may be others, that move alike
+        return shallow_impact(orbit)
+    worst = closest(orbit.watch)
+    # without coupling all idle sites climb alike, and the one is meant that does highest with it
+    weakly = orbit.road.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
+    if weakly is not None:
+        worst = closest_idle(weakly)
+    return _follow(orbit, worst.site, worst.time)
+
+
+def _follow(orbit: Orbit, site: int, t: float) -> Locus:
+    if _is_impact(orbit, site, t):
+        return shallow_impact(orbit)
+    there = orbit.watch.at(site, t)[0]
+    place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
+    crest = orbit.road.crest(site)
+    other = _Rival(site, _is_mirrored(orbit, site, t), crest.scale)
+    return crest.locus(place, t, events=(*crest.further, other.event()), meets=crest.meets)
+
+
+@lru_cache(maxsize=4)
+def solution_at(point: Point) -> Orbit:
+    """The orbit of a point; kept, for all events ask about the same one in turn."""
+    orbit: Orbit = point.solution
+    return orbit
+
+
+def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
+    near = AT_IMPACT * orbit.period
+    return site in orbit.section.hit and any(
+        hit.site == site and abs(math.remainder(t - hit.time, orbit.period)) < near
+        for hit in orbit.hits
+    )
+
+
+def _vanishing(point: Point) -> dict[str, str]:
+    least = float(np.abs(solution_at(point.ground).incoming).min())
+    return {"kind": "VI"} if least < VANISHED else {}
+
+
+def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
+    """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
+    if orbit.symmetric or orbit.section.turns % 2 == 0:
+        return False
+    both = [orbit.watch.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
+    return abs(sum(both)) < SAME
+
+
+@dataclass(frozen=True)
+class _Rival:
+    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
+    of the same one. Where it does not, the limit of existence goes on with that."""
+
+    site: int
+    mirrored: bool
+    scale: Callable[[Point], float] | None
+
+    def event(self) -> Event:
+        base = Event("GR", self.margin, ends="domain", locus=self.locus)
+        return Meeting("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
+
+    def closest(self, point: Point) -> Clearance:
+        watch = solution_at(point).watch
+        return closest_other(watch, self.site, point["t"], mirrored=self.mirrored)
+
+    def margin(self, point: Point) -> float:
+        return self.closest(point).margin
+
+    def test(self, point: Point) -> float:
+        return self.margin(point) / (1.0 if self.scale is None else self.scale(point))
+
+    def examine(self, point: Point) -> dict[str, Any]:
+        other = self.closest(point)
+        return {"site": other.site, "time": other.time}
+
+    def locus(self, point: Point) -> Locus:
+        where = point.detail
+        return _follow(solution_at(point), where["site"], where["time"])
+
+
+# --- an impact that vanishes ----------------------------------------------------------------------
+
+
+def shallow_impact(orbit: Orbit) -> Locus:
+    """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0.
+
+    Raises
+    ------
+    Undefined
+        Where they do not, or with k = 0.
+    """
+    j = int(abs(orbit.incoming).argmin())
+    slope = orbit.road.speed_slope(j)
+    if slope is None:
+        raise Undefined("an impact itself loses its velocity: no grazing to follow")
+    if orbit.k == 0.0:
+        raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
+    # of multipliers there are none at velocity 0
+    meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "PF", "PD", "NS"), ())
+    other = Event("VI-VI", partial(_others_last, j), ends="domain")
+    return Locus({}, partial(_velocity, j), slope, events=(other,), meets=meets)
+
+
+def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
+    velocity: Array = Point(curve, z).solution.incoming[j : j + 1]
+    return velocity
+
+
+def _others_last(j: int, point: Point) -> float:
+    """Where one impact vanishes, the least velocity of another."""
+    orbit: Orbit = point.ground.solution
+    walls = [wall for _, wall in orbit.section.impacts]
+    return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
+
+
+# --- two impacts that become one ----------------------------------------------------------------
+
+
+def merging(section: Section) -> tuple[Event, ...]:
+    """VI where two impacts of one site at one wall become one, whether walls are lifted or not:
+    with them come to an end the equations, too."""
+    if not section.repeats:
+        return ()
+    return (Event("VI", _apart, ends="branch", locus=_together, examine=_which),)
+
+
+def _closest(orbit: Orbit) -> tuple[float, int, int]:
+    """How far apart the closest impacts of one site at one wall are, and which these are."""
+    times = orbit.times.tolist()
+    return min((times[j] - times[i], i, j) for i, j in orbit.section.repeats)
+
+
+def _apart(point: Point) -> float:
+    return _closest(solution_at(point.ground))[0] - ONE
+
+
+def _which(point: Point) -> dict[str, str]:
+    orbit = solution_at(point.ground)
+    _, i, j = _closest(orbit)
+    site, wall = orbit.section.impacts[i]
+    return {"impacts": f"{i + 1} and {j + 1}, of site {site} at its wall {wall:+d}, become one"}
+
+
+def _together(point: Point) -> Locus:
+    _, *both = _closest(solution_at(point.ground))
+    names = [f"t{j + 1}" for j in both]
+    return Locus({}, partial(_gap, names), partial(_gap_slope, names))
+
+
+def _gap(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
+    early, late = (z[curve.slots[name]] for name in names)
+    return np.array([late - early - ONE])
+
+
+def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
+    row = np.zeros((1, z.size))
+    row[0, [curve.slots[name] for name in names]] = -1.0, 1.0
+    return row

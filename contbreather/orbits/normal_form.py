@@ -1,0 +1,203 @@
+"""Normal form of the pitchfork: which way the arms that break the symmetry bend, and how strongly.
+
+On every road the whole period of a symmetric orbit solves ``G(x, parameter) = 0``, with null
+vectors v and w of ``G_x`` at its pitchfork. Along an arm ``x = x_0 + s v + s^2 h + ...`` and
+``parameter = its value + s^2 bend``, hence
+
+    ``G_x h + G_parameter bend = -G_xx v v/2``,
+    ``w (G_xx v h + G_x,parameter v bend) = -w G_xxx v v v/6``:
+
+one linear system, for by symmetry neither right side of the first equation has a share of w.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Point
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import OUT_OF_DOMAIN, Undefined
+from contbreather.continuation.normal_forms import solve
+from contbreather.continuation.segment import tangent_at
+from contbreather.errors import BadInput
+from contbreather.orbits.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+_SINGULAR = 1e-6  # least singular value of G_x, relative to its largest
+# of the asymmetry: rounding is 1e-10 of a third derivative
+_STEPS = [2e-3 * 0.7**i for i in range(12)]
+_AGREED = 3e-5  # of that by three places: by five it is then good to 1e-9
+# differences of second order by five places and by three, the value in the middle being zero, and
+# of first order by five
+_SECOND = np.array([[16.0, -1.0], [12.0, 0.0]]) / 12.0
+_FIRST = np.array([8.0, -1.0]) / 12.0
+_STEEP = 1e9  # a bend beyond it is rounding over rounding
+_ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
+_PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
+
+
+@dataclass(frozen=True)
+class PitchforkForm:
+    """How the arms leave a pitchfork.
+
+    Attributes
+    ----------
+    free : str
+        The parameter.
+    coefficient : float
+        Limit of ``(t2 - t1 - pi)^2/(parameter - its value at the pitchfork)``; of several impacts
+        in half a period the one that is shifted most.
+    supercritical : bool
+        The arms exist where the symmetric orbit has lost its stability.
+    """
+
+    free: str
+    coefficient: float
+    supercritical: bool
+
+    @property
+    def criticality(self) -> str:
+        return "supercritical" if self.supercritical else "subcritical"
+
+
+def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
+    """Criticality and coefficient of the pitchfork of a symmetric orbit, on any road.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        At its pitchfork, ``branch.first("PF").solution``.
+    free : str
+        Any of its parameters.
+
+    Raises
+    ------
+    BadInput
+        If there is no such parameter, or this orbit is at no pitchfork.
+    Undefined
+        Where a second multiplier is 1, or no orbit is beside this one.
+
+    Examples
+    --------
+    At gamma = 0 everything is elementary:
+
+    >>> import contbreather as cb, math
+    >>> a = 2 * math.sqrt(4 + (math.pi / 9) ** 2) / (math.pi**2 - 4)
+    >>> form = pitchfork_form(cb.symmetric(a, 0.0, 0.8))
+    >>> form.criticality, round(form.coefficient, 3)
+    ('supercritical', 9.166)
+    """
+    curve = Curve(orbit.problem.having(free), (free,))
+    upwards = np.eye(1, curve.start.size, curve.size)[0]
+    along, _ = tangent_at(curve, curve.start, upwards)
+    return _form(Point(curve, curve.start, along))
+
+
+def bends(point: Point) -> Mapping[str, Any]:
+    """What a pitchfork knows besides where it is, on a branch in one parameter."""
+    if len(point.curve.varied) > 1:
+        return {}
+    try:
+        form = _form(point)
+    except OUT_OF_DOMAIN as error:
+        return {"criticality": f"unknown: {error}"}
+    return {"criticality": form.criticality, "coefficient": form.coefficient}
+
+
+def _form(point: Point) -> PitchforkForm:
+    """Of a point that knows the direction of its branch."""
+    orbit: Orbit = point.solution
+    if not orbit.symmetric:
+        raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
+    curve = Curve(orbit.unfolded().problem.having(*point.curve.free), point.curve.free)
+    matrix = curve.jacobian(curve.start)
+    left, sizes, right = np.linalg.svd(matrix[:, :-1])
+    if sizes[-1] > _SINGULAR * sizes[0]:
+        raise BadInput(
+            f"{orbit!r} is no pitchfork: the least singular value of its equations is "
+            f"{sizes[-1]:.2g}, not 0."
+        )
+    if sizes.size > 1 and sizes[-2] <= _SINGULAR * sizes[0]:
+        raise Undefined("a second multiplier is 1, as of idle sites without coupling")
+    shifts = right[-1][_slots(curve, 1)] - right[-1][_slots(curve, 0)]
+    # so that s is the asymmetry
+    v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]
+    bend = _bend(curve, matrix, v, w)
+    return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0)
+
+
+def _slots(curve: Curve, half: int) -> list[int]:
+    """Where the times of the impacts in one half of the period are."""
+    times = [f"t{j + 1}" for j in range(curve.size) if f"t{j + 1}" in curve.problem.start]
+    m = len(times) // 2
+    return [curve.slots[name] for name in times[m * half : m * half + m]]
+
+
+def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
+    """Of the parameter along the arms."""
+    n = v.size
+    change, cubic = _turned(curve, matrix, v, w)
+    whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
+    whole[n, :n] = v
+    row = w @ change
+    whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
+    right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
+    bend = float(solve(whole, right)[-1])
+    if abs(bend) > _STEEP:
+        raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
+    return bend
+
+
+def _turned(
+    curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray
+) -> tuple[FloatArray, float]:
+    """The derivative of the Jacobian along v, and ``w G_xxx v v v``, by a step that suits them.
+
+    Of Jacobians, which are exact, a third derivative is a second difference: of the equations it
+    would be a third one, and all rounding for steps as short as impacts close together ask for.
+    """
+    best: tuple[float, FloatArray, float] = math.inf, np.zeros_like(matrix), math.nan
+    for step in _STEPS:
+        ahead, behind = (
+            np.array([curve.jacobian(curve.start + i * step * np.append(v, 0.0)) for i in places])
+            for places in ((1, 2), (-1, -2))
+        )
+        fine, rough = _SECOND @ (w @ (ahead + behind)[:, :, :-1] @ v) / step**2
+        if abs(fine - rough) < best[0]:
+            change = np.tensordot(_FIRST / step, ahead - behind, 1)
+            best = abs(fine - rough), change, float(fine)
+        if best[0] < _AGREED * abs(best[2]):
+            break
+    return best[1:]
+
+
+def _loss(point: Point) -> int:
+    """1 where the symmetric orbit loses its stability with a growing parameter, -1 where it gains
+    it: on which side there is one real multiplier more outside."""
+    along = point.direction
+    step = math.copysign(_ASIDE, along[-1]) / np.linalg.norm(along) * along
+    found = [_outside(point.curve, point.z + side * step) for side in (-1.0, 1.0)]
+    low, high = (one if one is not None else _other(found[1 - i]) for i, one in enumerate(found))
+    if low == high:
+        raise Undefined("no real multiplier passes 1 there: no normal form of this kind")
+    return 1 if high > low else -1
+
+
+def _other(count: int | None) -> int:
+    """What the count is on the side where there is no orbit, as at the end of a domain."""
+    return 1 if not count else count - 1
+
+
+def _outside(curve: Curve, z: FloatArray) -> int | None:
+    try:
+        return int(Point(curve, z).solution.map.beyond(1.0 + _PASSED))
+    except OUT_OF_DOMAIN:
+        return None

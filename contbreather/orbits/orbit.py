@@ -1,0 +1,635 @@
+"""One periodic orbit with impacts, whichever way its motion between them is evaluated.
+
+What an orbit is, its impacts and the conditions it moves under, and what it answers are said here
+once. How a flight is evaluated is its `Road`, a value handed in: the closed form of one symmetric
+impact, the periodic Green's function of chain and ring, the exact modes of any finite lattice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import check_kind, flag, number, numbers, row, shown
+from contbreather.continuation import Point, Problem
+from contbreather.continuation.curve import Curve
+from contbreather.display import Shown
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Forcing, InfiniteChain, Ring, lattice_of
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.finite import finite
+from contbreather.orbits.clearance import Admissibility, clearance
+from contbreather.orbits.road import ROADS, Road
+from contbreather.orbits.section import Impact, Section, check_order
+from contbreather.orbits.site_motion import SiteMotion
+from contbreather.parameters import OPTIONAL
+from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
+from contbreather.tables import Sheet
+
+if TYPE_CHECKING:
+    from contbreather.certified import Certificate
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
+SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
+
+
+class Hit(NamedTuple):
+    """One impact of an orbit: velocities of the site just before and just after it, and its
+    acceleration just after."""
+
+    site: int
+    wall: int
+    time: float
+    before: float
+    after: float
+    acceleration: float
+
+
+@dataclass(frozen=True, repr=False)
+class Orbit(Shown):
+    """A periodic orbit with impacts: what a point of its branch is physically.
+
+    Built by `symmetric`, `asymmetric`, `shooting`, `multibreather`, or from values, `orbit_of`.
+
+    Attributes
+    ----------
+    road : Road
+        How its flights are evaluated.
+    conditions : Conditions
+        a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
+    section : Section
+        Which sites hit which walls, over which time, and how that closes.
+    impacts : tuple of Impact
+        Those of a section: site, wall, time and impulse.
+    offsets : tuple of float
+        Static displacement of the impacting sites, where it is an unknown of its own.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.symmetric import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    >>> b.section
+    Section(impacts=((0, 1),), turns=1, sign=-1)
+    >>> round(b.p, 12), round(b.phi, 12)
+    (0.680056001966, -2.519293143359)
+    """
+
+    road: Road
+
+    # ------------------------------------------------------------------------------ what it is
+
+    @property
+    def flight(self) -> Any:
+        """Its road, with what that knows besides: p and b of a closed form, modes, ..."""
+        return self.road
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        return self.road.conditions
+
+    @property
+    def section(self) -> Section:
+        return self.road.section
+
+    @cached_property
+    def impacts(self) -> tuple[Impact, ...]:
+        return self.road.impacts
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        return self.road.offsets
+
+    @property
+    def a(self) -> float:
+        return self.conditions.a
+
+    @property
+    def gamma(self) -> float:
+        return self.conditions.gamma
+
+    @property
+    def k(self) -> float:
+        return self.conditions.k
+
+    @property
+    def damping(self) -> float:
+        return self.conditions.damping
+
+    @property
+    def spring(self) -> float:
+        return self.conditions.spring
+
+    @property
+    def forcing(self) -> Forcing:
+        return self.conditions.forcing
+
+    @property
+    def walls(self) -> Walls:
+        return self.conditions.walls
+
+    @property
+    def lattice(self) -> Any:
+        return self.conditions.lattice
+
+    @property
+    def period(self) -> float:
+        return self.section.period
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether ``u(t + period/2) = -u(t)`` is made use of."""
+        return self.section.symmetric
+
+    @property
+    def residual(self) -> float:
+        """Largest error of its equations: rounding, unless it was put together by hand."""
+        return self.road.error
+
+    # ---------------------------------------------------------------------------- its impacts
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """Of the impacts of a section."""
+        return np.array([impact.time for impact in self.impacts])
+
+    @cached_property
+    def impulses(self) -> FloatArray:
+        """By how much the velocity of the site changes at each of them."""
+        return np.array([impact.impulse for impact in self.impacts])
+
+    @property
+    def incoming(self) -> FloatArray:
+        """Velocity of the site just before each impact, ``-J/(1 + k)``."""
+        return -self.impulses / (1.0 + self.k)
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Acceleration of the site just before each impact."""
+        return self.road.accelerations
+
+    @cached_property
+    def entries(self) -> FloatArray:
+        """The entries b of the saltation matrices (19), one for each impact of a section."""
+        c = 1.0 + self.k
+        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
+        b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
+        b.setflags(write=False)
+        return b
+
+    @cached_property
+    def hits(self) -> tuple[Hit, ...]:
+        """All impacts of a period in order of time."""
+        found = []
+        for half in range(2 if self.symmetric else 1):
+            side = 1 - 2 * half
+            for one, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
+                before = -side * one.impulse / (1.0 + self.k)
+                # just after the impact a damped site is braked the other way
+                after = side * w + self.damping * (1.0 + self.k) * before
+                time = one.time + half * self.section.length
+                found.append(Hit(one.site, side * one.wall, time, before, -self.k * before, after))
+        return tuple(sorted(found, key=lambda hit: hit.time))
+
+    @property
+    def p(self) -> float:
+        """Half the momentum of each impact, where all are the same."""
+        sizes = 0.5 * np.abs(self.impulses)
+        if np.ptp(sizes) > SAME * sizes.max():
+            raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
+        return float(sizes[0])
+
+    @property
+    def phi(self) -> float:
+        """Time of the impact on the wall +1 of a symmetric orbit of one site."""
+        self._need_one("phi")
+        late = 0.0 if self.impacts[0].wall > 0 else self.section.length
+        return math.remainder(self.impacts[0].time + late, self.period)
+
+    @property
+    def chi(self) -> float:
+        """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
+        (11), ``p chi = wall - a f(phi)``."""
+        self._need_one("chi")
+        return float(self.flight.chi)
+
+    @property
+    def b(self) -> float:
+        """The entry of the saltation matrix (19), the same at every impact."""
+        self._need_one("b")
+        return float(self.entries[0])
+
+    @property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre."""
+        return self.road.c
+
+    @property
+    def asymmetry(self) -> float:
+        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal. Of more
+        that of the impact and its mirror image, half the impacts later, that are farthest off."""
+        if not self.section.mirrored:
+            raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
+        first, second = self.times.reshape(2, -1)
+        late = (second - first) % self.period - 0.5 * self.period
+        return float(late[abs(late).argmax()])
+
+    def _need_one(self, name: str) -> None:
+        if not self.symmetric or self.section.count > 1:
+            raise self._lacks(name, "symmetric orbits with one impact in half a period")
+
+    def _lacks(self, name: str, which: str) -> BadInput:
+        return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
+
+    # --------------------------------------------------------------------------------- motion
+
+    def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """Where site ``n`` is at time ``t``.
+
+        Parameters
+        ----------
+        n : int or array_like of int
+            Site; on a ring modulo its number of sites.
+        t : float or array_like
+            Any real times; n and t are broadcast against each other.
+
+        Returns
+        -------
+        float or ndarray
+        """
+        return self._profile(n, t, 0)
+
+    def velocity(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """How fast site ``n`` is at time ``t``; at an impact, the value just after it. A time
+        within rounding of an impact counts as the impact."""
+        return self._profile(n, t, 1)
+
+    def acceleration(self, n: ArrayLike, t: ArrayLike) -> Any:
+        """Second derivative of `displacement`."""
+        return self._profile(n, t, 2)
+
+    def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
+        found = self.road.profile(whole_sites(n), numbers("t", t), order)
+        return float(found) if np.ndim(found) == 0 else found
+
+    def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites at time ``t``, just after it at an impact.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Those of a ring of so many sites: of the ring's own orbit (see `on`), a state that a
+            simulation of the ring repeats exactly. Needed on the infinite chain only.
+        t : float
+
+        Returns
+        -------
+        u, v : ndarray, shape (sites,)
+        """
+        own = self._on_ring(sites)
+        if own.lattice.sites is None:
+            raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
+        return own.road.state(number("t", t, -math.inf, math.inf, "a time"))
+
+    # ------------------------------------------------------------------ what it is asked about
+
+    def on(self, lattice: Any) -> Orbit:
+        """The orbit of another lattice with the same impacts and parameters, next to this one.
+
+        Raises
+        ------
+        NotConverged, NoSolution
+            If there is none close by.
+        BadInput
+            If an impacting site is not on that lattice, or springs and damping cannot be.
+        """
+        if isinstance(lattice, type) or not hasattr(lattice, "sites"):
+            raise BadInput(f"lattice = {lattice!r}: InfiniteChain() or Ring(20), say, is expected.")
+        lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
+        if lattice == self.lattice:
+            return self
+        found = self.road.on(lattice) or self._guessed_on(lattice)
+        if found.repeats and not self.repeats:
+            raise NotConverged(
+                f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
+                "iteration ends at one whose second half repeats the first; follow its bifurcation "
+                "there instead, switch(branch.first(...)).",
+                residual=found.residual,
+                last=found,
+            )
+        return found
+
+    def _guessed_on(self, lattice: Any) -> Orbit:
+        hit, on = self.section.hit, replace(self.conditions, lattice=lattice)
+        offsets = self.offsets or (self.c,) * len(hit)
+        if lattice.sites is not None:  # they belong to the sites from left to right
+            there = sorted(zip((site % lattice.sites for site in hit), offsets, strict=True))
+            offsets = tuple(c for _, c in there)
+        section = self.section.moved(lattice)
+        return _settled(orbit_of(on, section, self.times, self.impulses, offsets).problem)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the second half of a section is the first again, or its mirror image."""
+        half, odd = divmod(self.section.count, 2)
+        if odd:
+            return False
+        first, second = self.impacts[:half], self.impacts[half:]
+        ahead = self.times[half:] - self.times[:half] - 0.5 * self.section.length
+        grown = np.abs(self.impulses[half:]) - np.abs(self.impulses[:half])
+        same = [one.site for one in first] == [one.site for one in second]
+        return same and max(np.abs(ahead).max(), np.abs(grown).max()) < ALIKE
+
+    def solved(self) -> Orbit:
+        """The orbit that Newton's method finds from this one as a guess."""
+        return _settled(self.road.guess())
+
+    def _on_ring(self, sites: int | None) -> Orbit:
+        if sites is None:
+            return self
+        if isinstance(self.lattice, Ring) or self.lattice.sites is None:
+            return self.on(Ring(sites))
+        raise BadInput(
+            f"sites = {sites}: the size of a ring, but this orbit lives on the "
+            f"{self.lattice.describe()}; ask without it, or take the orbit there, "
+            f"orbit.on(Ring({sites}))."
+        )
+
+    def admissibility(self) -> Admissibility:
+        """Whether all sites keep off their walls except at the impacts named, and by how much."""
+        return self._clearance
+
+    @cached_property
+    def _clearance(self) -> Admissibility:
+        """Asked where a root is chosen, and by whoever has it."""
+        return clearance(self.watch)
+
+    @property
+    def watch(self) -> SiteMotion:
+        """What that is measured on."""
+        return self.road.watch
+
+    @property
+    def map(self) -> Any:
+        """What small perturbations become over a section."""
+        return self.road.map
+
+    def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
+        """Is it stable? The verdict names the lattice it is about.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Ask about a ring of that many sites, by the paper's rule: a multiplier over the period
+            beyond `threshold`. Unless given, the question is about the orbit's own lattice; on the
+            infinite chain the answer is the number of isolated multipliers outside the unit
+            circle, without a threshold.
+        threshold : float, optional
+            The paper's 1.005 unless given; for finite lattices only.
+
+        Examples
+        --------
+        >>> from contbreather.orbits.symmetric import symmetric
+        >>> b = symmetric(a=0.2, gamma=0.11, k=0.8)
+        >>> b.stability().unstable, b.stability(sites=400).stable
+        (2, False)
+        """
+        own = self._on_ring(sites)
+        if threshold is not None and own.lattice.sites is None:
+            raise BadInput(
+                f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is "
+                "exact; ask for stability(sites=N, threshold=...)."
+            )
+        return verdict(own.map, THRESHOLD if threshold is None else threshold)
+
+    def certify(self, *, within: float = 1e-8) -> Certificate:
+        """Prove by interval arithmetic that an exact breather is within so much of this one in p
+        and phi, that it keeps off all walls except at its impacts, and how many multipliers are
+        outside the circle: `contbreather.certified.certify`, which takes branches, too.
+
+        For symmetric breathers of the infinite chain; needs python-flint.
+
+        Examples
+        --------
+        >>> from contbreather.orbits.symmetric import symmetric
+        >>> symmetric(a=0.5, gamma=0.08, k=0.8).certify()
+        <Certificate: Proved: a breather exists, the only one within 0.3. It keeps off all walls \
+except at its impacts. No isolated multiplier of the half map outside the unit circle.>
+        """
+        from contbreather.certified import certify
+
+        return certify(self, within=within)
+
+    def multipliers(self, sites: int | None = None, *, half: bool = False) -> ComplexArray:
+        """All 2N Floquet multipliers over the period on a finite lattice.
+
+        Parameters
+        ----------
+        sites : int, optional
+            Those of the orbit on a ring of so many sites; of its own lattice unless given.
+        half : bool
+            Of a symmetric orbit those over half its period: +1 at a pitchfork, -1 at a fold, where
+            the squares are both +1.
+
+        Returns
+        -------
+        ndarray of complex, shape (2 N,)
+
+        Examples
+        --------
+        >>> from contbreather.orbits.symmetric import symmetric
+        >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
+        >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
+        1.129438
+        """
+        own = self._on_ring(sites)
+        if own.lattice.sites is None:
+            raise BadInput(
+                "the infinite chain has a continuous spectrum; ask for multipliers(sites=N) on a "
+                "ring of N, or for stability().multipliers, the isolated ones outside the circle."
+            )
+        if flag("half", half) and not own.symmetric:
+            raise BadInput("this orbit is not known by half its period: it has no half map.")
+        found: ComplexArray = own.map.multipliers()
+        return found if half or not own.symmetric else found * found
+
+    @property
+    def problem(self) -> Problem:
+        """The orbit as a start for `trace`: its equations with all its events."""
+        return self.road.problem(THRESHOLD)
+
+    def unfolded(self) -> Orbit:
+        """The whole period of a symmetric orbit, as one that need not be symmetric."""
+        return self._again(self.section.unfolded()) if self.symmetric else self
+
+    def doubled(self) -> Orbit:
+        """The same orbit, run through twice.
+
+        Examples
+        --------
+        >>> from contbreather.orbits.symmetric import symmetric
+        >>> two = symmetric(0.5, 0.05, 0.8).unfolded().doubled()
+        >>> two.section.turns, len(two.impacts), two.residual < 1e-14
+        (2, 4, True)
+        """
+        return self._again(self.section.doubled())
+
+    def _again(self, longer: Section) -> Orbit:
+        """One section and the next as one."""
+        T, sign = self.section.length, self.section.sign
+        later = (Impact(n, sign * wall, t + T, sign * J) for n, wall, t, J in self.impacts)
+        found = self.road.rewritten(longer, (*self.impacts, *later), self.offsets)
+        assert found is not None  # every road can be repeated
+        return Orbit(found)
+
+    def table(self) -> Sheet:
+        """Its parameters, and what there is of p, phi, times, impulses."""
+        found = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
+        if self.symmetric and self.section.count == 1:
+            found |= {"p": self.p, "phi": self.phi, "chi": self.chi}
+            found["max |u_1|"] = self.admissibility().max_neighbour
+        else:
+            for i, one in enumerate(self.impacts, start=1):
+                found |= {f"t{i}": one.time, f"impulse {i}": one.impulse}
+            found |= {"c": self.c} if self.c else {}
+        return Sheet.of(found.items(), digits=15)
+
+    def describe(self) -> str:
+        return f"{self.section.describe()} on the {self.lattice.describe()}"
+
+    def __repr__(self) -> str:
+        values = {**self.conditions.params, "t": ", ".join(f"{t:.8g}" for t in self.times)}
+        shown = ", ".join(
+            f"{name} = {value if isinstance(value, str) else f'{value:.10g}'}"
+            for name, value in values.items()
+        )
+        margins = self.admissibility()
+        mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
+        return f"<Orbit of {self.describe()}; {shown}; residual {self.residual:.1e}{mark}>"
+
+
+def whole_sites(n: ArrayLike) -> NDArray[np.int64]:
+    """Numbers of sites, or a sentence."""
+    try:
+        sites = np.asarray(n)
+    except ValueError:  # rows of different lengths
+        sites = np.array(math.nan)
+    if sites.dtype.kind not in "iu":
+        raise BadInput(f"n = {n!r}: sites are whole numbers.")
+    return sites.astype(np.int64)
+
+
+def orbit_of(
+    on: Conditions, section: Section, times: Any, impulses: Any, offsets: Sequence[float] = ()
+) -> Orbit:
+    """The orbit with these impacts, or a guess at it: ``orbit_of(...).solved()`` is one.
+
+    Parameters
+    ----------
+    on : Conditions
+    section : Section
+    times, impulses : sequence of float
+        One of each for every impact; an impulse at the wall +1 is negative.
+    offsets : sequence of float, optional
+        Static displacement of each impacting site; 0 unless given.
+
+    Raises
+    ------
+    BadInput
+        For impacts that cannot be under these conditions.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import orbit_of
+    >>> guess = orbit_of(Conditions(0.5, 0.12, 0.4), Section(((0, 1), (0, -1))), [-2.5, 0.7],
+    ...                  [-1.4, 1.4])
+    >>> round(guess.solved().p, 10)
+    0.680056002
+    """
+    check_kind(on, Conditions, "Conditions")
+    check_kind(section, Section, "a Section of impacts")
+    section = section.placed(on.lattice)
+    times, impulses = (
+        row(name, value, "one for each impact")
+        for name, value in (("times", times), ("impulses", impulses))
+    )
+    offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
+    while True:
+        for _, kind in sorted(ROADS.items()):
+            if kind.suits(on, section):
+                return Orbit(kind.through(on, section, times, impulses, offsets))
+        if not section.symmetric:
+            break
+        times = np.concatenate([times, times + section.length])
+        impulses, section = np.concatenate([impulses, -impulses]), section.unfolded()
+    raise BadInput(
+        f"damping = {on.damping}, spring = {on.spring}, walls = "
+        f"{dict(on.walls.own) or on.walls.of_all}: orbits of the {on.lattice.describe()} have "
+        "walls at -1 and 1 and no damping, and springs only where, in equal flights, "
+        "one site hits its walls in turn; take a finite lattice, Ring(200) for instance."
+    )
+
+
+def _settled(problem: Problem) -> Orbit:
+    solved, found = problem.solve(tolerance=1e-11)
+    orbit = orbit_at(solved)
+    checked(orbit, found.iterations)
+    return orbit
+
+
+def checked(orbit: Orbit, iterations: int | None = None) -> None:
+    """`NotConverged` where what solves the equations has impacts out of order, or with a site that
+    moves away from the wall it should hit."""
+
+    def refuse(why: str) -> NotConverged:
+        return NotConverged(
+            f"Newton's iteration ends at impact times {orbit.times.round(9).tolist()}, which is no "
+            f"orbit of {orbit.describe()}: {why} Start closer to it.",
+            residual=orbit.residual,
+            iterations=iterations,
+            last=orbit,
+        )
+
+    try:
+        check_order(orbit.section, orbit.times)
+    except BadInput as error:
+        raise refuse(str(error)) from error
+    for one, velocity in zip(orbit.impacts, orbit.incoming.tolist(), strict=True):
+        if velocity * one.wall <= 0.0:
+            raise refuse(
+                f"at t = {one.time:.9g} site {one.site} comes to its wall from outside, with the "
+                f"velocity {velocity * one.wall:.6g}."
+            )
+
+
+def orbit_at(problem: Problem) -> Orbit:
+    """The orbit that a problem of orbits starts from."""
+    curve = Curve(problem, ())
+    found: Orbit = Point(curve, curve.start).solution
+    return found
+
+
+def with_parameters(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
+    """A problem of an orbit on another road, if it asks for what its own has no parameters for."""
+    orbit = orbit_at(problem)
+    on, section = orbit.conditions, orbit.section
+    wanted = [name for name in names if name in on.params]
+    for _, kind in sorted(ROADS.items()):
+        if wanted and kind.suits(on, section) and kind is not type(orbit.road):
+            motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
+            return motion.problem(threshold)
+    if wanted:
+        raise BadInput(
+            f"{' and '.join(wanted)}: orbits of the infinite chain have no damping, and springs "
+            "only where, in equal flights, one site hits its walls in turn; take a finite lattice, "
+            "a ring of 100 sites for instance."
+        )
+    return problem

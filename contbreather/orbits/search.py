@@ -1,0 +1,220 @@
+"""A breather, or an event, somewhere in a window: where branches and boundaries can begin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from contbreather.checks import check_kind, one_of, whole
+from contbreather.continuation import Branch, Point, Problem, trace
+from contbreather.continuation.boundary import named_pair
+from contbreather.continuation.starts import windows
+from contbreather.continuation.switching import switch
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import forcing_of
+from contbreather.lattice.conditions import Walls
+from contbreather.lattice.finite import Lattice
+from contbreather.orbits.closure import smallest_amplitude
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.symmetric import rooted, symmetric_roots
+from contbreather.orbits.zones import up_to_the_fold
+from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of
+from contbreather.stability.verdict import THRESHOLD
+
+REACH = 10.0  # how far a window without end is looked at
+Window = tuple[float, float]
+
+
+def find_symmetric(free: str, within: Window, *, root: int | None = None, **given: Any) -> Any:
+    """An admissible symmetric breather somewhere in the window of one parameter.
+
+    Parameters
+    ----------
+    free : str
+        The parameter: a, gamma, k, damping, spring or one of the forcing.
+    within : (float, float)
+        Where to look for it. A value of `free` among `given` is tried first.
+    root : int, optional
+        Which solution of (11), by falling p; unless given the first one, and any other only where
+        that is admissible nowhere in the window.
+    **given
+        The others, and all that `symmetric` takes: forcing, lattice, site, walls.
+
+    Returns
+    -------
+    Orbit
+
+    Raises
+    ------
+    NoSolution
+        If there is none, with the reason at the last value that was looked at.
+    BadInput
+        If a breather is possible nowhere in the window, for what is given is out of range.
+
+    Examples
+    --------
+    >>> round(find_symmetric("a", (0.6, 0.9), gamma=0.1, k=0.8).a, 9)
+    0.6075
+    """
+    reason, refusal = "", None
+    check_kind(free, str, "the name of a parameter")
+    whole("root", 1 if root is None else root, 1)
+    missing = {*NEEDED} - {free, *given}
+    if missing:
+        raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
+    within = windows({free: within})[free]
+    # an upper breather, wherever in the window, before a lower one
+    numbers: tuple[int | None, ...] = (1, None) if root is None else (root,)
+    for number, value in product(numbers, _places(free, within, given)):
+        try:
+            found = rooted(symmetric_roots(**_with(given, free, value)), number)
+        except NoSolution as error:
+            reason = str(error)
+        except BadInput as error:  # out of range here, perhaps not elsewhere in the window
+            refusal = refusal or error
+        else:
+            verdict = found.admissibility()
+            if verdict.ok:
+                return found
+            reason = f"at {free} = {value:.6g} {verdict.reason}"
+    if refusal is not None and not reason:
+        raise refusal
+    fixed = [f"{n} = {given[n]:g}" for n in NAMES if n in given and n != free]
+    raise NoSolution(
+        f"no breather with {', '.join(fixed)} for {free} between {within[0]:g} and "
+        f"{within[1]:g}: {reason}"
+    )
+
+
+def _with(given: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
+    """What is given, with another value of a parameter, be it one of the forcing."""
+    forcing = forcing_of(given.get("forcing"))
+    if name in forcing.params:
+        return {**given, "forcing": forcing.at(**{name: value})}
+    one_of("the parameter", name, (*NAMES, *forcing.params))
+    return {**given, name: value}
+
+
+def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[float]:
+    """Where to look for a breather in a window: first next to the fold, then evenly spread."""
+    low, high = within
+    first = given.get(free, 0.0 if free in OPTIONAL else None)
+    near = [] if first is None else [first]
+    if free == "a":
+        width = abs(Walls.given(given.get("walls")).position(given.get("site", 0), 1))
+        high = min(high, max(width if math.isfinite(width) else 1.0, 2.0 * low))
+        if not isinstance(given.get("lattice"), Lattice):
+            fold = smallest_amplitude(given["gamma"], given["k"], given.get("forcing"))
+            near += [factor * fold for factor in (1.5, 1.1, 1.01)]
+    else:
+        low, high = max(low, -REACH), min(high, REACH)
+    yield from (value for value in near if within[0] <= value <= within[1])
+    spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
+    yield from (value for value in spread if free != "a" or value > 0.0)
+
+
+def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
+    """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
+    these parameters among theirs."""
+    return orbit.road.problem(threshold).having(*names)
+
+
+def find_event(
+    kind: str,
+    pair: tuple[str, str],
+    *,
+    within: Mapping[str, Window] | None = None,
+    threshold: float = THRESHOLD,
+    **given: Any,
+) -> Point:
+    """The first event of a kind on branches of symmetric breathers, or on the arms that leave them:
+    where a `boundary` can begin.
+
+    Parameters
+    ----------
+    kind : str
+        LP, PF, NS, GR: what such a breather has; PD, which its arms have.
+    pair : (str, str)
+        The branches are in the second parameter, at some values of the first one, or at the one
+        among `given`.
+    within : dict, optional
+        Windows of both.
+    threshold : float
+        Modulus over 2 pi from which a multiplier counts as unstable, on finite lattices; not for
+        arms, which are judged by the paper's.
+    **given
+        As for `find_symmetric`.
+
+    Raises
+    ------
+    NoSolution
+        If there is none, with what the last branch has.
+
+    Examples
+    --------
+    >>> start = find_event("PF", ("gamma", "a"), gamma=0.04, k=0.8)
+    >>> round(start["a"], 12)
+    0.777632425944
+    """
+    first, free = named_pair(pair)
+    check_kind(kind, str, "the kind of an event, 'PF' for instance,")
+    if kind == "PD" and threshold != THRESHOLD:
+        raise BadInput(
+            f"threshold = {threshold:g}: PD is found on arms, which are judged by the paper's "
+            f"{THRESHOLD}; leave it out"
+        )
+    checked = windows(within)
+    span, reach = (checked.get(name) or window_of(name) for name in pair)
+    reason, refusal = "", None
+    for value in _combed(first, given.get(first), span):
+        try:
+            start = find_symmetric(free, reach, **{"root": 1, **_with(given, first, value)})
+        except NoSolution as error:
+            reason = str(error)
+            continue
+        except BadInput as error:  # out of range here, perhaps not elsewhere in the window
+            refusal = refusal or error
+            continue
+        problem = problem_with(start, *pair, threshold=threshold)
+        events = tuple(map(up_to_the_fold, problem.events))
+        branch = trace(problem, free, within={free: reach}, events=events, progress=False)
+        for followed in _with_arms(branch, {free: reach}) if kind == "PD" else (branch,):
+            for point in followed.special:
+                if point.kind == kind and point.located:
+                    return point
+        labels = ", ".join(point.label for point in followed.special) or "not a special point"
+        reason = f"the branch in {free} at {first} = {value:.6g} has {labels}"
+    if refusal is not None and not reason:
+        raise refusal
+    raise NoSolution(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
+
+
+def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]:
+    """A branch, and one of both mirror images that leave it at each pitchfork."""
+    yield branch
+    for point in branch.special:
+        if point.kind == "PF" and point.located:
+            yield switch(point, within=within, progress=False)[0]
+
+
+def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
+    """Where to look for a first point: evenly spread, the middle first; damping and springs, which
+    need not be there, without them before that."""
+    if given is not None:
+        if not span[0] <= given <= span[1]:
+            raise BadInput(
+                f"{name} = {given:g} is outside of the window {span[0]:g} to {span[1]:g}"
+            )
+        yield given
+        return
+    if name in OPTIONAL and span[0] == 0.0:
+        yield 0.0
+    open_ = math.isinf(span[1]) and name in OPTIONAL
+    low, reach = max(span[0], -REACH), 1.0 if open_ or name == "a" else REACH
+    high = min(span[1], max(reach, 2.0 * low))
+    for fraction in (0.5, 0.25, 0.75, 0.1, 0.9, 0.4, 0.6, 0.02, 0.98):
+        yield low + fraction * (high - low)

@@ -1,0 +1,335 @@
+"""Which site hits which wall, in what order, and how that closes: what an orbit is asked to be.
+
+An orbit of period 2 pi n is a list of impacts ``(site, wall)``. A symmetric one, ``u(t + pi n) =
+-u(t)``, is known from half of it: its section is half a period long and closes with the sign -1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import one_of
+from contbreather.errors import BadInput
+from contbreather.lattice import Ring, check_gamma
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.refusals import ImpossibleSequence
+
+FloatArray = NDArray[np.float64]
+Sequenced = tuple[tuple[int, int], ...]
+
+SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+Speed = Callable[[int, int, FloatArray], FloatArray | None]
+
+WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
+
+
+class Impact(NamedTuple):
+    """One impact: which site hits which wall (+1 or -1), when, and the impulse it receives."""
+
+    site: int
+    wall: int
+    time: float
+    impulse: float
+
+
+@dataclass(frozen=True)
+class Section:
+    """Impacts in order, and how the flight through them closes.
+
+    Parameters
+    ----------
+    impacts : sequence of (site, wall)
+        Of one period; of half a period if the sign is -1. Walls are +1 and -1. Impacts of one site
+        come in this order; those of different sites may overtake each other.
+    turns : int
+        n, for the period 2 pi n.
+    sign : {1, -1}
+        The state after a section is this many times that before. With -1 the second half of the
+        period repeats the first upside down; n must be odd.
+
+    Raises
+    ------
+    BadInput
+        No impact, a site that is not a whole number, a wall that is neither +1 nor -1.
+
+    Examples
+    --------
+    >>> Section(((0, 1), (0, -1))).length == 2 * math.pi
+    True
+    >>> half = Section(((0, 1),), sign=-1)
+    >>> half.length == math.pi, half.unfolded().impacts
+    (True, ((0, 1), (0, -1)))
+    """
+
+    impacts: Sequenced
+    turns: int = 1
+    sign: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "impacts", checked_impacts(self.impacts))
+        if not _whole(self.turns) or self.turns < 1:
+            raise BadInput(f"turns = {self.turns!r}: periods are 2 pi n with a whole n >= 1.")
+        one_of("sign", self.sign, (1, -1))
+        if self.symmetric and self.turns % 2 == 0:
+            raise BadInput(
+                f"a symmetric orbit of period {2 * self.turns} pi: u(t + pi n) = -u(t) needs an "
+                f"odd n, because the forcing changes sign after pi; n = {self.turns} was given."
+            )
+
+    @property
+    def symmetric(self) -> bool:
+        return self.sign < 0
+
+    @property
+    def count(self) -> int:
+        """Impacts in a section."""
+        return len(self.impacts)
+
+    @property
+    def period(self) -> float:
+        return 2.0 * math.pi * self.turns
+
+    @property
+    def length(self) -> float:
+        return 0.5 * self.period if self.symmetric else self.period
+
+    @cached_property
+    def hit(self) -> tuple[int, ...]:
+        """The sites that hit a wall."""
+        return tuple(sorted({n for n, _ in self.impacts}))
+
+    @property
+    def local(self) -> bool:
+        """Whether one site alone hits its walls."""
+        return len(self.hit) == 1
+
+    @property
+    def two_impacts(self) -> bool:
+        """Whether one site hits the wall +1 and then the wall -1, once each in 2 pi."""
+        walls = [wall for _, wall in self.impacts]
+        return self.sign > 0 and self.turns == 1 and walls == [1, -1] and self.local
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half hits the opposite walls: half a symmetric orbit may do for it."""
+        half = self.impacts[: self.count // 2]
+        opposite = tuple((n, -wall) for n, wall in half)
+        return self.sign > 0 and self.turns % 2 == 1 and self.impacts == half + opposite
+
+    @cached_property
+    def repeats(self) -> tuple[tuple[int, int], ...]:
+        """Impacts of one site at one wall that follow each other, by index."""
+        last: dict[int, int] = {}
+        found = []
+        for j, (site, wall) in enumerate(self.impacts):
+            i = last.get(site)
+            if i is not None and self.impacts[i][1] == wall:
+                found.append((i, j))
+            last[site] = j
+        return tuple(found)
+
+    def unfolded(self) -> Section:
+        """The impacts of the full period, without use of the symmetry."""
+        if not self.symmetric:
+            return self
+        mirrored = tuple((n, -wall) for n, wall in self.impacts)
+        return Section(self.impacts + mirrored, self.turns)
+
+    def doubled(self) -> Section:
+        """The same impacts twice, over twice the period."""
+        if self.symmetric:
+            raise BadInput(
+                "a symmetric orbit does not double its period; break its symmetry first, unfolded()"
+            )
+        return Section(self.impacts * 2, 2 * self.turns)
+
+    def placed(self, lattice: Any) -> Section:
+        """With its sites looked up on a lattice, negative ones counted from its end."""
+        sites = lattice.sites
+        if sites is None:
+            return self
+        for site, wall in self.impacts:
+            if not -sites < site < sites:
+                raise ImpossibleSequence(
+                    f"impact ({site!r}, {wall!r}): no such site on the {lattice.describe()}; sites "
+                    f"are whole numbers from 0 to {sites - 1}.",
+                    sequence=self.impacts,
+                )
+        return self.around(sites)
+
+    def around(self, sites: int) -> Section:
+        """With its sites counted modulo the size of a lattice."""
+        found = tuple((site % sites, wall) for site, wall in self.impacts)
+        if len({site for site, _ in found}) < len(self.hit):
+            raise BadInput(
+                f"the impacting sites {list(self.hit)} fall together on a lattice of {sites} "
+                "sites: take a larger one."
+            )
+        return self if found == self.impacts else replace(self, impacts=found)
+
+    def moved(self, lattice: Any) -> Section:
+        """On another lattice: sites go around a ring, elsewhere they stay what they are."""
+        return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
+
+    def to_dict(self) -> dict[str, Any]:
+        """By numbers, for files."""
+        return {"impacts": [*map(list, self.impacts)], "turns": self.turns, "sign": self.sign}
+
+    def describe(self) -> str:
+        impacts = " ".join(f"{n}{'+' if wall > 0 else '-'}" for n, wall in self.impacts)
+        half = ", half of a symmetric orbit" if self.symmetric else ""
+        return f"period {2 * self.turns} pi, impacts {impacts}{half}"
+
+
+def checked_impacts(impacts: Sequence[Any]) -> Sequenced:
+    """The impacts as pairs of whole numbers, or what is wrong with them."""
+
+    def refuse(why: str) -> ImpossibleSequence:
+        return ImpossibleSequence(why, sequence=impacts)
+
+    try:
+        pairs = [(site, wall) for site, wall in impacts]
+    except (TypeError, ValueError) as error:
+        raise refuse(
+            f"sequence = {impacts!r}: impacts are pairs (site, wall), for instance "
+            f"((0, 1), (0, -1)); {error}."
+        ) from error
+    if not pairs:
+        raise refuse(
+            "the sequence of impacts is empty: without impacts a lattice only follows its "
+            "forcing; give pairs (site, wall), for instance ((0, 1), (0, -1))."
+        )
+    for site, wall in pairs:
+        if not _whole(site):
+            raise refuse(f"impact ({site!r}, {wall!r}): sites are whole numbers.")
+        if isinstance(wall, bool) or wall not in (1, -1):
+            raise refuse(f"impact ({site!r}, {wall!r}): walls are +1 and -1.")
+    return tuple((int(site), int(wall)) for site, wall in pairs)
+
+
+def _whole(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+# --- which sections can be under which conditions ------------------------------------------------
+
+
+def check_walls(section: Section, on: Conditions) -> None:
+    """`BadInput` where a site hits a wall that is not there, or half an orbit cannot stand for the
+    other half."""
+    walls, lattice = on.walls, on.lattice
+    for site, _ in walls.own:
+        if lattice.sites is not None and not 0 <= site < lattice.sites:
+            raise BadInput(
+                f"walls of site {site}: there is no such site on the {lattice.describe()}; sites "
+                f"are 0 to {lattice.sites - 1}."
+            )
+    for site, wall in section.impacts:
+        if math.isinf(walls.position(site, wall)):
+            raise ImpossibleSequence(
+                f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
+                sequence=section.impacts,
+            )
+    if section.symmetric and not walls.symmetric:
+        raise BadInput(
+            "the walls are not symmetric, so no orbit is its own mirror image half a period "
+            "later: there is no half section and no pitchfork; shoot the whole period, "
+            "symmetric=False."
+        )
+
+
+def check_possible(section: Section, on: Conditions) -> None:
+    """`BadInput` where nothing brings the sites back: then no one state belongs to an orbit."""
+    lattice = on.lattice
+    check_walls(section, on)
+    if lattice.highest_gamma <= on.gamma:
+        check_gamma(on.gamma)  # says why
+    loose = not section.symmetric and lattice.sites is not None and lattice.sites > 1
+    if loose and max(on.gamma, on.spring) < WEAK:
+        raise BadInput(
+            f"gamma = {on.gamma!r} on the {lattice.describe()}: sites that do not feel each other "
+            "may rest anywhere, so there is no one orbit; take sites=1, or a spring."
+        )
+    check_both_walls(section, on)
+
+
+def check_both_walls(section: Section, on: Conditions) -> None:
+    """`ImpossibleSequence` where all impulses push the same way and nothing holds the lattice."""
+    walls = {wall for _, wall in section.impacts}
+    if section.symmetric or len(walls) == 2 or on.spring >= WEAK:
+        return
+    if on.lattice.sites is not None and on.lattice.basis(section.hit).lam.min() >= WEAK:
+        return
+    raise ImpossibleSequence(
+        f"the sequence {section.impacts} hits the wall at {walls.pop():+d} only: every impact "
+        "pushes a lattice that nothing holds the same way and it never comes back; let it hit "
+        "both, or give it a spring.",
+        sequence=section.impacts,
+    )
+
+
+def check_order(section: Section, times: Any) -> None:
+    """`BadInput` unless the impacts of each site come in order, within one section."""
+    for site in section.hit:
+        own = [j for j, (n, _) in enumerate(section.impacts) if n == site]
+        for j, later in zip(own, [*own[1:], own[0]], strict=True):
+            length = times[later] - times[j] + (section.length if later <= j else 0.0)
+            if length <= 0.0:
+                after = f"t{later + 1}" + (" + a section" if later <= j else "")
+                raise BadInput(
+                    f"impacts of site {site} out of order: t{j + 1} = {times[j]:.9g} does not come "
+                    f"before {after} = {times[j] + length:.9g}; times of a site rise within one "
+                    f"section of length {section.length:.6g}."
+                )
+
+
+# --- impacts of one site at one wall -----------------------------------------------------------
+
+
+def in_turn(section: Section, times: FloatArray) -> list[int]:
+    """The impacts by time, by index: those of one site at one wall that follow each other keep
+    their order, so that what is flown is smooth where two become one; all others may overtake."""
+    keys = [float(time) for time in times]
+    for i, j in section.repeats:
+        keys[j] = max(keys[i], keys[j])
+    return sorted(range(len(keys)), key=lambda j: (keys[j], j))
+
+
+# Two impacts at once would solve the conditions that both are on their wall, whatever the velocity:
+# along there Newton's iteration is singular, and walks get lost. The mean velocity between them,
+# which takes the place of the second condition, vanishes there with that of the impact alone.
+
+
+def told_apart(
+    section: Section, times: FloatArray, walls: FloatArray, speed: Speed | None = None
+) -> FloatArray:
+    """Conditions that impacts are on their walls, those of impacts that repeat at a wall per time
+    since the one before: a mean velocity, from `speed` where a quotient would be all rounding."""
+    found = walls.copy()
+    for i, j in section.repeats:
+        gap = times[j] - times[i]
+        near = speed is not None and abs(gap) < SHORT
+        mean = speed(i, j, 0.5 * gap * (1.0 + _NODES)) if near and speed else None
+        found[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * _WEIGHTS @ mean
+    return found
+
+
+def told_apart_slopes(
+    section: Section, times: FloatArray, told: FloatArray, slopes: FloatArray
+) -> FloatArray:
+    """Derivatives of what is told apart, from those of the conditions; unknowns begin with the
+    times."""
+    found = told_apart(section, times, slopes)
+    for i, j in section.repeats:
+        own = told[j] / (times[j] - times[i])
+        found[j, i] += own
+        found[j, j] -= own
+    return found

@@ -1,0 +1,330 @@
+"""The motion of the sites of an orbit by the closed form of the symmetric breather, by the Green's
+function of chain and ring, or by the modes of any finite lattice.
+
+Beyond a dozen sites from the last that impacts the response of the chain is one harmonic, whose
+amplitude shrinks and changes sign from site to site. The largest displacement is a convex function
+of that amplitude, so the first two such sites and the far field bound all the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.lattice import Forcing, Lattice
+from contbreather.lattice.green import POWERS, response_weights
+from contbreather.lattice.periodic import bounds, is_resonant, responses, wave
+from contbreather.lattice.responses import Responses
+from contbreather.orbits.margins import IMAGE
+from contbreather.orbits.motion import Forced, Modes, Motion, points_of
+from contbreather.orbits.section import Impact
+
+FloatArray = NDArray[np.float64]
+Terms = tuple[float, float, float]  # a value and its first two derivatives
+Wall = tuple[float, float]
+
+FINE = 64  # points to half a period of the forcing, sixteen to that of its highest harmonic
+NEAR = 13  # (0.072)^13 < 1e-14: the third harmonic has died out two sites earlier
+USUAL = (-1.0, 1.0)
+NO_WALLS = (-math.inf, math.inf)
+LOW = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
+
+_NO_VECTOR, _NO_MATRIX = np.empty(0), np.empty((0, 0))
+_NO_MODES = Modes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
+
+
+class SiteMotion:
+    """The motion of an orbit over a section, and which sites decide on its clearance."""
+
+    def __init__(self, orbit: Any) -> None:
+        self.orbit = orbit
+        self.k, self.sign = float(orbit.k), int(orbit.section.sign)
+        self.length = float(orbit.section.length)
+        self.fine = max(FINE, 16 * orbit.forcing.highest)
+        self.hit = orbit.section.hit
+
+    @cached_property
+    def start(self) -> float:
+        """Time of the first impact of a section."""
+        return float(self.orbit.impacts[0].time)
+
+    @property
+    def period(self) -> float:
+        return self.length if self.sign > 0 else 2.0 * self.length
+
+    @cached_property
+    def impacts(self) -> tuple[Impact, ...]:
+        """Of a period, those of a section first."""
+        impacts: tuple[Impact, ...] = self.orbit.impacts
+        if self.sign > 0:
+            return impacts
+        late = self.length
+        return impacts + tuple(Impact(n, -wall, t + late, -J) for n, wall, t, J in impacts)
+
+    @cached_property
+    def idle(self) -> Sequence[int]:
+        """Sites that never hit a wall, all that may come closest to one."""
+        raise NotImplementedError
+
+    @property
+    def beside(self) -> Collection[int]:
+        """Sites coupled to one that hits a wall."""
+        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
+
+    def walls(self, site: int) -> Wall:
+        return USUAL
+
+    @property
+    def far(self) -> float:
+        """The margin of the far field, 1 where there is none."""
+        return 1.0
+
+    def far_time(self) -> float:
+        """When it is closest to a wall."""
+        return self.start
+
+    def influence(self, site: int) -> float:
+        """How strongly a site feels the impacts, in powers of the coupling; 1 where a lattice knows
+        no distances."""
+        return 1.0
+
+    def at(self, site: int, t: float) -> Terms:
+        """Displacement, velocity and acceleration of a site."""
+        raise NotImplementedError
+
+    def of(
+        self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
+    ) -> tuple[Motion, Sequence[int]]:
+        """The motion of the sites that impact, and behind them of those of others that are near or
+        may come closest to a wall, besides one that touches it; and which these are."""
+        sites = (*self.hit, *idle)
+        return self._motion(sites, *self._parts(sites)), idle
+
+    def _motion(
+        self, sites: tuple[int, ...], forced: Forced, responses: Responses, modes: Modes
+    ) -> Motion:
+        index, late = self.hit.index, self.length
+        rows = [(t, J, index(site), wall) for site, wall, t, J in self.orbit.impacts]
+        if self.sign < 0:
+            rows += [(t + late, -J, site, -wall) for t, J, site, wall in rows]
+        impacts = np.array([*zip(*rows, strict=True)], dtype=float)
+        section = self.start, self.length, float(self.sign), self.fine
+        parts = forced, responses, modes
+        counts = len(self.orbit.impacts), len(self.hit)
+        return Motion(
+            float(self.orbit.a), self.k, *section, *parts, impacts, *counts, self._places(sites)
+        )
+
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+        raise NotImplementedError
+
+    def _places(self, sites: Sequence[int]) -> FloatArray:
+        """Offset and walls of each site."""
+        return _between_usual_walls(len(sites))
+
+
+@lru_cache(maxsize=64)
+def _between_usual_walls(count: int) -> FloatArray:
+    return np.full((count, 3), (0.0, *USUAL))
+
+
+@lru_cache(maxsize=64)
+def _alike(forcing: Forcing) -> Forced:
+    """What all sites follow where nothing but the walls holds them."""
+    m, A, B = np.array(forcing.harmonics, dtype=float).reshape(-1, 3).T.copy()
+    return Forced(m, A[None], B[None], float(forcing.peak()))
+
+
+# --- chain and ring, with impacts that recur --------------------------------------------------
+
+
+class ChainMotion(SiteMotion):
+    """By its impacts: responses depend on the distance of a site from each of them."""
+
+    @cached_property
+    def idle(self) -> Sequence[int]:
+        lattice = self.orbit.lattice
+        resonant = is_resonant(lattice, self.orbit.gamma, self.orbit.section.turns)
+        return _around(lattice, self.hit, resonant)
+
+    @property
+    def _far_offset(self) -> float:
+        """The larger of those at both ends, none where there is no coupling."""
+        orbit, offsets = self.orbit, self.orbit.offsets
+        return max((offsets[0], offsets[-1]), key=abs) if orbit.gamma else 0.0
+
+    @property
+    def far(self) -> float:
+        orbit = self.orbit
+        if orbit.lattice.sites is not None:
+            return 1.0
+        return float(1.0 - abs(self._far_offset) - orbit.a * orbit.forcing.peak())
+
+    def far_time(self) -> float:
+        if self.orbit.lattice.sites is not None:
+            return self.start
+        return _highest(self.orbit.forcing, math.copysign(1.0, self._far_offset))
+
+    def influence(self, site: int) -> float:
+        away = min(self.orbit.lattice.distance(site - busy) for busy in self.hit)
+        return float(
+            0.5 * max(abs(impact.impulse) for impact in self.impacts) * self.orbit.gamma**away
+        )
+
+
+@lru_cache(maxsize=64)
+def _around(lattice: Lattice, hit: tuple[int, ...], everywhere: bool) -> Sequence[int]:
+    """The sites near those that impact, or all, but those."""
+    ring = lattice.sites
+    sites = set(range(ring or 0) if everywhere else range(hit[0] - NEAR, hit[-1] + NEAR + 1))
+    if len(hit) == 1:  # both sides are alike
+        sites = {hit[0] + lattice.distance(site - hit[0]) for site in sites}
+    return sorted({site % ring for site in sites} - set(hit) if ring else sites - set(hit))
+
+
+class ClosedFormMotion(ChainMotion):
+    """A symmetric breather, of which site 0 impacts."""
+
+    def at(self, site: int, t: float) -> Terms:
+        b, (y, sign) = self.orbit, phase(self.orbit, t)
+        (u, v, w), (f, df, d2f) = b.flight(site).at(y), b.forcing.motion(t)
+        a, p = b.a, sign * b.p
+        return a * f + p * u, a * df + p * v, a * d2f + p * w
+
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+        b = self.orbit
+        return _alike(b.forcing), _odd_responses(b.lattice, b.gamma, sites), _NO_MODES
+
+
+def phase(breather: Any, t: float) -> tuple[float, float]:
+    """Time from the middle of the flight, and its sign."""
+    flights = math.floor((t - breather.phi) / math.pi)
+    sign = -1.0 if flights % 2 else 1.0
+    return t - breather.phi - (flights + 0.5) * math.pi, sign
+
+
+@lru_cache(maxsize=64)
+def _odd_responses(lattice: Lattice, gamma: float, sites: tuple[int, ...]) -> Responses:
+    """To the impulse -2p, of which `Flight` is the response per unit p."""
+    table = np.zeros((len(sites), POWERS + 2))
+    np.matmul(lattice.powers(gamma, sites), -0.5 * _WEIGHTS, out=table[:, :POWERS])
+    table[:, POWERS] = 2.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites))
+    rows, none = np.arange(len(sites))[:, None], np.empty((len(sites), 0))
+    largest = bounds(table, _odd_basis())
+    return Responses(rows, table, _NO_VECTOR, none, none, largest, 1.0, True)
+
+
+_WEIGHTS = response_weights()[::-1].T  # the highest power first
+
+
+@lru_cache(maxsize=1)
+def _odd_basis() -> FloatArray:
+    y, odd = np.linspace(0.0, 0.5 * math.pi, 65), 2.0 * np.arange(POWERS)[::-1, None] + 1.0
+    return np.vstack([y**odd, np.sin(y), np.sin(2.0 * y)])
+
+
+class GreenMotion(ChainMotion):
+    """An orbit with any impacts, by the periodic Green's function."""
+
+    def at(self, site: int, t: float) -> Terms:
+        u, v, w = moved(self.orbit, site, t)
+        return u + float(self.orbit.flight.offset(site)), v, w
+
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+        orbit, hits = self.orbit, tuple(impact.site for impact in self.impacts)
+        to_impacts = responses(orbit.lattice, orbit.gamma, sites, hits, orbit.section.turns)
+        return _alike(orbit.forcing), to_impacts, _NO_MODES
+
+    def _places(self, sites: Sequence[int]) -> FloatArray:
+        places = super()._places(sites).copy()
+        places[:, 0] = self.orbit.flight.offset(sites)
+        return places
+
+
+@lru_cache(maxsize=64)
+def _highest(forcing: Forcing, sign: float) -> float:
+    """When f is largest in one direction."""
+    t = np.linspace(0.0, 2.0 * math.pi, 64 * forcing.highest, endpoint=False)
+    return float(t[int((sign * forcing.f(t)).argmax())])
+
+
+def moved(orbit: Any, site: int, t: float) -> Terms:
+    """Displacement, velocity and acceleration of a site at one time, without its static offset."""
+    a, (u, v, w) = orbit.a, orbit.forcing.motion(t)
+    u, v, w = a * u, a * v, a * w
+    for impact in orbit.impacts:
+        distance = orbit.lattice.distance(site - impact.site)
+        h = wave(orbit.lattice, orbit.gamma, distance, orbit.section.turns).motion(t - impact.time)
+        u, v, w = u + impact.impulse * h[0], v + impact.impulse * h[1], w + impact.impulse * h[2]
+    return u, v, w
+
+
+# --- modes of a finite lattice --------------------------------------------------------------
+
+
+class ModalMotion(SiteMotion):
+    """A shot orbit of any finite lattice."""
+
+    def walls(self, site: int) -> Wall:
+        pair: Wall = self.orbit.walls.at(site)
+        return pair
+
+    @cached_property
+    def idle(self) -> Sequence[int]:
+        sites = self.orbit.lattice.idle(self.hit).tolist()
+        return [n for n in sites if self.walls(n) != NO_WALLS]
+
+    def at(self, site: int, t: float) -> Terms:
+        terms: Terms = self.orbit.flight.at(site, t)
+        return terms
+
+    def of(
+        self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
+    ) -> tuple[Motion, Sequence[int]]:
+        flight, few = self.orbit.flight, np.array(idle, dtype=int)
+        size = points_of(self.fine, self.length)
+        times = self.start + self.length / size * np.arange(size)
+        profiles = flight.motion(times)[:, few].T
+        if few.size:
+            low, high = self._places(few.tolist())[:, 1:].T[:, :, None]
+            gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
+            if touching is not None and touching in few:
+                image = profiles[few == touching]
+                gaps[abs(profiles - image).max(axis=1) <= IMAGE] = math.inf
+            wanted = gaps <= gaps.min() + LOW * max(abs(gaps.min()), LOW)
+            # far away sites move alike: of those the first
+            wanted &= np.isin(np.arange(few.size), np.unique(gaps.round(12), return_index=True)[1])
+            wanted |= np.isin(few, list(near))
+            few, profiles = few[wanted], profiles[wanted]
+        idle = few.tolist()
+        sites = (*self.hit, *idle)
+        legs = flight.legs[1:]
+        starts = np.array([leg.since for leg in legs])
+        q, r = np.array([leg.q for leg in legs]), np.array([leg.r for leg in legs])
+        shapes = np.ascontiguousarray(flight.basis.at(sites))
+        z, damping = flight.z, float(flight.conditions.damping)
+        modes = Modes(starts, q, r, z, damping, shapes, np.ascontiguousarray(profiles))
+        return self._motion(sites, self._forced(sites), _no_responses(len(sites)), modes), idle
+
+    def _forced(self, sites: tuple[int, ...]) -> Forced:
+        forced = self.orbit.flight.forced
+        if forced.alike:
+            return _alike(self.orbit.forcing)
+        series = np.array([forced.harmonics(site) for site in sites], dtype=float)
+        m, A, B = (np.ascontiguousarray(part) for part in np.moveaxis(series, 2, 0))
+        return Forced(m[0], A, B, math.inf)
+
+    def _places(self, sites: Sequence[int]) -> FloatArray:
+        return np.array([(0.0, *self.walls(n)) for n in sites])
+
+
+@lru_cache(maxsize=64)
+def _no_responses(sites: int) -> Responses:
+    which = np.empty((sites, 0), dtype=np.int64)
+    none = _NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR
+    return Responses(which, _NO_MATRIX, *none, 1.0, False)

@@ -1,0 +1,275 @@
+"""How far a breather attracts: many starts over a plane of initial conditions, in parallel.
+
+A row's result depends on its starts alone, so the picture is the same whoever computes it.
+"""
+
+from __future__ import annotations
+
+import enum
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import MOST, check_kind, number, one_of, row, whole
+from contbreather.columns import Columns
+from contbreather.display import Shown
+from contbreather.errors import Interrupted, NotConverged
+from contbreather.lattice.conditions import Conditions
+from contbreather.simulation.energy import localised
+from contbreather.simulation.impacting import advance, completed
+from contbreather.simulation.states import On, State, check_state, conditions_of, wall_rows, within
+from contbreather.simulation.stretches import RunStop
+from contbreather.tables import Sheet
+from contbreather.workers import NO_WORKERS, Failed, each
+
+Array = NDArray[Any]
+
+
+class Fate(enum.IntEnum):
+    """Where a start ended: the values are those of `Basin.fate`."""
+
+    PENDING = -1  # the run was interrupted, or its worker killed
+    OUTSIDE = 0
+    QUIET = 1
+    SPREAD = 2
+    OTHER = 3
+    RETURNED = 4  # to the motion asked about
+
+    @property
+    def words(self) -> str:
+        """What that is called in pictures and tables."""
+        return WORDS[self]
+
+
+WORDS = {
+    Fate.PENDING: "not computed",
+    Fate.OUTSIDE: "behind a wall",
+    Fate.QUIET: "no impacts",
+    Fate.SPREAD: "impacts, no breather",
+    Fate.OTHER: "another breather",
+    Fate.RETURNED: "back at the breather",
+}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One direction of the plane: displacement ``"u"`` or velocity ``"v"`` of a site, and values.
+
+    The values are those of the coordinate itself, not its distance from the reference.
+
+    Examples
+    --------
+    >>> Axis("v", 1, [-0.5, 0.0, 0.5]).label
+    'v_1'
+    """
+
+    name: str
+    site: int
+    values: tuple[float, ...]
+
+    def __init__(self, name: str, site: int, values: ArrayLike) -> None:
+        one_of("the coordinate of an axis", name, ("u", "v"))
+        along = row("values", values, "the values of an axis")
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "site", whole("site", site, -(10**9)))
+        object.__setattr__(self, "values", tuple(along.tolist()))
+
+    def put(self, state: State, value: float) -> None:
+        """Set the coordinate in a state."""
+        column = state.u if self.name == "u" else state.v
+        column[self.site % column.size] = value
+
+    @property
+    def label(self) -> str:
+        return f"{self.name}_{self.site}"
+
+
+@dataclass(frozen=True, eq=False)
+class Basin(Columns, Shown):
+    """The fates of all starts over a plane.
+
+    Attributes
+    ----------
+    x, y : Axis
+    fate : ndarray of int8, shape (len(y.values), len(x.values))
+        Values of `Fate`.
+    distance : ndarray
+        Largest difference to the reference state at the end.
+    complete : bool
+        False after an interruption or without workers: rows not computed are `Fate.PENDING`.
+    """
+
+    x: Axis
+    y: Axis
+    fate: NDArray[np.int8]
+    distance: Array
+    complete: bool
+
+    along = "start"
+
+    def table(self) -> Sheet:
+        """How many starts have which fate."""
+        counts = [(fate.words, int(np.sum(self.fate == fate))) for fate in Fate]
+        rows: list[Any] = [row for row in counts if row[1]]
+        return Sheet.of([*rows, ("share that returned", self.share)])
+
+    def columns(self) -> dict[str, Any]:
+        """Starts row by row, with the names of their fates."""
+        x, y = np.meshgrid(self.x.values, self.y.values)
+        fates = np.array([Fate(int(fate)).name for fate in self.fate.flat])
+        found = {self.x.label: x, self.y.label: y, "fate": fates, "distance": self.distance}
+        return {name: np.ravel(column) for name, column in found.items()}
+
+    def __repr__(self) -> str:
+        counts = [(int(np.sum(self.fate == fate)), fate) for fate in reversed(Fate)]
+        fates = [f"{count} {fate.words}" for count, fate in counts if count]
+        rows, columns = self.fate.shape
+        cut = "" if self.complete else "; cut short"
+        return (
+            f"<Basin of {columns} x {rows} starts over {self.x.label} and {self.y.label}: "
+            f"{'; '.join(fates)}{cut}>"
+        )
+
+    @property
+    def share(self) -> float:
+        """Which part of the starts inside the walls returned."""
+        inside = self.fate > Fate.OUTSIDE
+        return float(np.mean(self.fate[inside] == Fate.RETURNED)) if np.any(inside) else 0.0
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What a worker needs for one row; picklable, and nothing else decides its result."""
+
+    reference: State
+    conditions: Conditions
+    x: Axis
+    y: Axis
+    periods: int
+    site: int
+    t0: float
+    tolerance: float
+
+
+def attraction(
+    reference: Any,
+    x: Axis,
+    y: Axis,
+    *,
+    periods: int = 500,
+    site: int = 0,
+    t0: float = 0.0,
+    tolerance: float = 1e-3,
+    executor: Executor | int | None = None,
+    progress: bool | None = None,
+    **on: Unpack[On],
+) -> Basin:
+    """From which starts over a plane does a lattice come to a given periodic motion?
+
+    Parameters
+    ----------
+    reference : pair of array_like, shape (N,)
+        A state of the motion at t0, of `periodic(...)` for instance; all coordinates but the two
+        of the plane start there.
+    x, y : Axis
+        The plane.
+    t0, on
+        As in `simulate`.
+    periods : int
+        After which the fate is read off; the slowest multiplier decides how many are needed.
+    site : int
+        Where the breather is.
+    tolerance : float
+        How close to the reference counts as returned.
+    executor : concurrent.futures.Executor or int, optional
+        Who computes: an executor, or a number of processes, 1 for this one. All cores unless given,
+        where there is more than a second of work.
+    progress : bool, optional
+        Show how many rows are done; by default at a terminal or in a notebook only.
+
+    Returns
+    -------
+    Basin
+        After Ctrl-C, or when a worker was killed, as well: with the rows completed until then.
+
+    Raises
+    ------
+    NotConverged
+        If no worker came to a result.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> state = symmetric(a=0.5, gamma=0.02, k=0.4).state(5)
+    >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
+    >>> basin = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4)
+    >>> basin.fate.shape
+    (3, 2)
+    """
+    state = check_state(reference)
+    for axis in (x, y):
+        check_kind(axis, Axis, "an Axis")
+    site, tolerance = (
+        whole("site", site, -MOST),
+        number("tolerance", tolerance, 0.0, 1e300, "a distance"),
+    )
+    t0 = number("t0", t0, -1e300, 1e300, "a time")
+    conditions = conditions_of(state.u.size, **on)
+    state = within(state, conditions.walls)
+    task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
+    shape = len(y.values), len(x.values)
+    fate = np.full(shape, Fate.PENDING, np.int8)
+    distance = np.full(shape, np.nan)
+    work = partial(_row, task)
+    try:
+        found = [*each(work, range(shape[0]), executor=executor, progress=progress, unit="rows")]
+    except Interrupted as stop:
+        found = list(stop.partial or ())  # type: ignore[call-overload]
+    else:
+        if all(isinstance(one, Failed) for one in found):
+            raise NotConverged(NO_WORKERS) from found[0].error
+    done = [j for j, one in enumerate(found) if not isinstance(one, Failed)]
+    for j in done:
+        fate[j], distance[j] = found[j]
+    return Basin(x, y, fate, distance, len(done) == shape[0])
+
+
+def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
+    """All starts of one row."""
+    found = [_fate(task, j, i) for i in range(len(task.x.values))]
+    fates, distances = zip(*found, strict=True)
+    return np.array(fates, np.int8), np.array(distances)
+
+
+def _fate(task: _Task, j: int, i: int) -> tuple[int, float]:
+    start = State(task.reference.u.copy(), task.reference.v.copy())
+    task.x.put(start, task.x.values[i])
+    task.y.put(start, task.y.values[j])
+    low, high = wall_rows(task.conditions.walls, start.u.size)
+    if ((start.u < low) | (start.u > high)).any():
+        return Fate.OUTSIDE, np.nan
+    quietly: dict[str, Any] = {"periods": task.periods, "t0": task.t0, "progress": False}
+    run = completed(advance(start, task.conditions, **quietly))
+    gap = np.abs(np.subtract(run.final, task.reference)).max()
+    if run.stop is not RunStop.DONE:
+        return Fate.SPREAD, float(gap)
+    if gap < task.tolerance:
+        return Fate.RETURNED, float(gap)
+    return _elsewhere(task, run), float(gap)
+
+
+def _elsewhere(task: _Task, run: Any) -> int:
+    """Quiet, spread, or another breather at the site, judged by the last tenth of the run."""
+    last = run.impacts[run.impacts["period"] >= run.periods - max(2, run.periods // 10)]
+    if not last.size:
+        return Fate.QUIET
+    if set(last["site"].tolist()) == {task.site % run.sites}:
+        return Fate.OTHER
+    u, v = run.strobe
+    seen = localised(u[-5:], v[-5:], run.times[-5:], task.conditions)
+    here = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
+    return Fate.OTHER if here else Fate.SPREAD

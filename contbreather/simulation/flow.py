@@ -1,0 +1,189 @@
+"""A damped lattice between impacts, to rounding, with all its sites as polynomials of time.
+
+``v = u - a g(t)`` takes out one forced motion for all sites (``g'' + mu g' = F/a``), and leaves
+``v'' + mu v' + K v = (d - 1) F - K 1 a g``, where K holds couplings and springs per unit mass and d
+is the pattern of the drive: on a ring without springs nothing is left on the right. Over a step h
+the Taylor series in s/h is summed to the last bit: the terms of a mode fall like ``(w h)^j/j!``,
+whatever the number of sites. That is the exact propagator of the modes (18) written site by site,
+where it is sparse: N operations instead of N^2 or N log N, and at once a formula for every time
+inside the step, which is what the search for impacts needs.
+
+Rows are coefficients: ``rows[j, n]`` belongs to site n and ``(s/h)^j``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from contbreather.kernels import Matrix, Signs, Vector, inlined
+from contbreather.simulation.room import Bonds, Drive
+
+STEP = 0.5 * math.pi  # longest step; with more, the bounds of `contact` lose their grip
+LAST = 1e-18  # size of the first term left out, relative to the first one
+
+
+def terms(reach: float) -> int:
+    """How many powers of s/h are needed where the fastest rate times h is ``reach``."""
+    j, size = 0, 1.0
+    while size > LAST or j < 4:
+        j += 1
+        size *= reach / j
+    return j + 1
+
+
+@inlined
+def driven(drive: Drive, t: float) -> tuple[float, float, float]:
+    """The sum at time t, and its first and second derivative."""
+    value = slope = bend = 0.0
+    for i in range(drive.m.size):
+        m = drive.m[i]
+        cosine, sine = math.cos(m * t), math.sin(m * t)
+        own = drive.c[i] * cosine + drive.s[i] * sine
+        value += own
+        slope += m * (drive.s[i] * cosine - drive.c[i] * sine)
+        bend -= m * m * own
+    return value, slope, bend
+
+
+def driven_jerk(drive: Drive, t: float) -> float:
+    """The third derivative of the sum at time t."""
+    total = 0.0
+    for i in range(drive.m.size):
+        m = drive.m[i]
+        total += m * m * m * (drive.c[i] * math.sin(m * t) - drive.s[i] * math.cos(m * t))
+    return total
+
+
+def driven_terms(drive: Drive, t: float, h: float, column: Vector) -> None:
+    """Taylor coefficients of the sum around t in powers of s/h, to be held in ``column``."""
+    for j in range(column.size):
+        column[j] = 0.0
+    for i in range(drive.m.size):
+        m = drive.m[i]
+        cosine, sine = math.cos(m * t), math.sin(m * t)
+        own = drive.c[i] * cosine + drive.s[i] * sine
+        turned = drive.s[i] * cosine - drive.c[i] * sine
+        for j in range(column.size):
+            column[j] += own
+            # the next derivative over (j + 1)!, times h^(j + 1)
+            own, turned = turned * (m * h / (j + 1)), -own * (m * h / (j + 1))
+
+
+def driven_bound(drive: Drive, order: int) -> float:
+    """No derivative of that order is ever larger."""
+    total = 0.0
+    for i in range(drive.m.size):
+        size = abs(drive.c[i]) + abs(drive.s[i])
+        for _ in range(order):
+            size *= drive.m[i]
+        total += size
+    return total
+
+
+@inlined
+def expand(v: Vector, w: Vector, h: float, gamma: float, mu: float, rows: Matrix) -> None:
+    """Fill ``rows`` from displacements v and velocities w of a ring."""
+    size, top = v.size, rows.shape[0] - 1
+    for n in range(size):
+        rows[0, n] = v[n]
+        rows[1, n] = h * w[n]
+    last, right = size - 1, 1 % size  # with one site or two the neighbours coincide
+    for j in range(2, top + 1):
+        pull, drag = -gamma * h * h / (j * (j - 1)), -mu * h / j
+        before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        new[0] = pull * (2.0 * before[0] - (before[last] + before[right])) + drag * now[0]
+        left = before[last - 1] + before[0]
+        new[last] = pull * (2.0 * before[last] - left) + drag * now[last]
+        if mu == 0.0:
+            for n in range(1, last):
+                new[n] = pull * (2.0 * before[n] - (before[n - 1] + before[n + 1]))
+        else:
+            for n in range(1, last):
+                pulled = pull * (2.0 * before[n] - (before[n - 1] + before[n + 1]))
+                new[n] = pulled + drag * now[n]
+
+
+@inlined
+def ends(rows: Matrix, h: float, last_v: Vector, last_w: Vector, reach: Vector) -> None:
+    """The state at s = h, and in ``reach`` what no |v| exceeds until then.
+
+    Four powers at a time: that is one pass through memory for four, and no chain of additions.
+    """
+    size, count = last_v.size, rows.shape[0]
+    for n in range(size):
+        last_v[n] = last_w[n] = reach[n] = 0.0
+    for j in range(0, count - 3, 4):
+        first, second, third, fourth = rows[j], rows[j + 1], rows[j + 2], rows[j + 3]
+        for n in range(size):
+            p, q, r, s = first[n], second[n], third[n], fourth[n]
+            last_v[n] += (p + q) + (r + s)
+            last_w[n] += (j * p + (j + 1) * q) + ((j + 2) * r + (j + 3) * s)
+            reach[n] += (abs(p) + abs(q)) + (abs(r) + abs(s))
+    for j in range(count - count % 4, count):
+        for n in range(size):
+            last_v[n] += rows[j, n]
+            last_w[n] += j * rows[j, n]
+            reach[n] += abs(rows[j, n])
+    for n in range(size):
+        last_w[n] /= h
+
+
+@inlined
+def near(bonds: Bonds, x: Vector, n: int) -> float:
+    """Pull on site n of the sites beside it."""
+    total = 0.0
+    for i in range(bonds.start[n], bonds.start[n + 1]):
+        total += bonds.weight[i] * x[bonds.other[i]]
+    return total
+
+
+def expand_any(
+    v: Vector, w: Vector, h: float, mu: float, bonds: Bonds, held: Signs, place: Vector,
+    column: Vector, rows: Matrix,
+) -> None:  # fmt: skip
+    """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
+
+    ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
+    driven and the sites held do not move at all, which is what perturbations do.
+    """
+    own, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
+    for n in range(v.size):
+        rows[0, n] = place[n] - column[0] if held[n] != 0 else v[n]
+        rows[1, n] = -column[1] if held[n] != 0 else h * w[n]
+    for j in range(2, rows.shape[0]):
+        pull, drag = -h * h / (j * (j - 1)), -mu * h / j
+        before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        push, still = column[j] - drag * column[j - 1], pull * column[j - 2]
+        for n in range(v.size):
+            if held[n] != 0:
+                new[n] = -column[j]
+                continue
+            pulled = pull * (own[n] * before[n] - near(bonds, before, n)) + drag * now[n]
+            new[n] = pulled + (extra[n] * push + ground[n] * still)
+
+
+def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:
+    """Displacements and velocities of all sites at s = x h."""
+    top = rows.shape[0] - 1
+    size = v.size
+    for n in range(size):
+        v[n] = rows[top, n]
+        w[n] = top * rows[top, n]
+    for j in range(top - 1, 0, -1):
+        for n in range(size):
+            v[n] = v[n] * x + rows[j, n]
+            w[n] = w[n] * x + j * rows[j, n]
+    for n in range(size):
+        v[n] = v[n] * x + rows[0, n]
+        w[n] = w[n] / h
+
+
+@inlined
+def site_at(rows: Matrix, n: int, h: float, x: float) -> tuple[float, float, float]:
+    """Displacement, velocity and acceleration of one site at s = x h."""
+    v = w = b = 0.0
+    for j in range(rows.shape[0] - 1, -1, -1):
+        b = b * x + 2.0 * w
+        w = w * x + v
+        v = v * x + rows[j, n]
+    return v, w / h, b / (h * h)

@@ -1,0 +1,342 @@
+"""An impacting lattice, simulated exactly: eq. (1), the reset law (2), damping and springs.
+
+Between impacts the flow is summed to rounding (`contbreather.simulation.flow`), impacts are
+bracketed so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall
+are part of the motion (`cruise`). The only error left is rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import MOST, number, one_of, whole
+from contbreather.columns import Columns
+from contbreather.display import Shown
+from contbreather.errors import BadInput
+from contbreather.lattice.conditions import Conditions
+from contbreather.parameters import NEEDED
+from contbreather.progress import Bar
+from contbreather.simulation.states import (
+    PERIOD,
+    On,
+    State,
+    check_state,
+    conditions_of,
+    reduced,
+    within,
+)
+from contbreather.simulation.stretches import (
+    IMPACT,
+    REST,
+    Machine,
+    Propagator,
+    RunStop,
+    Sample,
+    Stretch,
+    check_sample,
+    walk,
+)
+from contbreather.tables import Sheet
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Array = NDArray[Any]
+
+HELD = 2**27  # numbers of a run in memory, 1 GB, twice that while it is put together
+LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
+
+
+class Record(NamedTuple):
+    """Chosen sites at many times: `u` and `v` have shape (times, sites)."""
+
+    times: Array
+    sites: tuple[int, ...]
+    u: Array
+    v: Array
+
+    def __repr__(self) -> str:
+        return f"<Record of sites {list(self.sites)} at {len(self.times)} times>"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class States(Columns, Shown):
+    """What runs between walls of either kind leave behind; attributes as in `Run`."""
+
+    times: Array
+    strobe: State
+    final: State
+    end: float
+    record: Record | None
+    conditions: Any
+    stop: RunStop
+    reason: str = ""
+
+    along = "strobe"
+
+    def table(self) -> Sheet:
+        """Its size, its end, and what it moved under."""
+        on = self.conditions
+        rows: list[Any] = [("sites", self.sites), ("periods", self.periods)]
+        if hasattr(self, "impacts"):
+            rows.append(("impacts", len(self.impacts)))
+        rows += [("until t =", self.end), ("then |u| <=", abs(self.final.u).max())]
+        return Sheet.of(rows + [(name, getattr(on, name)) for name in (*NEEDED, "damping")])
+
+    def columns(self) -> dict[str, Array]:
+        """The states at the strobe."""
+        return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
+
+    def to_xarray(self) -> Dataset:
+        """Everything: the states at the strobe and at the end, sampled sites."""
+        from xarray import Dataset
+
+        both = ("strobe", "site")
+        found: dict[str, Any] = {
+            "time": ("strobe", self.times),
+            "u": (both, self.strobe.u),
+            "v": (both, self.strobe.v),
+            "final_u": ("site", self.final.u),
+            "final_v": ("site", self.final.v),
+            "end": ((), self.end),
+        }
+        if self.record is not None:
+            sampled = ("sample", "sampled_site")
+            found["sample_time"] = ("sample", self.record.times)
+            found["sampled_sites"] = ("sampled_site", np.array(self.record.sites))
+            found |= {"sample_u": (sampled, self.record.u), "sample_v": (sampled, self.record.v)}
+        return Dataset(found)
+
+    @property
+    def sites(self) -> int:
+        return self.final.u.size
+
+    @property
+    def periods(self) -> int:
+        """Whole periods completed."""
+        return len(self.times) - 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Run(States):
+    """What `simulate` leaves behind.
+
+    Attributes
+    ----------
+    impacts : structured ndarray
+        One row for each impact in order of time: ``time``, ``period`` (number of the period since
+        t0), ``phase`` (time modulo 2 pi, to 1e-15 however long the run), ``site``, ``wall``
+        (+1 or -1), velocities ``before`` and ``after``, ``acceleration`` just before.
+    rests : structured ndarray
+        Where a site came to rest on a wall after a chatter (``begins`` True) or left it (False). A
+        site that rests from the start has no row until it leaves. Of a chatter the impacts below a
+        rebound velocity of 1e-6 (more where k is close to 1 and rounding is) are summed, not
+        listed: their end, where the rest begins, comes after the last impact that is.
+    strobe : State
+        ``u``, ``v`` of shape (periods + 1, N) at ``times`` = t0 + 2 pi j.
+    final : State
+        The state at the end, ready to be simulated again.
+    end : float
+        The time of `final`.
+    record : Record or None
+        Chosen sites at many times.
+    conditions : Conditions
+    stop : RunStop
+    reason : str
+        Says more where the run did not go through all its periods.
+    """
+
+    impacts: NDArray[np.void]
+    rests: NDArray[np.void]
+
+    along = "impact"
+
+    def columns(self) -> dict[str, Array]:
+        """The table of impacts; `to_xarray` has the states as well."""
+        return {name: self.impacts[name] for name in IMPACT.names or ()}
+
+    def to_xarray(self) -> Dataset:
+        """Everything: impacts, rests, the states at the strobe, sampled sites."""
+        tables = {"impact": self.impacts, "rest": self.rests}
+        found: dict[str, Any] = {
+            f"{what}_{name}": (what, table[name])
+            for what, table in tables.items()
+            for name in table.dtype.names or ()
+        }
+        return super().to_xarray().assign(found)
+
+    def at_site(self, n: int, wall: int | None = None) -> NDArray[np.void]:
+        """The impacts of one site, on one wall or on both."""
+        chosen = self.impacts["site"] == whole("n", n, -MOST) % self.sites
+        if wall is not None:
+            chosen &= self.impacts["wall"] == one_of("wall", wall, (1, -1))
+        return self.impacts[chosen]
+
+    def __repr__(self) -> str:
+        what = self.reason or self.stop.value
+        return (
+            f"<Run of {self.sites} sites over {self.periods} periods: "
+            f"{len(self.impacts)} impacts; {what}>"
+        )
+
+
+def simulate(
+    state: Any,
+    *,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    progress: bool | Bar | None = None,
+    **on: Unpack[On],
+) -> Run:
+    """Let a lattice of impacting sites go from any state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+        Displacements and velocities of all sites at t0; N = 1 is a single oscillator.
+    periods : float
+        Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
+    t0 : float
+        Time of the state; the forcing depends on it.
+    sample : Sample, optional
+        Sites to record densely, in whole periods. Impacts and the states once in a period are
+        always recorded.
+    progress : bool, optional
+        Show progress on standard error; by default on long runs at a terminal.
+    a, gamma, k : float
+        Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1].
+    damping, spring : float
+        Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
+        3/damping at most.
+    forcing : Forcing or str, optional
+        `Harmonic`, F = -a cos t, unless given.
+    lattice : Ring or Lattice, optional
+        A ring of as many sites as the state has, unless given.
+    walls : pair or dict, optional
+        ``(low, high)`` for all sites, or a dict of sites and pairs, None where there is no wall;
+        -1 and 1 unless given.
+
+    Returns
+    -------
+    Run
+        After Ctrl-C as well, with the periods completed until then.
+
+    Raises
+    ------
+    BadInput
+        A state outside the walls, or a parameter outside its range.
+    NotConverged
+        If velocities grow beyond all reason.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
+    >>> run = simulate(b.state(20), a=0.5, gamma=0.08, k=0.8, periods=1)
+    >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 1e-13)
+    True
+    >>> len(run.impacts)
+    2
+    """
+    start = check_state(state)
+    conditions = conditions_of(start.u.size, **on)
+    return advance(start, conditions, periods=periods, t0=t0, sample=sample, progress=progress)
+
+
+def advance(
+    state: State,
+    conditions: Conditions,
+    *,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    progress: bool | Bar | None = None,
+) -> Run:
+    """`simulate`, of a state and conditions that have been checked."""
+    check_sample(sample, state.u.size)
+    machine = Machine(within(state, conditions.walls), conditions, reduced(t0), sample)
+    left, pieces = gathered(machine, periods=periods, t0=t0, progress=progress)
+    impacts = np.concatenate([np.empty(0, IMPACT), *(one.impacts for one in pieces)])
+    rests = np.concatenate([np.empty(0, REST), *(one.rests for one in pieces)])
+    for table in (impacts, rests):
+        table["time"] += t0
+    return Run(impacts=impacts, rests=rests, **left)
+
+
+def length_of(periods: float, sites: int) -> float:
+    """The length of a run, or a sentence; also where the states of so many sites would not fit into
+    memory."""
+    length = number("periods", periods, 0.0, LONGEST, "a length in periods from 0 to 1e12")
+    if 2 * sites * (length + 1.0) > HELD:
+        raise BadInput(
+            f"periods = {periods:.12g}: the states of {sites} sites once in each would be "
+            f"{16e-9 * sites * (length + 1.0):.3g} GB, and a run in memory may have "
+            f"{8e-9 * HELD:.3g}; shorten it, or keep it on disk: record(...), --stream"
+        )
+    return length
+
+
+def gathered(
+    machine: Propagator, *, periods: float, t0: float, progress: bool | Bar | None
+) -> tuple[dict[str, Any], list[Stretch]]:
+    """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""
+    length = length_of(periods, machine.state.u.size)
+    count, rest = int(length), length - int(length)
+    start = State(machine.state.u.copy(), machine.state.v.copy())
+    pieces: list[Stretch] = []
+    parts: list[Stretch] = []
+    stop, reason = RunStop.DONE, ""
+    try:
+        for one in walk(machine, periods=count, progress=progress):
+            pieces.append(one)
+        if rest > 0.0 and not (pieces and pieces[-1].stop):
+            parts.append(machine.advance(1, count, span=PERIOD * rest))
+    except KeyboardInterrupt:
+        stop = RunStop.INTERRUPTED
+    for one in (*pieces, *parts):
+        stop, reason = one.stop or stop, one.reason or reason
+    u = np.concatenate([start.u[None], *(one.u for one in pieces)])
+    v = np.concatenate([start.v[None], *(one.v for one in pieces)])
+    end = float(t0) + PERIOD * (len(u) - 1)
+    final = State(u[-1].copy(), v[-1].copy())
+    for one in parts:
+        if one.periods:
+            final, end = State(one.u[-1], one.v[-1]), end + PERIOD * rest
+    left = {
+        "times": float(t0) + PERIOD * np.arange(len(u)),
+        "strobe": State(u, v),
+        "final": final,
+        "end": end,
+        "record": _record(pieces, machine.sample, start.u.size, float(t0)),
+        "conditions": machine.conditions,
+        "stop": stop,
+        "reason": reason,
+    }
+    return left, [*pieces, *parts]
+
+
+def _record(pieces: list[Stretch], sample: Sample | None, sites: int, t0: float) -> Record | None:
+    if sample is None:
+        return None
+    shape = (-1, len(sample.sites))
+    u, v = (
+        np.concatenate([np.empty((0, shape[1])), *(table.reshape(shape) for table in tables)])
+        for tables in ([one.dense_u for one in pieces], [one.dense_v for one in pieces])
+    )
+    times = t0 + PERIOD / sample.per_period * np.arange(len(u))
+    return Record(times, tuple(n % sites for n in sample.sites), u, v)
+
+
+S = TypeVar("S", bound=Any)  # a run or a sweep
+
+
+def completed(run: S) -> S:
+    """What an inner call gave; where Ctrl-C cut that short, the call around it ends, too."""
+    if run.stop is RunStop.INTERRUPTED:
+        raise KeyboardInterrupt
+    return run

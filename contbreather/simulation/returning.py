@@ -1,0 +1,422 @@
+"""Motions that the flow brings back, on rigid and smooth walls alike: fixed points of a map.
+
+The map is the flow over 2 pi, or over half of it with the sign changed where walls of both sides
+mirror each other: then a symmetric motion is a fixed point, any other of period 2 pi a cycle of
+two. So what bifurcates from a motion is what bifurcates from cycles of maps: folds, branch points,
+the doubling of a symmetric motion (PF) and of any other (PD), tori (NS), with their curves, normal
+forms and arms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import flag, number, whole
+from contbreather.continuation import Event, Point, Problem, maps
+from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter, with_period
+from contbreather.continuation.lift import Lift
+from contbreather.continuation.point import Counting
+from contbreather.errors import BadInput, ContbreatherError, NotConverged
+from contbreather.lattice.conditions import Conditions
+from contbreather.parameters import NUMBERS, SMOOTH
+from contbreather.simulation.impacting import Run, advance, completed
+from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
+from contbreather.simulation.states import HEAVIEST, PERIOD, On, State, check_state, reduced
+from contbreather.simulation.stretches import RunStop, Sample
+from contbreather.simulation.tangent import variation
+
+Array = NDArray[Any]
+Params = Mapping[str, float]
+
+STEPS = 30
+KEPT = 8  # flights
+SOLVED = 1e-11
+ROUGHLY = 1e-9  # to what an integration is exact
+OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
+INTEGRATED = 1e-7  # and by more than the integration's error
+DOMAIN = {name: (one.low, one.high) for name, one in {**NUMBERS, **SMOOTH}.items()} | {
+    "m": (1.0, 2000.0),
+    "damping": (0.0, HEAVIEST),
+    "spring": (0.0, HEAVIEST**2),
+}
+
+
+# --- the map ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Return:
+    """The flow from t0 over a time, times a sign: the map whose fixed points come back."""
+
+    on: Conditions | SmoothConditions
+    t0: float
+    half: bool
+
+    @property
+    def sign(self) -> float:
+        return -1.0 if self.half else 1.0
+
+    def image(self, x: Array, params: Params) -> Array:
+        return self.sign * _flight(*self._asked(x, params))[0]
+
+    def derivative(self, x: Array, params: Params) -> Array:
+        return self.sign * _slopes(*self._asked(x, params))[0]
+
+    def sensitivity(self, x: Array, params: Params, name: str) -> Array:
+        """The derivative in a parameter, on smooth walls."""
+        columns = _slopes(*self._asked(x, params))[1]
+        assert columns is not None
+        return self.sign * np.asarray(columns[:, OWN.index(name)])
+
+    def _asked(self, x: Array, params: Params) -> Asked:
+        span = 0.5 if self.half else 1.0  # periods of the forcing
+        return self.on.at(params), x.tobytes(), reduced(self.t0), span
+
+
+Asked = tuple[Conditions | SmoothConditions, bytes, float, float]
+
+
+# kept, for residual, derivative, columns and events ask for the same few
+@lru_cache(maxsize=KEPT)
+def _flight(
+    on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
+) -> tuple[Array, Run | None]:
+    """Where a state gets to, and on rigid walls its run."""
+    state = State(*np.frombuffer(x).reshape(2, -1))
+    if isinstance(on, SmoothConditions):
+        return flown(on, state, t0, span)[0], None
+    run = completed(advance(state, on, periods=span, t0=t0, progress=False))
+    if run.stop is not RunStop.DONE:
+        raise ArithmeticError(run.reason)
+    return np.concatenate(run.final), run
+
+
+@lru_cache(maxsize=KEPT)
+def _slopes(
+    on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
+) -> tuple[Any, Array | None]:
+    """Its derivatives in the state, and on smooth walls in the parameters."""
+    if isinstance(on, SmoothConditions):
+        # integrated apart: the steps of both differ, and equations must not change with who asks
+        state = State(*np.frombuffer(x).reshape(2, -1))
+        return flown(on, state, t0, span, slopes=True)[1:]
+    run = _flight(on, x, t0, span)[1]
+    assert run is not None
+    return variation(run), None
+
+
+# --- the motion ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicMotion:
+    """A state that returns, and what small perturbations of it become.
+
+    Attributes
+    ----------
+    state : State
+        At time `t0`.
+    t0 : float
+    periods : int
+        n: the motion repeats after 2 pi n.
+    symmetric : bool
+        Whether u(t + pi) = -u(t) was imposed.
+    conditions : Conditions or SmoothConditions
+    matrix : ndarray, shape (2 N, 2 N)
+        What becomes of perturbations over 2 pi n; over half of it, sign changed, if symmetric.
+    residual : float
+        Largest |state after - state before|.
+    """
+
+    state: State
+    t0: float
+    periods: int
+    symmetric: bool
+    conditions: Conditions | SmoothConditions
+    matrix: Array
+    residual: float
+
+    @property
+    def half(self) -> Array | None:
+        """Of symmetric motions the multipliers of the half map: +1 at PF, -1 at a fold."""
+        return -_by_size(self.matrix) if self.symmetric else None
+
+    @property
+    def multipliers(self) -> Array:
+        """Over 2 pi n, largest first."""
+        return _by_size(self.matrix) ** (2 if self.symmetric else 1)
+
+    @property
+    def largest(self) -> float:
+        """Largest modulus of a multiplier over 2 pi n; below 1 the motion attracts."""
+        return float(np.abs(self.multipliers[0]))
+
+    @property
+    def unstable(self) -> int:
+        """Multipliers outside the unit circle by more than rounding."""
+        return int((np.abs(self.multipliers) > 1.0 + _slack(self.conditions)).sum())
+
+    @property
+    def growth(self) -> float:
+        """Exponential rate, per unit of time, at which perturbations grow in the end."""
+        return math.log(self.largest) / (PERIOD * self.periods)
+
+    @property
+    def problem(self) -> Problem:
+        """The motion as a start for `trace`."""
+        on = self.conditions
+        halves = 1 if self.symmetric else 2 * self.periods
+        return problem_of_cycle(on, self.t0, self.state, halves if _mirrored(on) else self.periods)
+
+    def run(self, *, periods: float | None = None, sample: Sample | None = None) -> Any:
+        """The motion itself, simulated over its period or longer."""
+        length = self.periods if periods is None else periods
+        return let_go(self.state, self.conditions, periods=length, t0=self.t0, sample=sample)
+
+    def __repr__(self) -> str:
+        numbers = ", ".join(f"{name} = {x:g}" for name, x in self.conditions.params.items() if x)
+        after = "half a period" if self.symmetric else f"{self.periods} x 2 pi"
+        return (
+            f"<PeriodicMotion on the {self.conditions.lattice.describe()} at {numbers}: closes "
+            f"after {after} to {self.residual:.1g}; largest multiplier {self.largest:.6g}>"
+        )
+
+
+def _by_size(matrix: Array) -> Array:
+    values = np.linalg.eigvals(matrix)
+    return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+
+
+def _slack(on: Conditions | SmoothConditions) -> float:
+    return INTEGRATED if isinstance(on, SmoothConditions) else OUTSIDE
+
+
+def periodic(
+    state: Any,
+    *,
+    periods: int = 1,
+    symmetric: bool = False,
+    m: float | None = None,
+    t0: float = 0.0,
+    **on: Unpack[On],
+) -> PeriodicMotion:
+    """The periodic motion of a lattice nearest to a state.
+
+    Parameters
+    ----------
+    state, t0, on
+        As in `simulate`. t0 must not be the time of an impact of the motion looked for.
+    periods : int
+        n, for a period of 2 pi n.
+    symmetric : bool
+        Look for u(t + pi) = -u(t): half the work, and its own multipliers tell a pitchfork from
+        a fold. With ``periods=1`` only.
+    m : float, optional
+        On smooth walls (21) of this hardness instead of rigid ones.
+
+    Returns
+    -------
+    PeriodicMotion
+        A start for `trace` in a, gamma, k (lam and m on smooth walls), damping, spring or a
+        parameter of the forcing. Unknowns are the arrays ``u`` and ``v`` at its t0; columns
+        ``largest`` and ``unstable`` are computed from the multipliers over the period. Where an
+        impact comes to t0 they jump and the branch ends without an event (MX); it goes on with
+        another t0.
+
+    Raises
+    ------
+    NotConverged
+        If Newton's method finds none; the residual tells how far it got.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> from contbreather.continuation import trace
+    >>> b = symmetric(a=0.1, gamma=0.05, k=0.8)
+    >>> found = periodic(b.state(6), a=0.1, gamma=0.05, k=0.8, damping=0.02, symmetric=True)
+    >>> round(found.largest, 4)
+    0.9392
+    >>> branch = trace(found, "a", towards="down", within={"a": (0.05, 0.2)})
+    >>> round(branch.first("LP")["a"], 4)  # without damping 0.0644
+    0.0863
+    """
+    start = check_state(state)
+    conditions = rigid_or_smooth(start.u.size, m, **on)
+    return closing(start, conditions, periods=periods, symmetric=symmetric, t0=t0)
+
+
+def closing(
+    start: State,
+    on: Conditions | SmoothConditions,
+    *,
+    periods: int = 1,
+    symmetric: bool = False,
+    t0: float = 0.0,
+) -> PeriodicMotion:
+    """`periodic`, near a state and under conditions that have been checked."""
+    count = whole("periods", periods, 1)
+    number("t0", t0, -1e300, 1e300, "a time")
+    if flag("symmetric", symmetric) and count != 1:
+        raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
+    if symmetric and not _mirrored(on):
+        raise BadInput(
+            "the walls are not symmetric, so no motion is its own mirror image half a period "
+            "later; look for the whole period, symmetric=False."
+        )
+    step = Return(on, t0, symmetric)
+    back = Iterate(step.image, count, step.derivative)
+    solved = ROUGHLY if isinstance(on, SmoothConditions) else SOLVED
+    try:
+        x = _solved(back, np.concatenate(start), on.params, solved)
+    except ArithmeticError as error:  # the run from the state given does not come to its end
+        raise NotConverged(str(error)) from error
+    matrix = back.jacobian(x, on.params) + np.eye(x.size)
+    residual = float(np.abs(back(x, on.params)).max())
+    return PeriodicMotion(State(*np.split(x, 2)), float(t0), count, symmetric, on, matrix, residual)
+
+
+def _mirrored(on: Conditions | SmoothConditions) -> bool:
+    """Whether a motion and its mirror image obey the same laws: the forcing always does."""
+    return isinstance(on, SmoothConditions) or on.walls.symmetric
+
+
+def _solved(back: Iterate, x: Array, params: Params, solved: float) -> Array:
+    """The state near x that comes back, by Newton's method with shortened steps."""
+    defect = back(x, params)
+    for _ in range(STEPS):
+        size = float(np.abs(defect).max())
+        if size < solved:
+            return x
+        step = np.linalg.lstsq(back.jacobian(x, params), -defect, rcond=1e-13)[0]
+        x, defect = _shortened(back, x, step, size, params)
+    raise NotConverged(
+        f"no periodic motion near this state: the residual is {size:.2g} after {STEPS} Newton "
+        "steps; start closer, or let the damped lattice settle first.",
+        residual=size,
+    )
+
+
+def _shortened(
+    back: Iterate, x: Array, step: Array, size: float, params: Params
+) -> tuple[Array, Array]:
+    """The longest of the step's halves that leads closer to a solution, inside the walls."""
+    for j in range(12):
+        new = x + 0.5**j * step
+        try:
+            defect = back(new, params)
+        except (ContbreatherError, ArithmeticError):  # outside the walls
+            continue
+        if np.abs(defect).max() < size:
+            return new, defect
+    raise NotConverged(
+        f"no periodic motion near this state: Newton's method stops at a residual of {size:.2g}; "
+        "start closer, or let the damped lattice settle first.",
+        residual=size,
+    )
+
+
+# --- as a problem of the engine -------------------------------------------------------------------
+
+
+def problem_of_cycle(
+    on: Conditions | SmoothConditions, t0: float, state: State, period: int
+) -> Problem:
+    """A fixed point, or a cycle of that period, of the map of half a period where there is one."""
+    back = Return(on, t0, _mirrored(on))
+    made = maps.FixedPoint(
+        back.image,
+        {"u": state.u, "v": state.v},
+        on.params,
+        period=period,
+        jacobian=back.derivative,
+        domain={name: DOMAIN[name] for name in on.params if name in DOMAIN}
+        | {"gamma": (0.0, on.lattice.highest_gamma)},
+        scales={"m": 10.0} if "m" in on.params else {},
+    )
+    return _dressed(made, back)
+
+
+def _dressed(problem: Problem, back: Return) -> Problem:
+    """Cycles of a map with the events, columns, arms and sentences of motions."""
+    iterate: Iterate = problem.residual  # type: ignore[assignment]
+    own = _Returning(iterate, back)
+    flip = "PF" if own.symmetric else "PD"
+    exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
+    return replace(
+        problem,
+        sensitivity=own.sensitivity if exact else None,
+        events=_events(back.on, flip),
+        record={
+            "largest": attrgetter("solution.largest"),
+            "unstable": Counting(attrgetter("solution.unstable")),
+        },
+        interpret=own.interpret,
+        simpler=own.simpler,
+        lifts={flip: own.lifted},
+        label=f"{'symmetric ' if own.symmetric else ''}motion of period {2 * own.periods} pi",
+        serialised={
+            "kind": "returning motion",
+            "conditions": back.on,
+            "t0": back.t0,
+            "period": iterate.period,
+        },
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Returning:
+    """What a motion answers about the cycles of its map."""
+
+    iterate: Iterate
+    back: Return
+
+    @property
+    def symmetric(self) -> bool:
+        return self.back.half and self.iterate.period % 2 == 1
+
+    @property
+    def periods(self) -> int:
+        """Of the forcing, in one of the motion."""
+        return self.iterate.period // (2 if self.back.half and not self.symmetric else 1)
+
+    def interpret(self, point: Point) -> PeriodicMotion:
+        params = point.params
+        state, on = State(*np.split(point.x.copy(), 2)), self.back.on.at(params)
+        matrix, left = multiplier_matrix(point), float(np.abs(self.iterate(point.x, params)).max())
+        return PeriodicMotion(state, self.back.t0, self.periods, self.symmetric, on, matrix, left)
+
+    def lifted(self, point: Point) -> Lift:
+        twice = with_period(point.problem, 2 * self.iterate.period)
+        return Lift(_dressed(twice, self.back), point.curve.free[0], both=False)
+
+    def simpler(self, point: Point) -> Problem | None:
+        found = shorter(point)
+        return None if found is None else _dressed(found, self.back)
+
+    def sensitivity(self, x: Array, params: Params, name: str) -> Array:
+        back, total = self.back, np.zeros(x.size)
+        for _ in range(self.iterate.period):
+            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
+            x = back.image(x, params)
+        return total
+
+
+def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:
+    """Those of maps. Without losses the pairs of a lattice lie on the circle, or as close to it as
+    they are long, and which is outside is no event."""
+    fold, crossing, doubling, torus = maps.EVENTS
+    found = (fold, crossing, replace(doubling, kind=flip))
+    return (*found, torus, Event("MX", None, count=_outside)) if on.damping > 0.0 else found
+
+
+def _outside(point: Point) -> float | int:
+    """What every other event changes: where it changes without one, that is said."""
+    return math.nan if point.params["damping"] == 0.0 else point.solution.unstable

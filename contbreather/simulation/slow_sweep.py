@@ -1,0 +1,227 @@
+"""A parameter varied slowly, up and down, with the state kept: hysteresis, and where it is lost.
+
+The parameter stands still for a number of periods at each value, so each row of a sweep is a motion
+under one set of conditions, and can be laid beside the continued branch. A branch that ends at a
+value is left by a sweep a little beyond it, the later the faster the sweep.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import MOST, check_kind, number, row, whole
+from contbreather.columns import Columns
+from contbreather.display import Shown
+from contbreather.errors import BadInput
+from contbreather.progress import Bar
+from contbreather.simulation.energy import localised
+from contbreather.simulation.impacting import Run, completed
+from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
+from contbreather.simulation.states import On, State, check_state, ranged
+from contbreather.simulation.stretches import RunStop
+from contbreather.tables import Column, Sheet
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Columns, Shown):
+    """What a sweep saw, one row for each value of the parameter, in the order of time.
+
+    Attributes
+    ----------
+    name : str
+        The parameter.
+    value : ndarray, shape (M,)
+    u, v : ndarray, shape (M, N)
+        State after the last period at each value.
+    participation : ndarray
+        Mean participation ratio over the second half of the periods at this value, as are the
+        other means.
+    centre : ndarray of int
+        Site with the largest energy.
+    amplitude : ndarray
+        Largest speed, relative to the forced motion, that the centre has at the strobe: of order 1
+        in a breather, 0 where the ring follows its forcing.
+    p : ndarray
+        Half the mean momentum of an impact of the centre; NaN on smooth rings, which have no
+        impacts, 0 where there were none.
+    tilt : ndarray
+        Flight time of the centre from the wall +1 to -1, less pi: 0 in a symmetric breather, +-2 d
+        in an asymmetric one; NaN on smooth rings.
+    impacts, others : ndarray
+        Impacts in a period, of the centre and of all other sites together; NaN on smooth rings.
+    change : ndarray
+        Largest difference between the states after the last two periods.
+    stop : RunStop
+    """
+
+    name: str
+    value: Array
+    u: Array
+    v: Array
+    participation: Array
+    centre: Array
+    amplitude: Array
+    p: Array
+    tilt: Array
+    impacts: Array
+    others: Array
+    change: Array
+    stop: RunStop
+
+    along = "step"
+
+    def table(self) -> Sheet:
+        """A line for each value."""
+        names = {"value": self.name, "p": "p", "amplitude": "amplitude"}
+        names |= {name: name for name in ("participation", "tilt", "change")}
+        return Sheet([Column(h, getattr(self, n).tolist(), digits=5) for n, h in names.items()])
+
+    def columns(self) -> dict[str, Array]:
+        """All that it saw, under the name of its parameter."""
+        return {self.name: self.value, **{name: getattr(self, name) for name in COLUMNS[1:]}}
+
+    @property
+    def final(self) -> State:
+        return State(self.u[-1].copy(), self.v[-1].copy())
+
+    def lost(self, site: int = 0) -> float:
+        """The first value at which there is no breather at the site any more.
+
+        On impacting rings a breather hits twice in a period and nobody else does; on smooth
+        ones most of the energy is at the site. NaN if it was never lost.
+        """
+        with np.errstate(invalid="ignore"):
+            hard = (np.abs(self.impacts - 2.0) < 0.3) & (self.others == 0.0)
+        alive = np.where(np.isnan(self.impacts), self.participation < 3.0, hard)
+        alive &= self.centre == whole("site", site, -MOST) % self.u.shape[1]
+        gone = np.flatnonzero(~alive)
+        return float(self.value[gone[0]]) if gone.size else math.nan
+
+    def __repr__(self) -> str:
+        return (
+            f"<Sweep in {self.name} from {self.value[0]:g} to {self.value[-1]:g}: "
+            f"{len(self.value)} values; {self.stop.value}>"
+        )
+
+
+COLUMNS = tuple(field.name for field in fields(Sweep))[1:-1]  # all but the name and the stop
+
+
+def there_and_back(values: ArrayLike) -> Array:
+    """The values up to the last and back to the first, the turning point once.
+
+    Examples
+    --------
+    >>> there_and_back([1.0, 2.0, 3.0])
+    array([1., 2., 3., 2., 1.])
+    """
+    there = row("values", values, "the values of a sweep")
+    return np.concatenate([there, there[-2::-1]])
+
+
+def sweep(
+    state: Any,
+    name: str,
+    values: ArrayLike,
+    *,
+    periods: int,
+    m: float | None = None,
+    solver: Solver | None = None,
+    t0: float = 0.0,
+    progress: bool | None = None,
+    **on: Unpack[On],
+) -> Sweep:
+    """Vary a parameter slowly and keep the state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+        At the first value.
+    name : str
+        ``a, gamma, k, damping, spring``, a parameter of the forcing, and on smooth rings ``m`` or
+        ``lam``.
+    values : array_like
+        In the order in which they are taken; `there_and_back` makes a loop of them.
+    periods : int
+        At each value.
+    t0, on
+        As in `simulate`; the swept one is ignored, and may be left out.
+    m, solver : optional
+        Take the smooth ring (21) of this hardness instead of the impacting one.
+
+    Returns
+    -------
+    Sweep
+        After Ctrl-C as well, with the values completed until then.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> start = symmetric(a=0.2, gamma=0.04, k=0.8).state(10)
+    >>> down = sweep(start, "a", [0.2, 0.1, 0.05], periods=100,
+    ...              a=0.2, gamma=0.04, k=0.8, damping=0.01)
+    >>> float(down.lost())  # the fold is at 0.075
+    0.05
+    """
+    steps = row("values", values, "the values of a sweep")
+    start = check_state(state)
+    check_kind(name, str, "the name of a parameter")
+    needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
+    conditions = rigid_or_smooth(start.u.size, m, **{**on, **needed})
+    known = tuple(conditions.params) + (() if m is None else ("k",))
+    if name not in known:
+        raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
+    t0 = number("t0", t0, -1e300, 1e300, "a time")
+    how: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
+    how |= {} if m is None else {"solver": solver}
+    rows: list[tuple[Any, ...]] = []
+    stop = RunStop.DONE
+    with Bar(progress, len(steps), "values") as bar:
+        try:
+            for value in steps.tolist():
+                run: Any = let_go(start, ranged(conditions.at({name: value})), **how)
+                # a Ctrl-C inside the run ends the sweep, too: its value is not complete
+                start, stop = run.final, completed(run).stop
+                rows.append((value, *start, *_seen(run)))
+                bar.advance(len(rows))
+                if stop is not RunStop.DONE:
+                    break
+        except KeyboardInterrupt:
+            if not rows:
+                raise
+            stop = RunStop.INTERRUPTED
+    table = zip(COLUMNS, zip(*rows, strict=True), strict=True)
+    columns: dict[str, Any] = {label: np.array(column) for label, column in table}
+    return Sweep(name=name, stop=stop, **columns)
+
+
+def _seen(run: Any) -> tuple[Any, ...]:
+    """What a row says of the run at its value."""
+    u, v = run.strobe
+    found = localised(u, v, run.times, run.conditions)
+    half = 1 + run.periods // 2
+    centre = int(np.bincount(found.centre[half:]).argmax())
+    speed = float(np.sqrt(2.0 * found.energy[half:, centre].max()))
+    change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
+    own = _impacts(run, centre) if isinstance(run, Run) else 4 * (math.nan,)
+    return float(found.participation[half:].mean()), centre, speed, *own, float(change.max())
+
+
+def _impacts(run: Any, centre: int) -> tuple[float, ...]:
+    """p, tilt, impacts of the centre in a period, impacts of all others."""
+    half = run.periods // 2
+    late = run.impacts[run.impacts["period"] >= half]
+    own = late[late["site"] == centre]
+    p = 0.5 * float(np.abs(own["before"] - own["after"]).mean()) if own.size else 0.0
+    upper, lower = (np.exp(1j * own["phase"][own["wall"] == wall]) for wall in (1, -1))
+    both = upper.size and lower.size
+    tilt = float(np.angle(-lower.mean() / upper.mean())) if both else 0.0
+    count = run.periods - half
+    return p, tilt, len(own) / count, (len(late) - len(own)) / count

@@ -1,0 +1,469 @@
+"""The smooth chain, eqs. (21) and (22): walls of finite stiffness, by a general ODE solver.
+
+``u_n'' + gamma (2 u_n - u_n-1 - u_n+1) + mu u_n' + lambda (2m+1) u_n^(2m) u_n' + (2m+1) u_n^(4m+1)
+= F(t)``, with F = -a cos t: the paper prints +a cos t in (21), yet compares with (13), whose
+forcing is -a cos t. For m -> infinity this is the impacting ring with the k of (22). For real m,
+u^(2m) is |u|^(2m).
+
+Which solver: measured at m = 6, 20, 50 and N = 20 (``python -m tests.benchmarks --only
+simulation``) the chain is not stiff. Explicit order 8 with a compiled right-hand side is the
+fastest at every accuracy; implicit methods take 20 to 60 times as long at equal error. Whatever the
+solver, u^(2m) is invisible to its step control in mid flight, so its step is capped at 0.2.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, ClassVar, Protocol, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.kernels import Kernel
+from contbreather.lattice import Forcing, Harmonic, forcing_of
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.parameters import parameter
+from contbreather.progress import Bar
+from contbreather.signals import deferred
+from contbreather.simulation.impacting import States, advance, gathered
+from contbreather.simulation.states import (
+    PERIOD,
+    State,
+    Under,
+    check_state,
+    conditions_of,
+    lattice_for,
+    ranged,
+    reduced,
+)
+from contbreather.simulation.stretches import Sample, Stretch, check_sample
+from contbreather.storage.serialise import to_dict
+
+Array = NDArray[Any]
+
+FINE = 1e-12  # tolerance where derivatives are asked for
+CAP = 0.2  # largest step of any solver
+OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
+MOST = 1_000_000  # steps between two outputs
+
+
+def damping_of(k: float) -> float:
+    """lambda of the smooth wall with restitution k, eq. (22) solved for it.
+
+    Examples
+    --------
+    >>> round(damping_of(0.8), 12)
+    0.141700600391
+    """
+    k = parameter("k", k)
+    if k == 0.0:
+        return 2.0
+    loss = -math.log(k)
+    return 2.0 * loss / math.hypot(math.pi, loss)
+
+
+def restitution_of(lam: float) -> float:
+    """k of the smooth wall with the damping lambda, eq. (22).
+
+    Examples
+    --------
+    >>> round(restitution_of(damping_of(0.8)), 12)
+    0.8
+    """
+    lam = parameter("lam", lam)
+    if lam == 2.0:
+        return 0.0
+    return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
+
+
+@dataclass(frozen=True)
+class SmoothConditions:
+    """What a lattice with smooth walls moves under; lam and m are those of (21)."""
+
+    a: float
+    gamma: float
+    lam: float
+    m: float
+    damping: float = 0.0
+    spring: float = 0.0
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Finite = field(kw_only=True)
+
+    @property
+    def k(self) -> float:
+        """Restitution of the impacting limit, (22)."""
+        return restitution_of(self.lam)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """All parameters by name, those of the forcing last."""
+        return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
+
+    def to_dict(self) -> dict[str, Any]:
+        """By numbers and names, for files."""
+        numbers = {name: float(getattr(self, name)) for name in OWN}
+        return {**numbers, "forcing": to_dict(self.forcing), "lattice": to_dict(self.lattice)}
+
+    def at(self, params: Mapping[str, float]) -> SmoothConditions:
+        """The same with other values of its parameters, or with the lam of another k."""
+        values = {name: float(params.get(name, value)) for name, value in self.params.items()}
+        if "k" in params:
+            values["lam"] = damping_of(params["k"])
+        own: dict[str, Any] = {name: values.pop(name) for name in OWN}
+        return replace(self, **own, forcing=self.forcing.at(**values) if values else self.forcing)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What the compiled right-hand sides take after (t, y)."""
+        numbers = (float(getattr(self, name)) for name in OWN)
+        return (*numbers, _series(self.forcing), *_network(self.lattice))
+
+
+def smooth_conditions_of(
+    sites: int,
+    *,
+    k: float | None = None,
+    lam: float | None = None,
+    forcing: Forcing | str | None = None,
+    lattice: Finite | None = None,
+    **numbers: float,
+) -> SmoothConditions:
+    """The conditions of a state of so many sites, on a ring unless a lattice is given."""
+    if (k is None) == (lam is None):
+        raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
+    wall: Any = lam if k is None else damping_of(k)
+    where, drive = lattice_for(sites, lattice), forcing_of(forcing)
+    return ranged(SmoothConditions(lam=wall, forcing=drive, lattice=where, **numbers))
+
+
+def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions | SmoothConditions:
+    """The conditions of rigid walls, or of smooth ones if there is a hardness m."""
+    if m is None:
+        return conditions_of(sites, **on)
+    if on.pop("walls", None) is not None:
+        raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
+    return smooth_conditions_of(sites, m=m, **on)
+
+
+@lru_cache(maxsize=64)
+def _series(forcing: Forcing) -> Array:
+    """Orders and coefficients of F/a, in rows."""
+    m, c, s = np.array(forcing.harmonics, dtype=float).reshape(-1, 3).T
+    return np.array([m, -(m**2) * c, -(m**2) * s])
+
+
+@lru_cache(maxsize=16)
+def _network(lattice: Finite) -> tuple[Array, Array]:
+    """Entries of the stiffness matrix over the masses, (site, other, value), and the drive."""
+    table = stiffness_of(lattice).tocoo()
+    weight = table.data / np.asarray(lattice.masses)[table.row]
+    entries = np.array([table.row, table.col, weight], dtype=float)
+    return np.ascontiguousarray(entries.T), drive_of(lattice)
+
+
+class OnSmooth(Under, total=False):
+    """The keywords of `simulate_smooth` that say what a lattice moves under."""
+
+    k: float | None
+    lam: float | None
+
+
+# --- solvers --------------------------------------------------------------------------------------
+
+Rhs = Callable[[float, Array], Array]
+
+
+def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) -> Rhs:
+    """What a kernel fills in at a time and a state; to copy both costs less than to look up where
+    they are."""
+    state, out = np.empty(shape[0]), np.empty(shape)
+    fill = kernel.following(state, *args, out)
+
+    def at(t: float, y: Array) -> Array:
+        state[:] = y
+        fill(t)
+        return out.copy()
+
+    return at
+
+
+class Solver(Protocol):
+    """Carries y from t0 to each of the times; raises `NotConverged` where it cannot."""
+
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """Dormand and Prince's method of order 8 (scipy's ``dop853``): the fastest here.
+
+    Examples
+    --------
+    >>> Explicit(tolerance=1e-12)
+    Explicit(tolerance=1e-12)
+    """
+
+    tolerance: float = 1e-10
+
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
+        from scipy.integrate import ode
+
+        out = np.empty((len(times), len(y)))
+        settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
+        for i, t in enumerate(times):
+            step = min(CAP, 0.5 * (t - t0))
+            solver: Any = ode(rhs).set_integrator(
+                "dop853", nsteps=MOST, first_step=step, **settings
+            )
+            solver.set_initial_value(y, t0)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
+                with deferred():
+                    y = solver.integrate(t)
+            if not solver.successful():
+                raise _stuck("dop853", t)
+            out[i], t0 = y, float(t)
+        return out
+
+
+class _OfScipy:
+    """A method of `solve_ivp`, with the exact Jacobian."""
+
+    method: ClassVar[str]
+    tolerance: float
+
+    def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
+        from scipy.integrate import solve_ivp
+
+        settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
+        if jac is not None:
+            settings["jac"] = jac
+        solve: Any = solve_ivp  # its stubs know every method by name and shape
+        with deferred():
+            found = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
+        if not found.success:
+            raise _stuck(self.method, found.t[-1] if len(found.t) else t0)
+        return np.ascontiguousarray(found.y.T)
+
+
+@dataclass(frozen=True)
+class Switching(_OfScipy):
+    """LSODA, which changes between Adams and BDF as it sees fit, with the exact Jacobian.
+
+    Examples
+    --------
+    >>> rest = [0.1], [0.0]
+    >>> run = simulate_smooth(rest, a=0.1, gamma=0.0, k=0.8, m=6, periods=1, solver=Switching())
+    >>> round(float(run.final.u[0]), 6)  # u = 0.1 cos t
+    0.1
+    """
+
+    method = "LSODA"
+    tolerance: float = 1e-10
+
+
+@dataclass(frozen=True)
+class Implicit(_OfScipy):
+    """Radau's method of order 5 with the exact Jacobian: to compare, or if walls ever get stiff.
+    Used as `Switching` is."""
+
+    method = "Radau"
+    tolerance: float = 1e-8
+
+
+def _stuck(method: str, t: float) -> NotConverged:
+    return NotConverged(
+        f"{method} cannot go on at t = {t:.6g}: its step has become too small; check the state, "
+        "or take another solver (Explicit, Switching, Implicit) or tolerance"
+    )
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class SmoothRun(States):
+    """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<SmoothRun of {self.sites} sites over {self.periods} periods, "
+            f"m = {self.conditions.m:g}; {self.stop.value}>"
+        )
+
+
+def simulate_smooth(
+    state: Any,
+    *,
+    m: float,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    solver: Solver | None = None,
+    progress: bool | Bar | None = None,
+    **on: Unpack[OnSmooth],
+) -> SmoothRun:
+    """Let a lattice with smooth walls (21) go from any state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+    periods, t0, sample, progress, on
+        As in `simulate`, without walls: they are at -1 and 1.
+    m : float
+        Hardness of the walls, from 0.5 to 1e4; (21) has natural numbers, a real one is taken with
+        |u|.
+    k, lam : float
+        Among `on`: restitution of the impacting limit, or lambda of (21), one of the two.
+    solver : Solver, optional
+        `Explicit` unless given; `Switching` and `Implicit` are there to compare.
+
+    Raises
+    ------
+    BadInput
+        Parameters outside their range, or a state far behind the walls.
+    NotConverged
+        If the energy blows up or the solver cannot go on.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
+    >>> run = simulate_smooth(b.state(20), a=0.5, gamma=0.08, k=0.8, m=20, periods=1)
+    >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
+    True
+    """
+    start = check_state(state)
+    conditions = smooth_conditions_of(start.u.size, m=m, **on)
+    settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
+    return advance_smooth(start, conditions, periods=periods, t0=t0, **settings)
+
+
+def advance_smooth(
+    start: State,
+    conditions: SmoothConditions,
+    *,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    solver: Solver | None = None,
+    progress: bool | Bar | None = None,
+) -> SmoothRun:
+    """`simulate_smooth`, of a state and conditions that have been checked."""
+    check_sample(sample, start.u.size)
+    solver = Explicit() if solver is None else solver
+    flight = SmoothFlight(start, conditions, reduced(t0), sample, solver)
+    return SmoothRun(**gathered(flight, periods=periods, t0=t0, progress=progress)[0])
+
+
+def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:
+    """The run of a state under rigid or smooth walls; settings as of `advance`."""
+    go: Any = advance_smooth if isinstance(on, SmoothConditions) else advance
+    return go(state, on, **settings)
+
+
+def flown(
+    on: SmoothConditions,
+    state: State,
+    t0: float,
+    span: float,
+    *,
+    slopes: bool = False,
+    columns: Array | None = None,
+) -> tuple[Array, Array | None, Array | None]:
+    """Where a state gets to in some periods, as one row; with `slopes` also its derivatives in the
+    state, times some columns if they are given, else also in the numbers `OWN`.
+
+    Raises
+    ------
+    ArithmeticError
+        Where the solver cannot go on: there are no equations there.
+    """
+    from contbreather.simulation.smooth_flow import MOTION, VARIED
+
+    x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
+    solver, arguments = Explicit(FINE), on.arguments
+    try:
+        if not slopes:
+            rhs = right_side(MOTION, arguments, x.shape)
+            return solver.states(rhs, None, t0, x, times)[0], None, None
+        first = np.eye(x.size) if columns is None else columns.T
+        params = len(OWN) if columns is None else 0
+        start = np.concatenate([x, first.ravel(), np.zeros(params * x.size)])
+        rhs = right_side(VARIED, (*arguments, params), start.shape)
+        end = solver.states(rhs, None, t0, start, times)[0].reshape(-1, x.size)
+    except NotConverged as error:
+        raise ArithmeticError(str(error)) from error
+    return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
+
+
+def sides(on: SmoothConditions, size: int) -> tuple[Rhs, Rhs]:
+    """The right-hand side of (21) for states of so many numbers, and its Jacobian."""
+    from contbreather.simulation.smooth_flow import JACOBIAN, MOTION
+
+    given = on.arguments
+    return right_side(MOTION, given, (size,)), right_side(JACOBIAN, given, (size, size))
+
+
+@dataclass
+class SmoothFlight:
+    """A lattice with smooth walls under one solver, period by period."""
+
+    state: State
+    conditions: SmoothConditions
+    t0: float
+    sample: Sample | None
+    solver: Solver
+    roomy = 1
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.solver, "states"):
+            raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
+        self.check(self.state, 0)
+
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
+        """One period, or one of another length."""
+        (u, v) = self.at(np.array([self.t0 + span]))[0]
+        self.check(State(u, v), first + 1)
+        # integrated apart, so that looking at a run does not change it
+        dense = self.dense() if span == PERIOD else np.empty((2, 0, 0))
+        self.state = State(u, v)
+        return Stretch(first, u[None], v[None], *dense[:, None])
+
+    def dense(self) -> Array:
+        """Displacements and velocities of the sampled sites in the period to come."""
+        if self.sample is None:
+            return np.empty((2, 0, 0))
+        times = self.t0 + PERIOD / self.sample.per_period * np.arange(1, self.sample.per_period)
+        states = [np.array(self.state)[None], *([self.at(times)] if times.size else [])]
+        return np.concatenate(states)[:, :, list(self.sample.sites)].swapaxes(0, 1)
+
+    def at(self, times: Array) -> Array:
+        """The states at some times of the period to come: (times, 2, sites)."""
+        y = np.concatenate(self.state)
+        found = self.solver.states(*sides(self.conditions, y.size), self.t0, y, times)
+        return np.reshape(found, (len(times), 2, -1))
+
+    def check(self, state: State, j: int) -> None:
+        """Refuse a state far behind the walls: there the force is no longer the model's."""
+        from contbreather.simulation.smooth_flow import ceiling
+
+        u, top = state.u, ceiling(float(self.conditions.m))
+        n = int(np.abs(u).argmax())
+        if np.all(np.isfinite(state)) and abs(u[n]) < top:
+            return
+        if j == 0:
+            raise BadInput(
+                f"u[{n}] = {u[n]:.6g} lies far behind the walls (for m = {self.conditions.m:g} a "
+                f"velocity of 1000 gets as far as {top:.4g}): the energy would blow up."
+            )
+        raise NotConverged(
+            f"the energy blows up in period {j}: u[{n}] = {u[n]:.6g} is far behind the walls; the "
+            "forcing pumps the ring, or the solver's tolerance is too large"
+        )

@@ -1,0 +1,427 @@
+"""What a motion is in the end, on rigid and smooth walls: rotation numbers and verdicts.
+
+The stroboscopic section (the state once in a period of the forcing) of a quasi-periodic motion is a
+closed curve. Its rotation number is the mean turn about the middle of the curve; averaged with the
+weight of `weighted_mean` it converges faster than any power of the length.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import check_kind, numbers, whole
+from contbreather.errors import BadInput, NotConverged
+from contbreather.simulation.energy import forced, localised
+from contbreather.simulation.impacting import Run, completed
+from contbreather.simulation.returning import PeriodicMotion, closing
+from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
+from contbreather.simulation.states import On, State, check_state
+from contbreather.simulation.stretches import RunStop
+from contbreather.simulation.tangent import exponents, weighted_mean
+
+Array = NDArray[Any]
+Found = tuple["Kind", str]
+Ran = Run | SmoothRun
+TURN = 2.0 * math.pi
+
+STILL = 1e-14  # of its largest state: a section that extends no further is a point
+LEAST = 100  # periods that must be seen before anything can be said
+LONGEST = 64  # periods after which a motion may close to count as periodic or locked
+CLOSED = 1e-9  # how well it must close
+NEARBY = 1e-3  # so close to returning that Newton's method is asked
+RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of a torus
+STEADY = 1e-4  # how well they agree on its size
+RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
+POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
+BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather
+LONG = 60  # sites; multipliers of a longer lattice with smooth walls take minutes
+SEEN = 200  # periods over which an exponent is averaged there
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """Rotation number of a closed curve.
+
+    Attributes
+    ----------
+    number : float
+        Turns per period of the forcing, modulo 1 and up to sign: in [0, 1/2].
+    error : float
+        Difference between those of the two halves of the run.
+    hole : float
+        Distance of the curve from the middle it was seen to turn about, relative to its size;
+        where it is small the number means nothing.
+    drift : float
+        By how much the size of the curve differs between the two halves, relative to it: not
+        small where the motion still spirals.
+    """
+
+    number: float
+    error: float
+    hole: float
+    drift: float
+
+
+def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
+    """Rotation number of a stroboscopic section, by weighted Birkhoff averages.
+
+    The section is looked at in several planes: that in which it extends most, those of
+    displacement and velocity of single sites, and that of successive states. Taken is the one
+    with the widest hole in the middle, about which the turns are averaged.
+
+    Parameters
+    ----------
+    u, v : array_like, shape (M, N) or (M,)
+        Successive states, ``*run.strobe`` for instance, transient left out.
+
+    Examples
+    --------
+    >>> t = TURN * 0.381966 * np.arange(3000)
+    >>> found = rotation(np.cos(t) + 0.2 * np.cos(2 * t), np.sin(t))
+    >>> round(found.number, 12)
+    0.381966
+    """
+    x, y = numbers("u", u), numbers("v", v)
+    if x.ndim not in (1, 2) or x.shape != y.shape:
+        raise BadInput(
+            f"u and v are rows of states, or tables with a column for each site; shapes {x.shape} "
+            f"and {y.shape} were given."
+        )
+    x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
+    if len(x) < 20:
+        raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")
+    still = STILL * max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
+    spread = [(plane, plane.std(axis=0)) for plane in _planes(x, y)]
+    whitened = [plane / widths for plane, widths in spread if np.all(widths > still)]
+    if not whitened:
+        return Rotation(0.0, 0.0, 0.0, 0.0)
+    holes = [float(radius.min() / radius.max()) for radius in (np.hypot(*p.T) for p in whitened)]
+    best = int(np.argmax(holes))
+    return _turns(whitened[best], holes[best])
+
+
+def _planes(x: Array, y: Array) -> list[Array]:
+    """Ways to look at a section, each about its middle."""
+    both = np.concatenate([x, y], axis=1)
+    both = both - weighted_mean(both)
+    axes = np.linalg.svd(both[: min(len(both), 4000)], full_matrices=False)[2]
+    widest = np.argsort(-x.std(axis=0))[:4]
+    planes = [both[:, [n, x.shape[1] + n]] for n in widest]
+    planes.append(np.stack([both[:-1] @ axes[0], both[1:] @ axes[0]], axis=1))
+    planes.append(both @ axes[:2].T)
+    return planes
+
+
+def _turns(plane: Array, hole: float) -> Rotation:
+    """Mean turn about the middle of a plane."""
+    turns = np.diff(np.arctan2(plane[:, 1], plane[:, 0])) / TURN
+    # each turn modulo 1 on the sheet around the middle of them all
+    middle = np.angle(np.exp(1j * TURN * turns).mean()) / TURN
+    turns = middle + (turns - middle + 0.5) % 1.0 - 0.5
+    half = len(turns) // 2
+    parts = (turns, turns[:half], turns[half:])
+    mean, first, second = (float(weighted_mean(part)) for part in parts)
+    size = np.sum(plane**2, axis=1)
+    drift = abs(float(weighted_mean(size[half:]) / weighted_mean(size[:half])) - 1.0)
+    return Rotation(abs(mean - round(mean)), abs(first - second), hole, drift)
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+class Kind(enum.Enum):
+    """What a motion is in the end; the value is the sentence a user reads."""
+
+    PERIODIC = "periodic: repeats with the forcing"
+    LOCKED = "locked: periodic after several periods of the forcing"
+    QUASI_PERIODIC = "quasi-periodic: a torus with a rotation number of its own"
+    CHAOTIC = "chaotic: nearby motions separate exponentially"
+    DELOCALISED = "delocalised: the breather is lost, impacts are everywhere"
+    SYNCHRONISED = "synchronised: the breather is lost, all sites move together"
+    UNDECIDED = "undecided: has not settled; let it run longer"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a motion is, and the numbers that say so.
+
+    Attributes
+    ----------
+    kind : Kind
+    reason : str
+        One sentence of evidence.
+    evidence : dict
+        ``participation`` (mean over the observed part), ``spread`` (largest deviation from unison),
+        ``aside`` (from the forced motion), ``impacting`` (how many sites hit a rigid wall) and, as
+        far as they were needed, ``return`` (distance after the best number of periods),
+        ``periods``, ``multiplier`` (largest modulus), ``exponent``, ``exponent_error``,
+        ``frequencies`` (exponents that are zero), ``rotation``, ``rotation_error``, ``p``, ``q``.
+    run : Run or SmoothRun
+        The observed part, after settling.
+    """
+
+    kind: Kind
+    reason: str
+    evidence: Mapping[str, float]
+    run: Run | SmoothRun = field(repr=False)
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}; {self.reason}"
+
+
+def verdict(
+    state: Any,
+    *,
+    settle: int = 4000,
+    periods: int = 4096,
+    m: float | None = None,
+    t0: float = 0.0,
+    **on: Unpack[On],
+) -> Verdict:
+    """Let a lattice settle, watch it, and say what its motion is.
+
+    Parameters
+    ----------
+    state, t0, on
+        As in `simulate`.
+    settle, periods : int
+        Periods to let pass, and to watch, at least 100: the weaker the attraction, the more are
+        needed.
+    m : float, optional
+        On smooth walls (21) of this hardness instead of rigid ones.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> b = symmetric(a=0.3, gamma=0.05, k=0.8)
+    >>> found = verdict(b.state(8), a=0.3, gamma=0.05, k=0.8, damping=0.05, periods=200)
+    >>> found.kind.name, round(found.evidence["multiplier"], 3)
+    ('PERIODIC', 0.876)
+    """
+    start = check_state(state)
+    conditions = rigid_or_smooth(start.u.size, m, **on)
+    length = whole("periods", periods, LEAST)
+    run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
+    if run.stop is RunStop.DONE:
+        run = completed(let_go(run.final, conditions, periods=length, t0=t0))
+    if run.stop is not RunStop.DONE:
+        return Verdict(Kind.UNDECIDED, run.reason, {}, run)
+    return judge(run)
+
+
+def judge(run: Run | SmoothRun) -> Verdict:
+    """The verdict on a run that has settled; see `verdict`.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> from contbreather.simulation import simulate_smooth
+    >>> b = symmetric(a=0.1, gamma=0.05, k=0.8)
+    >>> shared = {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.02, "m": 6}
+    >>> settled = simulate_smooth(b.state(6), periods=200, **shared).final
+    >>> judge(simulate_smooth(settled, periods=50, **shared)).kind.name
+    'PERIODIC'
+    """
+    check_kind(run, (Run, SmoothRun), "a run of simulate")
+    evidence = _where(run)
+    found = _lost(run, evidence)
+    if found is None:
+        found, repelling = _closed(run, evidence)
+        found = found or _open(run, evidence, repelling)
+    return Verdict(*found, evidence, run)
+
+
+def _where(run: Ran) -> dict[str, float]:
+    u, v = run.strobe
+    half = run.periods // 2
+    on, late = run.conditions, run.times[half:]
+    seen = localised(u, v, run.times, on)
+    off, quick = np.abs(u[half:] - forced(on, late, 0)), np.abs(v[half:] - forced(on, late, 1))
+    evidence = {
+        "participation": float(seen.participation.mean()),
+        "spread": float(max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())),
+        "aside": float(max(off.max(), quick.max())),
+    }
+    if isinstance(run, Run):
+        last = run.impacts[run.impacts["period"] >= half]
+        evidence["impacting"] = float(len(np.unique(last["site"])))
+    return evidence
+
+
+def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
+    """No breather any more: nobody hits, all move alike, or impacts (on smooth walls, which do not
+    count them, the energy) are all over the lattice."""
+    sites, impacting = run.sites, evidence.get("impacting")
+    if impacting == 0.0:
+        reason = f"no impacts; every site within {evidence['aside']:.2g} of the forced motion"
+        return Kind.SYNCHRONISED, reason
+    if sites > 1 and evidence["spread"] < 1e-6:
+        reason = f"all {sites} sites are within {evidence['spread']:.1g} of each other"
+        return Kind.SYNCHRONISED, reason
+    ratio = f"participation ratio {evidence['participation']:.1f}"
+    if impacting is None and sites > 2 and evidence["participation"] > BROAD:
+        return Kind.DELOCALISED, f"{ratio} of {sites}"
+    if impacting is not None and sites > 2 and impacting > max(2, sites // 4):
+        return Kind.DELOCALISED, f"{impacting:.0f} of {sites} sites hit their walls, {ratio}"
+    return None
+
+
+def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, PeriodicMotion | None]:
+    """Periodic or locked: Newton's method finds a motion that closes next to the run's end.
+
+    Where that motion repels and the run is still beside it, it is given back too: a run returns to
+    it for as long as rounding takes to grow, and is none the less about to leave.
+    """
+    n, gaps = _returns(run)
+    gap = float(gaps[n - 1])
+    evidence |= {"return": gap, "periods": float(n)}
+    after = "a period" if n == 1 else f"{n} periods"
+    if isinstance(run, SmoothRun) and run.sites > LONG:
+        reason = f"returns to {gap:.1g} after {after}, its multipliers were not computed"
+        kind = Kind.PERIODIC if n == 1 else Kind.UNDECIDED
+        return ((kind, reason) if gap < CLOSED else None), None
+    repelling = None
+    # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
+    for candidate in dict.fromkeys((1, n)):
+        found = _next_to(run, candidate) if gaps[candidate - 1] < NEARBY else None
+        if found is not None and found.largest < 1.0 + _slack(run):
+            return _periodic(run, evidence, found), None
+        if repelling is None and found is not None and _leaving(run, found):
+            repelling = found
+    if gap > CLOSED:
+        return None, repelling
+    if repelling is not None:
+        return (Kind.UNDECIDED, _repels(run, evidence, repelling)), repelling
+    reason = f"returns after {n} to {gap:.1g}, but Newton's method finds no closed orbit"
+    return (Kind.UNDECIDED, reason), None
+
+
+def _returns(run: Ran) -> tuple[int, Array]:
+    """After how many periods a run comes back best, and how close after each number of them."""
+    x = np.concatenate(run.strobe, axis=1)
+    longest = min(LONGEST, len(x) // 3)
+    gaps = np.array(
+        [np.abs(x[-1 - n :: -1][:8] - x[:n:-1][:8]).max() for n in range(1, longest + 1)]
+    )
+    return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
+
+
+def _slack(run: Ran) -> float:
+    """How far beyond 1 rounding, or the integration, may take a multiplier."""
+    return 1e-6 if isinstance(run, SmoothRun) else 1e-7
+
+
+def _next_to(run: Ran, periods: int) -> PeriodicMotion | None:
+    """The motion of that many periods next to the end of the run, attracting or not."""
+    try:
+        found = closing(_last(run), run.conditions, periods=periods, t0=float(run.times[0]))
+    except NotConverged:
+        return None
+    return found if _distance(run, found) < 10.0 * NEARBY else None
+
+
+def _last(run: Ran) -> State:
+    """The last state once in a period, at the phase of the first one."""
+    return State(run.strobe.u[-1], run.strobe.v[-1])
+
+
+def _distance(run: Ran, found: PeriodicMotion) -> float:
+    """How far the end of a run is from a motion."""
+    return float(np.abs(np.subtract(_last(run), found.state)).max())
+
+
+def _leaving(run: Ran, found: PeriodicMotion) -> bool:
+    """Whether a run has been beside a motion that repels all the time, and no longer than it can.
+
+    A chaotic band passes by such motions again and again, or is narrow and stays beside one for
+    ever: neither starts within rounding of it and moves away.
+    """
+    n = found.periods
+    states = np.concatenate(run.strobe, axis=1)[-1::-n]
+    away = np.abs(states - np.concatenate(found.state)).max(axis=1)
+    beside = bool(away.max() < 10.0 * NEARBY)
+    return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
+
+
+def _repels(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> str:
+    """The sentence on a run next to a motion that repels."""
+    evidence["multiplier"] = found.largest
+    after = "a period" if found.periods == 1 else f"{found.periods} periods"
+    return (
+        f"{_distance(run, found):.1g} from a motion that repeats after {after}, largest multiplier "
+        f"{found.largest:.6g}: it repels, and the run has not left it yet"
+    )
+
+
+def _periodic(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> Found:
+    u, v = completed(found.run()).strobe
+    gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
+    n = 1 + int(np.argmax(gaps < 1e-7))
+    evidence |= {"periods": float(n), "multiplier": found.largest ** (n / found.periods)}
+    reason = f"{_distance(run, found):.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
+    if n == 1:
+        return Kind.PERIODIC, reason
+    p = round(rotation(*run.strobe).number * n)
+    evidence |= {"p": float(p), "q": float(n)}
+    return Kind.LOCKED, f"{p}:{n}, {reason}"
+
+
+def _open(run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Found:
+    """Not closed: chaos if an exponent is positive, a torus if it is zero and the turns are steady.
+
+    Bands of chaos that are visited in turn have a rotation number as sharp as that of a locked
+    motion; only the exponent, and Newton's method, tell them apart. Next to a motion that repels a
+    positive exponent is no chaos, but that motion's own.
+    """
+    turn = rotation(*run.strobe)
+    evidence |= {"rotation": turn.number, "rotation_error": turn.error}
+    turns = f"rotation number {turn.number:.10f} ({turn.error:.0e})"
+    steady = turn.error <= RESOLVED and turn.hole >= 1e-3 and turn.drift <= STEADY
+    if not steady:
+        turns = f"{turns}, the section's size changes by {turn.drift:.0e}"
+    values, errors = _exponents(run)
+    exponent, error = float(values[0]), float(errors[0])
+    # an exponent that is zero, as far as can be told
+    neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
+    small = np.abs(values) < np.maximum(5.0 * errors, neutral)
+    frequencies = int(np.sum(small & (errors < neutral)))
+    evidence |= {"exponent": exponent, "exponent_error": error, "frequencies": float(frequencies)}
+    words = f"largest exponent {exponent:.2g} ({error:.0e})"
+    if repelling is None and exponent > max(5.0 * error, POSITIVE):
+        return Kind.CHAOTIC, words
+    # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
+    zero = bool(small[0]) and error <= (neutral if rational(turn.number) else POSITIVE)
+    if zero and steady:
+        if frequencies > 1:
+            many = (
+                f"{frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
+            )
+            words = f"{words}; {many}"
+        return Kind.QUASI_PERIODIC, f"{turns}, {words}"
+    if repelling is not None:
+        return Kind.UNDECIDED, _repels(run, evidence, repelling)
+    return Kind.UNDECIDED, f"{turns}, {words}"
+
+
+def _exponents(run: Ran) -> tuple[Array, Array]:
+    """The largest exponents from the end of a run on, and how well halves agree on them."""
+    # directions that shrink slowly take as long to find as the motion to settle
+    count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)
+    if isinstance(run, SmoothRun):
+        count, length, settle = 1, SEEN, SEEN // 4
+    start, t0 = _last(run), float(run.times[0])
+    found = exponents(start, run.conditions, length, count, settle=settle, t0=t0)
+    return found.exponents, found.error
+
+
+def rational(number: float) -> bool:
+    """Whether a number is a ratio with a small denominator."""
+    q = np.arange(1, LONGEST + 1)
+    return bool(np.any(np.abs(number - np.round(number * q) / q) < RATIONAL))

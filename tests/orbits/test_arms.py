@@ -1,0 +1,548 @@
+"""Both arms of the pitchfork: figures known from elsewhere, ends, events, boundaries, refusals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import Steps, Stop, boundary, trace
+from contbreather.continuation.diagram import diagram
+from contbreather.continuation.switching import switch
+from contbreather.errors import BadInput, NoSolution, NotConverged
+from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
+from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
+from contbreather.orbits.arms import asymmetric, beside
+from contbreather.orbits.asymmetric import AsymmetricEquations, divided
+from contbreather.orbits.images import shifted, simpler_than
+from contbreather.orbits.lifts import lift
+from contbreather.orbits.normal_form import pitchfork_form
+from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.refusals import Inadmissible
+from contbreather.orbits.section import Section
+from contbreather.orbits.shooting import shooting
+from contbreather.orbits.waves import OrbitEquations
+from contbreather.runs import load, save
+
+from .by_hand import derivatives
+
+RICH = Fourier(cos={1: -1.0, 3: 0.1}, sin={1: 0.1, 5: -0.3})
+
+
+@cache
+def pitchfork_point(gamma, k, lattice=InfiniteChain(), **options):
+    start, window = symmetric(0.6, gamma, k, lattice=lattice), {"a": (0, 0.99)}
+    branch = trace(start, "a", towards="up", within=window, events=[pitchfork()], **options)
+    return branch.first("PF")
+
+
+@cache
+def arms(gamma, k, lattice=InfiniteChain(), top=0.999):
+    return switch(pitchfork_point(gamma, k, lattice), within={"a": (0, top)})
+
+
+# --- the equations --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
+@pytest.mark.parametrize("forcing", [Harmonic(), RICH])
+def test_they_are_sums_and_differences_of_the_general_ones(lattice, forcing):
+    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **forcing.params}
+    p, t1, t2, c = 1.1, -2.9, 0.8, 0.05
+    own = AsymmetricEquations(forcing, lattice).residual(np.array([p, t1, t2, c]), params)
+    general = OrbitEquations(Section(((0, 1), (0, -1))), forcing=forcing, lattice=lattice)
+    r = general.residual(np.array([t1, t2, -2 * p, 2 * p, c]), params)
+    delta = t2 - t1 - math.pi
+    # r: wall +1, wall -1, reset, reset, balance
+    assert own[0] == pytest.approx((r[0] - r[1]) / 2, abs=1e-14)
+    assert own[1] == pytest.approx((r[2] - r[3]) / 2, abs=1e-14)
+    assert own[2] * delta == pytest.approx(-(r[2] + r[3]), abs=1e-14)
+    assert own[3] == pytest.approx((r[0] + r[1]) / 2, abs=1e-14)
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(3)])
+@pytest.mark.parametrize("delta", [-0.7, 1e-3, 0.0, 0.3])
+def test_derivatives_are_those_of_the_residual_also_where_flights_are_equal(lattice, delta):
+    equations = AsymmetricEquations(RICH, lattice)
+    params = {"a": 0.8, "gamma": 0.1, "k": 0.7, **RICH.params}
+    x = np.array([1.1, -2.9, -2.9 + math.pi + delta, 0.05])
+    for name, found, wanted in derivatives(equations, x, params, 2e-4):
+        assert np.abs(found - wanted).max() < (1e-9 if name else 2e-10)
+
+
+def test_difference_quotient_of_the_forcing_is_smooth_where_both_times_meet():
+    for t1, t2 in ((0.3, 1.1), (0.3, 0.3 + 1e-4)):
+        value = divided(RICH, t1, t2)[0]
+        assert value == pytest.approx((RICH.df(t2) - RICH.df(t1)) / (t2 - t1), rel=1e-11)
+    assert divided(RICH, 0.3, 0.3)[0] == pytest.approx(RICH.d2f(0.3), rel=1e-15)
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+def test_known_breather_at_gamma_004():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    assert orbit.p == pytest.approx(1.0931390, abs=5e-8)
+    assert abs(orbit.c) == pytest.approx(0.0373542, abs=5e-8)
+    assert abs(orbit.asymmetry) / 2 == pytest.approx(0.29836, abs=5e-6)
+    ring = orbit.on(Ring(20))
+    # the velocities before and after each impact
+    assert np.abs(ring.incoming) == pytest.approx([1.214598943047] * 2, abs=1e-12)
+    assert 0.8 * np.abs(ring.incoming) == pytest.approx([0.971679154438] * 2, abs=1e-12)
+    assert abs(ring.c) == pytest.approx(0.0373541595, abs=1e-10)
+    mu = ring.multipliers()
+    assert np.abs(mu).max() == pytest.approx(1.00675, abs=5e-6)
+    assert np.prod(mu).real == pytest.approx(0.8**4, rel=1e-12)
+    assert orbit.stability().stable
+
+
+def test_without_coupling_the_arm_doubles_its_period():
+    one, other = arms(0.0, 0.8)
+    assert one[0]["a"] == pytest.approx(0.691778556508, abs=1e-12)
+    for arm in (one, other):
+        point = arm.first("PD")
+        assert point.located
+        # 0.92551200629320 by 40 digits of the single oscillator's own map
+        assert point["a"] == pytest.approx(0.9255120062932025, abs=1e-13)
+        mu = point.solution.on(Ring(1)).multipliers()
+        assert np.abs(mu + 1).min() < 1e-12
+    assert (one["unstable"][:3].tolist(), one["unstable"][-1]) == ([0, 0, 0], 1)
+    # at the pitchfork itself a multiplier is on the circle, and it is said that one is
+    assert not one[0].solution.stability().certain
+
+
+def test_with_coupling_the_neighbour_ends_the_arm_before_that():
+    for arm in arms(0.04, 0.8):
+        assert [point.kind for point in arm.special] == ["EP", "GR"]
+        assert arm[0].parent.kind == "PF"
+        assert arm.stop.name == "EVENT"
+        end = arm[-1].solution
+        assert end.a == pytest.approx(0.877387, abs=5e-7)
+        margins = end.admissibility()
+        assert abs(margins.margin) < 1e-13
+        assert margins.site == 1
+        assert abs(end.velocity(1, margins.time)) < 1e-12
+        assert abs(end.displacement(1, margins.time)) == pytest.approx(1, abs=1e-13)
+        assert "site 1 reaches |u| = 1" in margins.reason
+
+
+def test_elastic_impacts_let_the_doubling_happen_at_weak_coupling():
+    """At k = 0.95 PD comes before grazing for gamma < 0.0130085, where both meet."""
+    arm = arms(0.002, 0.95)[0]
+    assert [point.kind for point in arm.special] == ["EP", "PD", "GR"]
+    line = boundary(arm.first("PD"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)})
+    assert line["gamma"].min() == 0.0
+    meeting = line.first("PD-GR")
+    assert meeting["gamma"] == pytest.approx(0.0130085246, abs=1e-9)
+    assert meeting["a"] == pytest.approx(0.9545786040, abs=1e-9)
+    margins = orbit_at(meeting.ground.problem).admissibility()
+    assert abs(margins.margin) < 1e-9
+    assert abs(orbit_at(meeting.ground.problem).map.crosses(-1.0)) < 1e-10
+    assert orbit_at(line[len(line) // 2].ground.problem).admissibility().ok
+
+
+# --- arms and their pitchfork ---------------------------------------------------------------------
+
+
+def test_arms_are_mirror_images():
+    one, other = arms(0.04, 0.8)
+    assert len(one) == len(other)
+    for name in ("a", "p"):
+        assert np.abs(one[name] - other[name]).max() < 1e-10
+    assert np.abs(one["c"] + other["c"]).max() < 1e-10
+    assert np.abs(one["asymmetry"] + other["asymmetry"]).max() < 1e-10
+    assert one["asymmetry"][1] > 0
+    image = shifted(one[-1].solution, 1)
+    twin = other[-1].solution
+    gap = np.abs(image.flight.x - twin.flight.x)
+    gap[:2] = np.abs((image.times - twin.times) + math.pi) % (2 * math.pi) - math.pi
+    assert np.abs(gap).max() < 1e-10
+    assert image.residual < 1e-14
+
+
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(1), Ring(2), Ring(9)])
+def test_columns_are_those_of_a_breather_with_two_impacts(lattice):
+    arm = arms(0.03, 0.8, lattice)[0]
+    assert np.all(arm["t1"] < arm["t2"])
+    assert np.all(arm["t2"] < arm["t1"] + 2 * np.pi)
+    for point in arm:
+        orbit = point.solution
+        assert (orbit.p, orbit.c) == (point["p"], point["c"])
+        assert orbit.residual < 1e-12
+        assert [impact.wall for impact in orbit.impacts] == [1, -1]
+        assert orbit.lattice == lattice
+
+
+def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
+    arm = arms(0.04, 0.8)[0]
+    u, v = arm[5].state(sites=20, t=0.3)
+    assert u[0] == pytest.approx(arm[5].solution.on(Ring(20)).displacement(0, 0.3), abs=1e-15)
+    assert arm[5].velocity(3, 0.3) == arm[5].solution.velocity(3, 0.3)
+    assert "at the limit: site 1 reaches |u| = 1 at t =" in arm[-1].admissibility().reason
+    shot = shooting(arm[5], sites=20)
+    branch = trace(shot, "a", within={"a": (0.75, 0.85)}, events=())
+    start = min(branch, key=lambda point: abs(point["a"] - arm[5]["a"]))
+    again = start.state(sites=20, t=0.3)
+    assert np.abs(np.concatenate(again) - np.concatenate([u, v])).max() < 1e-12
+    larger = branch[3].solution.on(Ring(21))
+    assert np.array_equal(branch[3].state(sites=21, t=0.1)[0], larger.state(t=0.1)[0])
+    save(tmp_path / "run.nc", branch)
+    bare, attached = load(tmp_path / "run.nc"), load(tmp_path / "run.nc", problem=shot)
+    for again in (bare, attached):
+        assert np.array_equal(again[3].state(t=0.1)[0], branch[3].state(t=0.1)[0])
+
+
+def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
+    start = asymmetric(0.8, 0.04, 0.8)
+    there_and_beyond = trace(start, "a", towards="down", within={"a": (0.7, 0.81)})
+    points = [point for point in there_and_beyond.special if point.kind == "PF"]
+    assert len(points) == 1
+    assert points[0].located
+    assert points[0]["a"] == pytest.approx(0.777632425944, abs=1e-12)
+    # the branch turns back there, but that is no fold of its own
+    assert [point.kind for point in there_and_beyond.special] == ["EP", "PF", "EP"]
+    assert not there_and_beyond.doubtful
+    asymmetry = there_and_beyond["asymmetry"]
+    assert asymmetry[0] * asymmetry[-1] < 0
+    # from there both arms start again
+    known = simpler_than(points[0].solution)
+    symmetric_branch = trace(known, "a", within={"a": (0.77, 0.79)}, events=[pitchfork()])
+    again = switch(symmetric_branch.first("PF"))
+    assert np.abs(again[0]["a"][-1] - arms(0.04, 0.8)[0]["a"][-1]) < 1e-10
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.01, 0.025, 0.05])
+@pytest.mark.parametrize("k", [0.4, 0.6, 0.8, 1.0])
+def test_at_a_pitchfork_breather_and_arm_count_alike(gamma, k):
+    """The multiplier on the circle is not outside, on either road, and neither is certain."""
+    point = pitchfork_point(gamma, k)
+    verdicts = [one.stability() for one in (point.solution, point.solution.unfolded())]
+    assert [one.unstable for one in verdicts] == [0, 0]
+    assert not any(one.certain for one in verdicts)
+    assert point["unstable"] == switch(point, events=(), steps=Steps(most=1))[0][0]["unstable"] == 0
+
+
+def test_arms_leave_as_the_normal_form_says():
+    for gamma, coefficient in ((0.04, 8.761463), (0.0, 9.165893)):
+        point = pitchfork_point(gamma, 0.8)
+        assert pitchfork_form(point.solution).coefficient == pytest.approx(coefficient, abs=1e-6)
+        branch = switch(point, steps=Steps(largest=0.01), within={"a": (0, 0.8)})[0]
+        asymmetry, rise = branch["asymmetry"][1:6], branch["a"][1:6] - point["a"]
+        # the ratio has its limit where the asymmetry vanishes, quadratically
+        ratio = np.polyfit(asymmetry**2, asymmetry**2 / rise, 1)
+        assert ratio[1] == pytest.approx(coefficient, rel=2e-4)
+
+
+def test_switching_knows_the_arms_and_the_way_back():
+    """cb.switch at the pitchfork gives both arms, at the arm's own pitchfork the breathers."""
+    one, other = switch(pitchfork_point(0.04, 0.8), within={"a": (0, 0.999)})
+    assert other.image_of == 0
+    assert one[-1]["a"] == pytest.approx(arms(0.04, 0.8)[0][-1]["a"], abs=1e-12)
+    start = asymmetric(0.8, 0.04, 0.8)
+    back = trace(start, "a", towards="down", within={"a": (0.7, 0.81)}).first("PF")
+    breathers = switch(back, events=(), within={"a": (0.75, 0.79)})
+    ends = sorted(branch[-1]["a"] for branch in breathers)
+    assert ends == [0.75, 0.79]
+    for branch in breathers:
+        b = branch[-1].solution
+        assert b.p == pytest.approx(symmetric(b.a, 0.04, 0.8).p, abs=1e-12)
+
+
+def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
+    tree = diagram(
+        symmetric(0.68, 0.0, 0.8, lattice=Ring(1)),
+        "a",
+        within={"a": (0.6, 0.97)},
+        depth=2,
+        progress=False,
+    )
+    labels = sorted(branch.problem.label for branch in tree.branches)
+    assert sum(label.startswith("symmetric breather") for label in labels) == 1
+    assert sum(label.startswith("asymmetric breather (ring of 1") for label in labels) == 2
+    assert labels.count("orbit with impacts") == 1
+
+
+def test_arms_of_a_subcritical_pitchfork_go_down():
+    forcing = Fourier(cos={1: -1.0, 3: 0.3})
+    start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
+    window = {"a": (0.05, 2)}
+    branch = trace(start, "a", within=window, events=[pitchfork()], inadmissible=True)
+    point = branch.first("PF")
+    one, _ = switch(point, events=(), within={"a": (0.5, 2)}, steps=Steps(most=15))
+    assert not pitchfork_form(point.solution).supercritical
+    assert one["a"][1] < one["a"][0]
+
+
+@pytest.mark.parametrize(("free", "window"), [("gamma", (0.0, 0.2)), ("k", (0.1, 0.99))])
+def test_arms_in_any_parameter(free, window):
+    start = symmetric(0.82, 0.03, 0.8)
+    point = trace(start, free, within={free: window}, events=[pitchfork()]).first("PF")
+    one, other = switch(point, within={free: window})
+    assert one.free == free
+    assert one[0][free] == other[0][free] == pytest.approx(point[free], abs=1e-13)
+    assert len(one) > 3
+    assert all(point.solution.residual < 1e-12 for point in one)
+
+
+def test_only_a_located_pitchfork_of_breathers_has_arms():
+    start = symmetric(0.7, 0.04, 0.8)
+    branch = trace(start, "a", towards="up", within={"a": (0, 0.9)})
+    with pytest.raises(BadInput, match=r"a EP: a located PF or PD"):
+        lift(branch[0])
+    with pytest.raises(BadInput, match="not a special point"):
+        lift(branch[1])
+    off = replace(branch.first("PF"), z=branch.first("PF").z + 0.01)
+    with pytest.raises(NotConverged, match="is not a PF"):
+        lift(off)
+    with pytest.raises(BadInput, match="not located"):
+        lift(replace(branch.first("PF"), located=False))
+
+
+def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
+    for arm in (1, -1):
+        orbit = asymmetric(0.85, 0.02, 0.8, arm=arm)
+        assert orbit.a == 0.85
+        assert orbit.asymmetry * arm > 0
+        assert orbit.residual < 1e-14
+    near = asymmetric(0.777632425944 + 1e-8, 0.04, 0.8)
+    assert near.asymmetry**2 / 1e-8 == pytest.approx(8.7615, rel=1e-3)
+    with pytest.raises(NoSolution, match=r"pitchforks at a = 0\.777632 \(upwards\)"):
+        asymmetric(0.7, 0.04, 0.8)
+    with pytest.raises(Inadmissible, match=r"a = 0\.95 .*no breather.* inadmissible=True") as found:
+        asymmetric(0.95, 0.04, 0.8)
+    beyond, error = asymmetric(0.95, 0.04, 0.8, inadmissible=True), found.value
+    assert (error.orbit, error.site, beyond.admissibility().ok) == (beyond, 1, False)
+    assert abs(beyond.displacement(1, error.time)) > 1.09
+    with pytest.raises(BadInput, match="arm must be 1 or -1, got 2"):
+        asymmetric(0.82, 0.04, 0.8, arm=2)
+    with pytest.raises(BadInput, match="unknown parameter 'c3'"):
+        AsymmetricEquations().sensitivity(
+            np.array([1.0, 0.0, 3.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}, "c3"
+        )
+    with pytest.raises(BadInput, match=r"t1 < t2 < t1 \+ 2 pi"):
+        AsymmetricEquations().residual(
+            np.array([1.0, 0.0, 7.0, 0.0]), {"a": 1, "gamma": 0, "k": 0.8}
+        )
+
+
+# --- events and boundaries ------------------------------------------------------------------------
+
+
+def test_pitchfork_line_of_the_arms_is_that_of_symmetric_breathers():
+    back = trace(asymmetric(0.8, 0.04, 0.8), "a", towards="down", within={"a": (0.7, 0.81)})
+    line = boundary(back.first("PF"), ("gamma", "a"), within={"gamma": (0, 0.2)})
+    sigma = [InfiniteChain().sigma(gamma) for gamma in line["gamma"]]
+    chi = [InfiniteChain().chi(gamma) for gamma in line["gamma"]]
+    p = 1 / (np.array(chi) - 2 * np.array(sigma))
+    assert np.abs(line["p"] - p).max() < 1e-9
+    assert np.abs(line["a"] - p * np.sqrt(1 / 81 + 4 * np.array(sigma) ** 2)).max() < 1e-9
+    assert line["gamma"].min() == 0.0
+    # it ends where the symmetric breather itself grazes: on both boundaries the same point
+    assert line.first("PF-GR")["gamma"] == pytest.approx(0.071775, abs=1e-6)
+
+
+def test_grazing_line_meets_the_pitchfork_line_where_that_one_says():
+    line = boundary(
+        arms(0.04, 0.8)[0].first("GR"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)}
+    )
+    assert line["gamma"].min() == 0.0
+    assert line.first("GR-PF")["gamma"] == pytest.approx(0.0717745352, abs=1e-9)
+    for point in line.points[1:-1:6]:
+        orbit = orbit_at(point.ground.problem)
+        assert abs(orbit.admissibility().neighbours) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("largest", [0.1, 0.007])
+def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
+    """Nothing but rounding is left there of the asymmetry and of the margin of the mirrored crest;
+    neither arm nor step may decide what the end is called."""
+    ends = []
+    for arm in arms(0.005, 0.95):
+        line = boundary(
+            arm.first("GR"),
+            ("gamma", "a"),
+            within={"gamma": (0.0, 0.2), "a": (0.05, 1.2)},
+            towards="up",
+            steps=Steps(largest=largest),
+        )
+        assert [point.kind for point in line.special[-2:]] == ["GR-NS", "GR-PF"]
+        ends.append(line[-1])
+        assert line[-1].residual < 1e-12
+        assert abs(line[-1].ground.solution.asymmetry) < 1e-12
+    assert ends[0]["gamma"] == pytest.approx(ends[1]["gamma"], abs=1e-11)
+
+
+def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchfork():
+    """Angle and asymmetry shrink like the root of 1 - k: the line ends at a bound, not in rounding,
+    and there it is as close to the pitchfork of elastic impacts as it has to be."""
+    within = {"k": (0.97, 1.0)}
+    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
+    arm = switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0]
+    line = boundary(arm.first("NS"), ("k", "a"), within=within, events=())
+    assert line.stop is Stop.BOUND
+    assert line[-1]["k"] == 1.0 - 1e-5
+    assert "domain of k" in line.reason
+    elastic = trace(symmetric(0.7, 0.04, 1.0), "a", within={"a": (0.7, 0.8)}).first("PF")
+    assert line[-1]["a"] == pytest.approx(elastic["a"], abs=5e-5)
+    roots = [abs(p["asymmetry"]) / math.sqrt(1 - p["k"]) for p in line.points[-3:]]
+    assert roots == pytest.approx([roots[-1]] * 3, rel=0.01)
+
+
+def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elastic_impacts():
+    """One of its ends is the pitchfork; at the other the angle comes as close to the edge of the
+    band as (1 - k)^2, nearer than any fixed step of a difference could stay off it."""
+    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
+    arm = switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0]
+    line = boundary(arm.first("NS"), ("k", "gamma"), within={"k": (0.9, 1.0)}, events=())
+    assert (line.began, line.stop) == (Stop.BOUND, Stop.BOUND)
+    assert line[0]["k"] == line[-1]["k"] == 1.0 - 1e-5
+    near = [
+        (4.0 * math.sqrt(point["gamma"]) - point["nu"]) / (1.0 - point["k"]) ** 2
+        for point in line.points[: len(line) // 2]
+        if 3e-5 < 1.0 - point["k"] < 2e-3
+    ]
+    assert len(near) > 2
+    assert near == pytest.approx([near[0]] * len(near), rel=0.01)
+
+
+def test_a_pair_leaves_the_circle_where_its_locus_says():
+    point = pitchfork_point(0.06, 0.95, inadmissible=True)
+    arm = switch(point, events=[neimark_sacker()], within={"a": (0, 0.95)})[0]
+    assert arm["margin"][-1] < 0 < arm["margin"][0]
+    event = arm.first("NS")
+    nu = event.detail["nu"]
+    assert 0 < nu < 1
+    map = event.solution.map
+    assert abs(map.F(np.array([0.5 * nu]))[0]) < 1e-11
+    window = {"a": (event["a"] - 1e-4, event["a"] + 1e-4)}
+    before, after = (
+        trace(event, "a", events=(), within=window, inadmissible=True)[i] for i in (0, -1)
+    )
+    assert before.solution.map.count().count == 0
+    assert after.solution.map.count().count == 2
+    mu = after.solution.map.unstable_multipliers()
+    assert np.abs(np.angle(mu)).max() / math.pi == pytest.approx(nu, abs=2e-2)
+    line = boundary(event, ("gamma", "a"), events=(), within={"gamma": (0.055, 0.065)})
+    assert len(line) > 4
+    for point in (line[0], line[-1]):
+        F = orbit_at(point.ground.problem).map.F(np.array([0.5 * point["nu"]]))
+        assert abs(F[0]) < 1e-9
+
+
+def test_neimark_sacker_line_of_an_arm_runs_from_grazing_to_grazing():
+    """Found once on the branch; its line ends where the line of grazing meets it."""
+    arm = arms(0.034, 0.95)[0]
+    assert [point.kind for point in arm.special] == ["EP", "NS", "GR"]
+    within = {"gamma": (0, 0.25), "a": (0, 1.2)}
+    line = boundary(arm.first("NS"), ("gamma", "a"), within=within)
+    assert [point.label for point in line.special] == ["NS-GR1", "NS-GR2"]
+    grazing = boundary(arm.first("GR"), ("gamma", "a"), within=within)
+    for label in ("1", "2"):
+        one, other = line.first(f"NS-GR{label}"), grazing.first(f"GR-NS{label}")
+        assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-9)
+
+
+def on_ring_of_one(orbit):
+    flight = orbit.flight
+    return Orbit(replace(flight, conditions=replace(flight.conditions, lattice=Ring(1))))
+
+
+def test_fold_line_of_a_subcritical_arm():
+    """Harmonics that make the pitchfork subcritical: the arm turns back at a fold, on its line up
+    to where the neighbour grazes and down to single oscillators."""
+    forcing = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
+    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=forcing), "a", within={"a": (0.3, 0.9)})
+    assert branch.first("PF")["criticality"] == "subcritical"
+    arm = switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0]
+    assert [point.kind for point in arm.special][:3] == ["EP", "LP", "PD"]
+    turn = arm.first("LP")
+    assert turn["a"] == arm["a"].min()
+    line = boundary(turn, ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1.2)})
+    assert [point.label for point in line.special] == ["EP1", "LP-GR1"]
+    single = on_ring_of_one(line[0].ground.solution)  # the same without coupling
+    assert line[0]["gamma"] == 0.0
+    assert np.abs(single.multipliers() - 1).min() < 1e-9
+    for point in line[::4]:
+        orbit = point.ground.solution
+        assert orbit.admissibility().margin > -1e-12
+
+
+def test_fold_line_of_an_arm_meets_its_mirror_image_at_the_pitchfork():
+    """There the pitchfork changes its criticality; no cusp, though two folds of arms meet."""
+    forcing = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
+    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=forcing), "a", within={"a": (0.3, 0.9)})
+    turn = switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0].first("LP")
+    line = boundary(turn, ("k", "a"), within={"k": (0.75, 0.96), "a": (0, 1.2)}, towards="down")
+    assert [point.kind for point in line.special] == ["EP", "CP", "LP-PF", "CP", "EP"]
+    meeting = line.first("LP-PF")
+    near = symmetric(meeting["a"] - 0.02, 0.01, meeting["k"], forcing=forcing)
+    fork = trace(near, "a", within={"a": (0.6, 0.7)}).first("PF")
+    assert fork["a"] == pytest.approx(meeting["a"], abs=1e-8)
+    assert abs(fork["coefficient"]) > 1e6  # of asymmetry^2 over distance: a pole there
+
+
+def test_doubling_line_reaches_elastic_impacts():
+    """At k = 1 all multipliers are on the circle; over a stretch F is rounding."""
+    line = boundary(
+        arms(0.005, 0.95)[0].first("PD"), ("k", "a"), within={"k": (0.93, 1.0)}, towards="up"
+    )
+    assert line[-1]["k"] == 1.0
+    assert line[-1].solution.map.count().certain is False
+
+
+def test_on_a_ring_the_papers_threshold_is_met_exactly():
+    ring = Ring(20)
+    point = pitchfork_point(0.06, 0.8, ring, inadmissible=True)
+    arm = switch(point, events=[neimark_sacker(threshold=1.05)], within={"a": (0, 1.2)})[0]
+    event = arm.first("NS")
+    size = np.abs(event.solution.multipliers())
+    assert np.abs(size - 1.05).min() < 1e-10
+    with pytest.raises(BadInput, match="threshold"):
+        switch(point, events=[neimark_sacker(threshold=1.0)], within={"a": (0, 1.2)})
+
+
+def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold():
+    arm = asymmetric(0.82, 0.03, 0.8, lattice=Ring(9)).problem
+    event = trace(arm, "gamma", towards="down", within={"gamma": (0.01, 0.03)}).first("NS")
+    line = boundary(event, ("a", "gamma"), events=(), within={"a": (0.815, 0.825)})
+    assert len(line) > 2
+    for point in line:
+        mu = point.ground.solution.multipliers()
+        wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
+        assert abs(mu - wanted).min() < 1e-10
+
+
+def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
+    arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
+    line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.6, 0.95)})
+    for point in line.points[::5]:
+        single = orbit_at(point.ground.problem).on(Ring(1))
+        assert np.abs(single.multipliers() + 1).min() < 1e-10
+
+
+def test_ends_of_branches_are_honest():
+    """Every point of both arms but the very last is a breather that the ring repeats."""
+    for point in arms(0.04, 0.8)[1].points[1:-1]:
+        assert point.solution.admissibility().ok
+
+
+def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
+    lifted = lift(trace(symmetric(0.6, 0.04, 0.8), "a").first("PF"))
+    for amplitude, why in ((2.0, "amplitude of the forcing"), (2.5, "must follow the one on")):
+        with pytest.raises(NotConverged, match=rf"no orbit at the amplitude {amplitude:g}.*{why}"):
+            lifted.arm(amplitude)
+    assert orbit_at(beside(lifted, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_where_an_arm_begins_a_ring_has_a_verdict_too(side) -> None:
+    """The matrix is singular there: Newton's iteration would leave a start that is a solution."""
+    fork = trace(symmetric(a=0.7, gamma=0.04, k=0.8), "a").first("PF")
+    first, second = (point.solution for point in switch(fork)[side].points[:2])
+    verdicts = [orbit.stability(sites=400) for orbit in (first, second)]
+    assert [verdict.stable for verdict in verdicts] == [True, True]
+    assert verdicts[0].largest == pytest.approx(verdicts[1].largest, abs=1e-3)

@@ -1,0 +1,221 @@
+"""Every column of every problem of breathers and orbits: there, and what its name says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation import Problem
+from contbreather.errors import NotConverged
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.lifts import lift
+from contbreather.orbits.orbit import orbit_at
+from contbreather.orbits.section import Section
+from contbreather.orbits.shooting import shooting
+from contbreather.orbits.wave_road import impact_problem
+from contbreather.stability.half_period import HalfMap
+
+BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
+
+
+def unfolded_arm() -> Problem:
+    start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.8)}).first("PF")
+    return lift(point).arm(0.05)
+
+
+CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
+    "breather": (lambda: cb.symmetric(0.5, 0.05, 0.8).problem, {"p", "phi"}),
+    "arm": (lambda: asymmetric(0.8, 0.04, 0.8).problem, {"p", "t1", "t2", "c", "asymmetry"}),
+    "general": (
+        lambda: impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()),
+        {"t1", "t2", "J1", "J2", "c", "p", "asymmetry"},
+    ),
+    "shot": (
+        lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
+        {"t1", "p", "q", "r", "condition"},
+    ),
+    "shot, open": (
+        unfolded_arm,
+        {"t1", "t2", "p", "p1", "p2", "q", "r", "c", "asymmetry", "condition"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_columns_are_those_of_the_kind_of_orbit_and_each_can_be_read(name: str) -> None:
+    make, own = CASES[name]
+    problem = make()
+    a = problem.params["a"]
+    branch = cb.trace(problem, "a", within={"a": (a - 0.004, a + 0.004)}, events=())
+    shown = set(branch.names)
+    assert own <= shown
+    extra = shown - own - BASE
+    assert not {"asymmetry", "c", "t2", "p1", "p2", "J1"} & extra, extra
+    for column in branch.names:
+        assert np.isfinite(branch[column]).all(), column
+    if "asymmetry" in own:
+        np.testing.assert_allclose(
+            branch["asymmetry"], branch["t2"] - branch["t1"] - math.pi, atol=1e-13
+        )
+    if "J1" in own:
+        np.testing.assert_allclose(branch["p"], -branch["J1"] / 2, atol=1e-13)
+    solutions = [point.solution for point in branch]
+    if "c" in own:
+        np.testing.assert_allclose(branch["c"], [one.c for one in solutions], atol=1e-13)
+    np.testing.assert_array_equal(branch["gamma"], problem.params["gamma"])
+
+
+def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
+    """The equations have solutions there, but the impacts come in another order."""
+    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF")
+    for amplitude in (-4.0, -5.0):
+        with pytest.raises(NotConverged, match=r"is no orbit of .* ring of 8.* out of order"):
+            lift(point).arm(amplitude)
+
+
+def test_an_amplitude_at_which_no_orbit_is_found_is_refused_with_what_is_left() -> None:
+    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
+    lifted = lift(cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
+    with pytest.raises(
+        NotConverged, match=r"branches off at the amplitude -3 .*ring of 8"
+    ) as error:
+        lifted.arm(-3.0)
+    assert error.value.residual > 1
+
+
+@pytest.mark.parametrize("k", [-0.01, 1.01, 2.0])
+def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
+    problem = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
+    assert cb.trace(problem.at(k=1.0), "a", within={"a": (0.45, 0.55)})["k"].tolist()[0] == 1.0
+    with pytest.raises(cb.BadInput, match=rf"the start has k={k:g}, outside \(0, 1\)"):
+        cb.trace(problem.at(k=k), "a", within={"a": (0.45, 0.55)})
+
+
+def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
+    one = cb.symmetric(0.5, 0.05, 0.8).unfolded().section
+    assert one.two_impacts
+    assert not one.doubled().two_impacts
+    assert not Section(((0, -1), (0, 1))).two_impacts
+    assert not Section(((0, 1), (0, 1), (0, -1), (0, -1))).two_impacts
+    assert not Section(((0, 1), (2, -1))).two_impacts
+    assert not Section(((0, 1), (0, -1)), 3, -1).two_impacts
+
+
+FIXED = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, spring=0.05, damping=0.02)
+TWO = cb.multibreather([0, 3], a=0.6, gamma=0.02, k=0.8, lattice=cb.Ring(9), damping=0.01)
+
+
+@pytest.mark.parametrize("start", [FIXED, TWO], ids=["springs", "two sites"])
+def test_arms_of_finite_lattices_have_asymmetry_and_all_momenta_and_come_back_to_pf(start) -> None:
+    within = {"a": (0.5, 1.0)}
+    fork = cb.trace(start, "a", within=within).first("PF")
+    arm = cb.switch(fork, within=within)[0]
+    orbit, m = arm[-1].solution, start.section.count
+    lags = (orbit.times[m:] - orbit.times[:m]) % orbit.period - math.pi
+    assert arm[-1]["asymmetry"] == orbit.asymmetry
+    assert abs(orbit.asymmetry) == abs(lags).max()
+    halves = [arm[-1][f"p{j + 1}"] for j in range(2 * m)]
+    assert halves == pytest.approx(0.5 * abs(orbit.impulses), abs=1e-15)
+    assert (abs(halves[0] - halves[m]) > 1e-3) == (start.spring > 0.0)  # else one pays the other
+    back = cb.trace(arm[len(arm) // 2], "a", within=within, towards="down")
+    there = back.first("PF")
+    assert there["a"] == pytest.approx(fork["a"], abs=1e-12)
+    assert abs(there["asymmetry"]) < 1e-9
+    assert back["asymmetry"][0] * back["asymmetry"][-1] < 0.0  # on along the other arm
+    for other in cb.switch(there, within=within):
+        assert abs(other["asymmetry"]).max() < 1e-6
+
+
+def test_a_pitchfork_from_an_arm_is_one_in_files_too(tmp_path) -> None:
+    within = {"a": (0.5, 1.0)}
+    arm = cb.switch(cb.trace(FIXED, "a", within=within).first("PF"), within=within)[0]
+    back = cb.trace(arm[len(arm) // 2], "a", within=within, towards="down")
+    cb.save(tmp_path / "back.nc", back)
+    again = cb.load(tmp_path / "back.nc")
+    assert [point.label for point in again.special] == [point.label for point in back.special]
+    (one, *_) = cb.switch(again.first("PF"), within=within)
+    assert abs(one["asymmetry"]).max() < 1e-6
+
+
+def test_what_belongs_to_two_impacts_is_refused_for_more() -> None:
+    four = cb.symmetric(0.5, 0.05, 0.8).unfolded().doubled()
+    with pytest.raises(cb.BadInput, match="asymmetry belongs to orbits whose second half"):
+        _ = four.asymmetry
+    assert four.p == pytest.approx(cb.symmetric(0.5, 0.05, 0.8).p, abs=1e-15)
+
+
+def test_acceleration_of_a_shot_orbit_is_the_slope_of_its_velocity() -> None:
+    orbit = orbit_at(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8))
+    h = 1e-4
+    for site in (0, 1, 4):
+        for t in (0.3, 1.7, 4.4):
+            ahead, behind = (orbit.velocity(site, t + s) for s in (h, -h))
+            assert orbit.acceleration(site, t) == pytest.approx(
+                (ahead - behind) / (2 * h), abs=1e-6
+            )
+
+
+def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
+    start = cb.symmetric(0.6, 0.1, 0.05)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 1.2)}).first("GR")
+    line = cb.boundary(point, ("gamma", "a"), within={"gamma": (0.0, 0.24)})
+    met = next(p for p in line.special if p.kind == "GR-GR")
+    assert cb.boundary(met, ("gamma", "a"), within={"gamma": (0.0, 0.24)}).problem.label == (
+        "GR boundary"
+    )
+
+
+@pytest.mark.parametrize("free", ["a", "gamma", "k"])
+def test_a_whole_column_of_counts_is_that_of_its_points_for_a_fraction_of_the_work(
+    free: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    within = {"a": (0.06, 0.95), "gamma": (0.0, 0.2), "k": (0.3, 1.0)}
+    steps = cb.Steps(largest=0.002)
+    breather = cb.symmetric(0.5, 0.05, 0.8)
+    branch = cb.trace(breather, free, within=within, towards="both", steps=steps)
+    single = [point["unstable"] for point in branch]
+    assert len(set(single)) > 1
+    asked, unstable = [], HalfMap.unstable
+    monkeypatch.setattr(HalfMap, "unstable", lambda *map: asked.append(map) or unstable(*map))
+    assert branch["unstable"].tolist() == single
+    assert branch["unstable"].dtype.kind == "i"
+    assert len(asked) < 0.05 * len(branch)
+    piece = branch[3:40:7]
+    assert piece["unstable"].tolist() == single[3:40:7]
+
+
+@pytest.mark.parametrize("forcing", [{"spring": 0.1}, {"forcing": cb.Fourier(cos={1: -1, 3: 0.1})}])
+def test_columns_of_counts_of_other_forcings_and_springs_are_those_of_their_points(
+    forcing: dict[str, Any],
+) -> None:
+    start = cb.symmetric(0.5, 0.05, 0.8, **forcing)
+    for free in ("gamma", start.problem.names[-1]):
+        branch = cb.trace(start, free, within={free: (0.0, 0.11)}, events=(), towards="both")
+        assert branch["unstable"].tolist() == [point["unstable"] for point in branch]
+
+
+def test_on_the_boundary_of_a_bifurcation_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.05, 0.8), "a", within={"a": (0.06, 0.95)}, towards="both")
+    window = {"gamma": (0.04, 0.06), "a": (0.0, 1.5)}
+    line = cb.boundary(branch.first("PF"), ("gamma", "a"), within=window)
+    monkeypatch.setattr(HalfMap, "unstable", None)
+    assert np.isnan(line["unstable"]).all()
+
+
+def test_where_damping_ends_there_is_no_count_for_the_circle_itself() -> None:
+    start = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), damping=0.01)
+    event = cb.neimark_sacker(threshold=1.0)
+    branch = cb.trace(
+        start, "damping", within={"damping": (0, 0.1)}, towards="both", events=[event]
+    )
+    loose = branch["damping"] == 0.0
+    assert loose.any()
+    assert np.array_equal(np.isnan(branch["unstable"]), loose)
+    assert branch["unstable"][~loose][-1] == 0

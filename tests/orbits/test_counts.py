@@ -1,0 +1,261 @@
+"""Counts of multipliers and the events that change them: the same from anywhere, with any steps."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from contextlib import suppress
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.orbits.orbit import orbit_at, orbit_of
+from contbreather.orbits.section import Section
+from contbreather.stability import D, neimark_sacker, unstable_count, window
+
+from ..effort import effort
+
+SMALL = cb.Steps(largest=0.01, most=20000)
+
+
+def places(branch: cb.Branch, kind: str, name: str = "a") -> list[float]:
+    return [point[name] for point in branch.special if point.kind == kind]
+
+
+# --- windows within one step ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("a", [0.1, 0.5, 0.65])
+@pytest.mark.parametrize("steps", [None, SMALL])
+def test_a_window_of_instability_is_seen_from_any_start_with_any_steps(a, steps):
+    branch = cb.trace(cb.symmetric(a, 0.015, 0.99), "a", steps=steps)
+    assert places(branch, "NS") == pytest.approx([0.590121666762, 0.611547452632], abs=1e-11)
+    needed = sorted(point.b for point in neimark_sacker(0.015, 0.99))
+    found = sorted(p.solution.b for p in branch.special if p.kind == "NS")
+    assert found == pytest.approx(needed, rel=1e-11)
+
+
+def test_the_window_of_b_is_where_the_winding_number_finds_a_pair():
+    rng = np.random.default_rng(3)
+    seen = set()
+    for _ in range(400):
+        gamma, k = (
+            0.25 * rng.random(),
+            float(rng.choice([rng.random(), 1 - 10 ** -rng.uniform(1, 6)])),
+        )
+        found = window(gamma, k)
+        b = found.centre + 1.5 * rng.normal() * math.sqrt(abs(found.square))
+        count = unstable_count(gamma, k, b)
+        assert count.certain
+        assert count.pairs == int(found.miss(b) < 0)
+        seen.add(count.pairs)
+    assert seen == {0, 1}
+
+
+def test_no_window_is_smoothly_next_to_an_empty_one():
+    """Where no b brings a pair out the float stays positive, small next to where one does."""
+    low, high = 0.094, 0.096  # the line has its least gamma between
+    sizes = []
+    for gamma in np.linspace(low, high, 41):
+        found = window(float(gamma), 0.8)
+        assert (found.square > 0) == bool(neimark_sacker(float(gamma), 0.8))
+        sizes.append(found.square)
+    assert sizes[0] < 0 < sizes[-1]
+    assert np.abs(np.diff(sizes, 2)).max() < 0.05 * np.abs(np.diff(sizes)).max()
+
+
+def _agrees(start: cb.Orbit, free: str, span: tuple[float, float]) -> None:
+    """Special points from two starts with two step sizes, and the changes a scan sees between."""
+    within = {free: span}
+    branches = [cb.trace(start, free, within=within, steps=steps) for steps in (None, SMALL)]
+    inner = branches[1][len(branches[1]) // 3]
+    branches.append(cb.trace(inner.solution, free, within=within))
+    told = [
+        sorted((p.kind, *p.z) for p in branch.special if p.kind in ("LP", "PF", "NS"))
+        for branch in branches
+    ]
+    for other in told[1:]:
+        assert [kind for kind, *_ in other] == [kind for kind, *_ in told[0]]
+        assert np.allclose([z for _, *z in other], [z for _, *z in told[0]], atol=1e-7)
+    assert not any(branch.doubtful for branch in branches)
+    # between two special points the count is one; across NS it changes by two, else by one
+    points = list(branches[1])
+    for one, two in pairwise(points):
+        if one.kind or two.kind:
+            continue
+        b, c = one.solution, two.solution
+        before, after = unstable_count(b.gamma, b.k, b.b), unstable_count(c.gamma, c.k, c.b)
+        assert before.count == after.count or not (before.certain and after.certain)
+
+
+def test_random_branches_have_the_same_special_points_from_anywhere_and_as_a_scan():
+    rng = np.random.default_rng(11)
+    done = 0
+    while done < 6:
+        a, gamma, k = rng.uniform(0.05, 0.9), 10 ** rng.uniform(-3, -0.8), rng.uniform(0.5, 0.999)
+        forcing = (
+            cb.Fourier(cos={1: -1, 3: 0.4 * rng.normal(), 5: 0.2 * rng.normal()})
+            if done % 2
+            else None
+        )
+        try:
+            start = cb.symmetric(a, gamma, k, forcing=forcing)
+        except cb.NoSolution:
+            continue
+        if start.admissibility().margin < 1e-3:
+            continue
+        free = ("a", "gamma", "k")[done % 3]
+        _agrees(start, free, {"a": (0.01, 1.2), "gamma": (0.0, 0.24), "k": (0.5, 0.999)}[free])
+        done += 1
+
+
+# --- the rims -----------------------------------------------------------------------------------
+
+
+def test_at_elastic_impacts_the_pair_leaves_where_two_neutral_multipliers_meet():
+    """Zeros of D between the band and -1 are counted on a fine grid on both sides of that b."""
+    gamma, low = 0.1, window(0.1, 1.0).centre - math.sqrt(window(0.1, 1.0).square)
+    edge = 2 * math.sqrt(gamma)
+    nu = edge + (1 - edge) * np.linspace(1e-3, 1, 20001) ** 2
+
+    def neutral(b: float) -> int:
+        value = D(gamma, nu, 1.0, b).real
+        return int(np.sum((value[1:] > 0) != (value[:-1] > 0)))
+
+    assert (neutral(low - 1e-5), neutral(low + 1e-5)) == (2, 0)
+    counts = [unstable_count(gamma, 1.0, low + side) for side in (-1e-8, 1e-8)]
+    assert [(count.count, count.certain) for count in counts] == [(0, True), (2, True)]
+
+
+def test_counts_next_to_a_quarter_are_no_nonsense_and_not_called_certain():
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        gamma = 0.25 - 10 ** rng.uniform(-16, -11)
+        k = float(rng.choice([1.0, rng.random()]))
+        b = cb.symmetric(10 ** rng.uniform(-3, 3), gamma, k)
+        verdict = b.stability()
+        assert 0 <= verdict.unstable <= 3
+        assert not verdict.certain
+        assert "uncertain" in verdict.describe()
+
+
+@pytest.mark.parametrize("room", [5e-7, 8e-9, 1.3e-9])
+def test_multipliers_next_to_a_quarter_are_as_many_as_counted(room):
+    gamma = 0.25 - room
+    for k in (0.3, 0.9, 1.0):
+        for a in (1e-4, 0.3, 2.0, 1e4):
+            try:
+                verdict = cb.symmetric(a, gamma, k, root=1).stability()
+            except cb.NoSolution:
+                continue
+            assert verdict.multipliers.size == verdict.unstable
+
+
+def test_random_parameters_up_to_the_rims_get_an_answer_or_a_sentence():
+    rng = np.random.default_rng(2)
+    for _ in range(150):
+        tiny = 10 ** rng.uniform(-16, -1, 3)
+        gamma = float(rng.choice([0.25 * rng.random(), 0.0, tiny[0], 0.25 - tiny[0]]))
+        k = float(rng.choice([rng.random(), 0.0, 1.0, tiny[1], 1 - tiny[1]]))
+        a = float(rng.choice([rng.random(), tiny[2], 10 ** rng.uniform(0, 12)]))
+        forcing = cb.Fourier(cos={1: -1, 3: rng.normal()}) if rng.random() < 0.3 else None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found: list[Any] = []
+
+            def look(a=a, gamma=gamma, k=k, forcing=forcing, found=found) -> None:
+                with suppress(cb.NoSolution, cb.BadInput):
+                    b = cb.symmetric(a, gamma, k, forcing=forcing)
+                    found += b, b.stability(), b.admissibility()
+
+            work = effort(look)
+        assert work.calls < 50_000, (a, gamma, k, forcing)  # a hundredth of a second
+        assert work.memory < 2e7
+        if len(found) < 3:
+            continue
+        b, verdict, margins = found
+        numbers = (b.p, b.phi, verdict.nu, margins.margin, margins.max_neighbour, margins.time)
+        assert all(map(math.isfinite, numbers)), (a, gamma, k, forcing)
+        assert 0 <= verdict.unstable <= 3
+
+
+def test_a_branch_in_k_to_elastic_impacts_has_one_and_the_same_end():
+    """A pair that is outside for k < 1 and neutral at k = 1 itself is no event there."""
+    for start in (0.8, 0.95, 0.999):
+        branch = cb.trace(cb.symmetric(0.09, 0.1, start), "k", within={"k": (0.6, 1.0)})
+        assert [point.kind for point in branch.special] == ["EP", "LP", "NS", "EP"]
+        assert branch.special[-1]["k"] == 1.0
+        assert not branch.doubtful
+
+
+# --- several sites, boundaries, starts at events ------------------------------------------------
+
+
+def test_two_neighbouring_sites_are_counted_or_said_to_be_uncertain():
+    b = cb.symmetric(0.6, 0.04, 0.8)
+    times = [b.phi, b.phi + 1e-3, b.phi + math.pi, b.phi + math.pi + 1e-3]
+    section = Section(((0, 1), (1, 1), (0, -1), (1, -1)))
+    impulses = [-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p]
+    both = orbit_of(b.conditions, section, times, impulses).solved()
+    branch = cb.trace(both, "a", within={"a": (0.4, 0.75)})
+    assert branch["a"][[0, -1]] == pytest.approx([0.4, 0.75])
+    certain = [point.solution.map.count().certain for point in branch]
+    assert sum(certain) > len(branch) // 2
+    crossings = [point for point in branch.special if point.kind == "BP"]
+    assert len(crossings) == 2  # there a multiplier is on the circle
+    said = [point.solution.map.count() for point in crossings]
+    assert all(not count.certain or count.distance < 1e-6 for count in said)
+
+
+@pytest.mark.parametrize("kind", ["LP", "PF", "NS"])
+def test_on_its_own_boundary_a_count_is_no_number(kind):
+    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a").special
+    start = next((p for p in point if p.kind == kind), None)
+    if start is None:
+        start = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first(kind)
+    line = cb.boundary(start, ("gamma", "a"), within={"gamma": (0.02, 0.12), "a": (0.01, 1)})
+    assert np.isnan(line["unstable"]).all()
+
+
+def test_on_a_line_of_grazing_a_count_is_one():
+    start = cb.trace(cb.symmetric(0.5, 0.15, 0.8), "a", towards="up").first("GR")
+    line = cb.boundary(start, ("gamma", "a"), within={"gamma": (0.142, 0.2), "a": (0.01, 1)})
+    assert set(line["unstable"].tolist()) <= {0, 1, 2, 3}
+
+
+def test_a_branch_that_starts_at_its_pitchfork_counts_it_once():
+    pitchfork = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first("PF")
+    for start in (cb.symmetric(pitchfork["a"], 0.04, 0.8), pitchfork):
+        branch = cb.trace(start, "a", within={"a": (0.5, 0.9)})
+        assert [point.label for point in branch.special] == ["EP1", "PF1", "EP2"]
+
+
+@pytest.mark.parametrize("lattice", [cb.InfiniteChain(), cb.Ring(12)])
+def test_the_end_without_momentum_is_no_grazing(lattice):
+    branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8, lattice=lattice), "a")
+    assert branch[0].label == "VI1"
+    assert branch[0]["p"] < 1e-9
+    grazing = branch.first("GR")
+    assert grazing["p"] > 1
+    assert grazing.solution.admissibility().max_neighbour == pytest.approx(1, abs=1e-12)
+
+
+def test_a_shot_orbit_ends_without_momentum_as_well():
+    shot = cb.trace(
+        cb.shooting(cb.symmetric(0.3, 0.04, 0.8), sites=8), "a", within={"a": (0.01, 1.2)}
+    )
+    kinds = [point.kind for point in shot.special]
+    assert kinds[0] == "VI"
+    assert kinds[-1] == "GR"
+
+
+@pytest.mark.parametrize("sites", [20, 50])
+def test_a_point_at_a_fold_goes_to_a_ring(sites: int) -> None:
+    """There Newton's matrix is singular; the point solves the ring's equations but for rounding."""
+    fold = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a").first("LP")
+    orbit = orbit_at(cb.shooting(fold, sites=sites))
+    assert orbit.residual < 1e-12
+    assert orbit.p == pytest.approx(fold["p"], rel=1e-6)

@@ -1,0 +1,223 @@
+"""The derivative of every boundary, column by column, against differences of its own equations.
+
+Newton's iteration forgives a wrong column: it only takes longer, or ends where the step is small.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation import Locus, Point
+from contbreather.continuation.boundary import boundary_problem
+from contbreather.continuation.boundary import meeting as meeting_of
+from contbreather.continuation.curve import Curve
+from contbreather.orbits import pitchfork
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.orbit import orbit_of
+from contbreather.orbits.other_contacts import other_contacts
+from contbreather.orbits.section import Section
+from contbreather.orbits.shooting import shooting
+from contbreather.orbits.wave_road import impact_problem
+
+LETTERS = cb.Symbolic("-cos(t) - c*cos(3*t)", c=0.2)
+
+
+def two_sites() -> cb.Branch:
+    """Sites 0 and 3 hit alike, each off centre by an offset of its own."""
+    b = cb.symmetric(0.5, 0.03, 0.8)
+    problem = orbit_of(
+        b.conditions,
+        Section(((0, 1), (3, 1), (0, -1), (3, -1))),
+        [b.phi - 1e-6, b.phi + 1e-6, b.phi + math.pi - 1e-6, b.phi + math.pi + 1e-6],
+        [-2 * b.p, -2 * b.p, 2 * b.p, 2 * b.p],
+    ).problem
+    grazing = [event for event in problem.events if event.kind == "GR"]
+    return cb.trace(problem, "a", towards="up", within={"a": (0.4, 1.2)}, events=grazing)
+
+
+def branch(start: Any, free: str, low: float, high: float, **more: Any) -> cb.Branch:
+    return cb.trace(start, free, within={free: (low, high)}, **more)
+
+
+ON_RING = {"events": [cb.neimark_sacker(on=cb.Ring(30))]}
+LATER = cb.Fourier({1: -1.0, 3: -0.02})
+BRANCHES: dict[str, Callable[[], cb.Branch]] = {
+    "orbits": lambda: branch(cb.symmetric(0.5, 0.08, 0.8), "a", 0.0, 0.99),
+    "with letters": lambda: branch(cb.symmetric(0.5, 0.04, 0.8, forcing=LETTERS), "a", 0.05, 0.99),
+    "in gamma": lambda: branch(cb.symmetric(0.2, 0.08, 0.8), "gamma", 0.0, 0.12),
+    "on ring": lambda: branch(cb.symmetric(0.2, 0.08, 0.8), "gamma", 0.0, 0.12, **ON_RING),
+    # ends where site 0 grazes between its impacts, and where its impact vanishes
+    "at small k": lambda: branch(cb.symmetric(0.6, 0.1, 0.01), "a", 0.0, 1.0),
+    "arm": lambda: branch(asymmetric(0.82, 0.04, 0.8).problem, "a", 0.7, 0.95),
+    "arm of one": lambda: branch(
+        asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem, "a", 0.8, 0.95, towards="up"
+    ),
+    "general": lambda: branch(
+        impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()), "a", 0.4, 0.95, towards="up"
+    ),
+    "two sites": two_sites,
+    "shot": lambda: branch(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8), "a", 0.05, 0.99),
+    # by springs to the ground
+    "held": lambda: branch(cb.symmetric(0.5, 0.03, 0.8, spring=0.1), "a", 0.05, 2.0),
+    "arm of two": lambda: branch(
+        asymmetric(0.82, 0.04, 0.8, forcing=LATER).problem, "a", 0.7, 0.95, towards="up"
+    ),
+}
+
+
+@cache
+def traced(name: str) -> cb.Branch:
+    return BRANCHES[name]()
+
+
+Place = tuple[str, str, tuple[str, str]]
+PLACES: list[Place] = [
+    ("orbits", "LP", ("gamma", "a")),
+    ("orbits", "GR", ("k", "a")),
+    ("with letters", "PF", ("gamma", "a")),
+    ("with letters", "PF", ("k", "a")),
+    ("with letters", "PF", ("c", "a")),
+    ("with letters", "LP", ("c", "k")),
+    ("with letters", "GR", ("c", "gamma")),
+    ("in gamma", "NS", ("a", "gamma")),
+    ("in gamma", "NS", ("k", "gamma")),
+    ("on ring", "NS", ("a", "gamma")),
+    ("on ring", "NS", ("k", "gamma")),
+    ("at small k", "GR", ("gamma", "a")),
+    ("arm", "PF", ("gamma", "a")),
+    ("arm", "GR", ("gamma", "a")),
+    ("arm", "GR", ("k", "a")),
+    ("arm of one", "PD", ("k", "a")),
+    ("general", "GR", ("gamma", "a")),
+    ("two sites", "GR", ("gamma", "a")),
+    ("two sites", "GR", ("k", "a")),
+    ("held", "LP", ("k", "spring")),
+    ("held", "PF", ("k", "a")),
+    ("held", "PF", ("spring", "gamma")),
+    ("held", "GR", ("spring", "a")),
+    ("arm of two", "GR", ("c3", "a")),
+    ("shot", "PF", ("gamma", "a")),
+    ("shot", "LP", ("k", "a")),
+    ("shot", "GR", ("gamma", "a")),
+]
+
+
+def named(place: Place) -> str:
+    source, kind, pair = place
+    return f"{source} {kind} in {' '.join(pair)}"
+
+
+def special(place: Place) -> Point:
+    source, kind, _ = place
+    return next(
+        p for p in traced(source).special[::-1] if p.kind == kind and p.event.locus is not None
+    )
+
+
+def differences(of: Callable[[np.ndarray], np.ndarray], z: np.ndarray, h: float) -> np.ndarray:
+    columns = []
+    for i in range(z.size):
+        e = h * np.eye(z.size)[i]
+        columns.append((8 * (of(z + e) - of(z - e)) - (of(z + 2 * e) - of(z - 2 * e))) / (12 * h))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("place", PLACES, ids=named)
+def test_the_derivative_of_a_boundary_is_that_of_its_equations(place: Place) -> None:
+    point = special(place)
+    longer = boundary_problem(point.ground, point.event, place[2], events=())
+    curve = Curve(longer, place[2][:1])
+    z = curve.start
+    wanted = differences(curve.equations, z, 2e-5)
+    found = curve.jacobian(z)
+    assert found.shape == wanted.shape
+    off = np.abs(found - wanted).max(axis=0)
+    assert off.max() < 2e-6 * np.abs(wanted).max(), dict(zip(longer.names, off, strict=False))
+
+
+def of_locus(locus: Locus, curve: Curve, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Its derivative as given, and by differences."""
+    extra = np.concatenate([np.atleast_1d(value) for value in locus.extra.values()] or [[]])
+    size = z.size
+    wanted = differences(
+        lambda both: np.asarray(locus.conditions(curve, both[:size], both[size:])),
+        np.append(z, extra),
+        2e-5,
+    )
+    assert locus.derivative is not None
+    return np.asarray(locus.derivative(curve, z, extra)), wanted
+
+
+MEETINGS = [
+    ("with letters", "LP", ("gamma", "a"), pitchfork),
+    ("in gamma", "NS", ("a", "gamma"), pitchfork),
+    ("with letters", "GR", ("gamma", "a"), pitchfork),
+    ("with letters", "PF", ("gamma", "a"), cb.grazing),
+    ("with letters", "GR", ("c", "gamma"), cb.neimark_sacker),
+]
+
+
+@pytest.mark.parametrize(
+    "meeting", MEETINGS, ids=lambda m: f"{m[1]}-{m[3].__name__} in {' '.join(m[2])}"
+)
+def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(meeting) -> None:
+    """Unknowns of the boundary, its angle or time among them, come between those of both."""
+    *place, make = meeting
+    point = special((*place,))
+    longer = boundary_problem(point.ground, point.event, place[2], events=())
+    curve = Curve(longer, place[2][:1])
+    z = curve.start
+    there = Point(curve, z)
+    event = meeting_of(point.kind, make())
+    locus = event.locus(there)
+    assert all(name.endswith(f" of {make().kind}") for name in locus.extra)
+    found, wanted = of_locus(locus, curve, z)
+    assert np.abs(found - wanted).max() < 2e-6 * np.abs(wanted).max()
+    # what the boundary brought itself is no matter of the other's conditions
+    slots = [curve.slots[name] for name in place_extra(curve)]
+    assert np.all(found[:, slots] == 0.0)
+
+
+def place_extra(curve: Curve) -> list[str]:
+    return [name for name in curve.problem.start if name in ("nu", "t")]
+
+
+# --- what ends the grazing of a crest -------------------------------------------------------------
+
+
+def crests(orbit, n: int) -> list[tuple[float, float]]:
+    """Time and height of every local maximum of |u_n| in a period."""
+    t = np.linspace(0.0, 2 * math.pi, 20001)[:-1]
+    u = np.abs(orbit.displacement(n, t))
+    top = (u > np.roll(u, 1)) & (u >= np.roll(u, -1))
+    return list(zip(t[top].tolist(), u[top].tolist(), strict=True))
+
+
+def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
+    """On the line of an arm: the next highest crest, per asymmetry, by brute force."""
+    first = next(p for p in traced("arm").special[::-1] if p.kind == "GR")
+    line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.035, 0.045)})
+    (event,) = (event for event in line.problem.events if event.kind == "GR-GR")
+    for point in [p for p in line if not p.kind][::4]:
+        orbit, t = point.solution, point["t"] % (2 * math.pi)
+        heights = [
+            height
+            for n in (1, 2, 3)
+            for time, height in crests(orbit, n)
+            if n > 1 or abs(math.remainder(time - t, 2 * math.pi)) > 0.01
+        ]
+        grazing = max(height for _, height in crests(orbit, 1))
+        assert grazing == pytest.approx(1.0, abs=1e-6)
+        own, *others = other_contacts(orbit.watch, 1, point["t"])
+        size = orbit.watch.influence(1)  # a margin m of those that vanish together is m/(m + size)
+        margins = [size * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0]
+        assert min(margins) == pytest.approx(1.0 - max(heights), rel=1e-4)
+        least = min(gap.margin for gap in (own, *others))
+        assert event.test(point) == pytest.approx(least / abs(orbit.asymmetry), rel=1e-12)

@@ -1,0 +1,81 @@
+"""Orbits of twice the period: the cascade of a single oscillator, doubled breathers of a chain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import trace
+from contbreather.continuation.switching import switch
+from contbreather.lattice import Ring
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.shooting import shooting
+
+from .by_hand import repeats
+
+
+def first_doubling(gamma, k, a, **given):
+    start = asymmetric(a, gamma, k, **given).problem
+    return trace(start, "a", towards="up", within={"a": (0, 0.999)}).first("PD")
+
+
+@pytest.mark.slow
+def test_single_oscillator_doubles_and_doubles_again():
+    point = first_doubling(0.0, 0.8, 0.9, lattice=Ring(1))
+    places = [point["a"]]
+    for n in range(2):
+        (branch,) = switch(point, within={"a": (0.9, 1.0)})
+        assert branch[0]["a"] == pytest.approx(point["a"], abs=1e-14)
+        point = branch.first("PD")
+        places.append(point["a"])
+        orbit = point.solution
+        assert orbit.section.turns == 2 ** (n + 1)
+        error, half = repeats(orbit, 1)
+        assert error < 1e-11  # it is just losing its stability
+        assert half > 0.02  # and not an orbit of half the period
+        assert np.abs(orbit.multipliers() + 1).min() < 1e-9
+    assert places == pytest.approx([0.925512006293, 0.979973549455, 0.989632843762], abs=1e-11)
+    ratio = (places[1] - places[0]) / (places[2] - places[1])
+    assert ratio == pytest.approx(5.638, abs=1e-3)  # on its way to 4.669
+
+
+def test_a_doubled_breather_of_the_infinite_chain_is_repeated_by_a_ring():
+    point = first_doubling(0.002, 0.95, 0.8)
+    (branch,) = switch(point, within={"a": (0, 0.999)})
+    assert branch["a"][0] == pytest.approx(point["a"], abs=1e-14)
+    assert branch["a"][1] > branch["a"][0]
+    assert branch[0].parent is point
+    assert branch.stop.name in ("EVENT", "BOUND")
+    orbit = branch[len(branch) // 2].solution
+    assert orbit.admissibility().ok
+    assert orbit.stability().stable
+    error, half = repeats(orbit, 16)
+    assert error < 1e-12
+    assert half > 1e-3
+
+
+def test_doubling_is_a_branch_point_of_the_orbit_run_through_twice():
+    point = first_doubling(0.002, 0.95, 0.8)
+    orbit = point.solution
+    big = orbit.doubled()
+    assert big.residual < 1e-13
+    values = np.linalg.svd(
+        big.flight.equations.jacobian(big.flight.x, big.conditions.params), compute_uv=False
+    )
+    assert values[-1] < 1e-9
+    ring = orbit.on(Ring(9))
+    mu, square = ring.multipliers(), ring.doubled().multipliers()
+    gaps = np.abs((mu**2)[:, None] - square)
+    assert gaps.min(axis=1).max() < 1e-7
+    n, t = np.arange(3)[:, None], np.linspace(0, 12, 7)
+    assert np.abs(orbit.displacement(n, t) - big.displacement(n, t)).max() < 1e-13
+
+
+def test_a_doubling_just_before_an_impact_vanishes_is_not_lost_in_its_pole():
+    alone = {"lattice": Ring(1), "sequence": [(0, 1)], "walls": {0: (None, 0.58)}}
+    given = {"a": 0.717, "gamma": 0.0, "k": 0.5, "damping": 0.02, "spring": 2.0}
+    branch = trace(shooting({"t1": 1.0}, **alone, **given), "spring", within={"spring": (2, 4)})
+    assert [point.kind for point in branch.special] == ["EP", "PD", "VI"]
+    point = branch.first("PD")
+    assert branch.first("VI")["spring"] - point["spring"] < 1e-3
+    assert np.abs(point.solution.multipliers() + 1.0).min() < 1e-9

@@ -1,0 +1,361 @@
+"""Events of the symmetric breather: found where they are, on any branch, at any step size."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import contbreather as cb
+from contbreather.continuation.newton import Undefined
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.grazing import shallow_impact
+from contbreather.orbits.lifts import lift
+from contbreather.orbits.wave_road import symmetric_again
+from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
+
+CHAIN = cb.InfiniteChain()
+
+
+def kinds(branch: cb.Branch) -> list[str]:
+    return [point.kind for point in branch.special]
+
+
+def only(branch: cb.Branch, *wanted: str) -> list[cb.continuation.Point]:
+    return [point for point in branch.special if point.kind in wanted]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.04, 0.1, 0.2])
+@pytest.mark.parametrize("k", [0.4, 0.8])
+def test_fold_is_the_closed_form_14(gamma: float, k: float) -> None:
+    q, chi = (1 - k) / (1 + k), CHAIN.chi(gamma)
+    low = q / math.hypot(chi, q)
+    branch = cb.trace(cb.symmetric(1.2 * low, gamma, k), "a", within={"a": (0, 1.5 * low)})
+    fold = branch.first("LP")
+    assert fold["a"] == pytest.approx(low, rel=1e-13)
+    assert fold["p"] == pytest.approx(chi / (chi**2 + q**2), rel=1e-10)
+    assert fold.residual < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("a", "gamma", "kind", "multiplier", "beside"),
+    [(0.1, 0.1, "LP", -1, 0.1), (0.6, 0.04, "PF", 1, 0.727632)],
+)
+def test_fold_and_pitchfork_are_where_the_half_map_has_a_multiplier_minus_one_and_one(
+    a: float, gamma: float, kind: str, multiplier: int, beside: float
+) -> None:
+    def distance(breather: cb.Orbit) -> float:
+        half = dense_half_map(40, breather.gamma, breather.k, breather.b)
+        return float(abs(np.linalg.eigvals(half) - multiplier).min())
+
+    point = cb.trace(cb.symmetric(a, gamma, 0.8), "a").first(kind)
+    assert distance(point.solution) < (1e-10 if kind == "LP" else 1e-12)
+    assert distance(cb.symmetric(beside, gamma, 0.8)) > 1e-3
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.04, 0.8), (0.07, 0.95), (0.03, 0.4)])
+@pytest.mark.parametrize("lattice", [CHAIN, cb.Ring(6)])
+def test_pitchfork_is_the_closed_form(gamma: float, k: float, lattice: Any) -> None:
+    q, sigma, chi = (1 - k) / (1 + k), lattice.sigma(gamma), lattice.chi(gamma)
+    point = cb.trace(cb.symmetric(0.6, gamma, k, lattice=lattice), "a").first("PF")
+    p = 1 / (chi - 2 * sigma)
+    assert point["p"] == pytest.approx(p, rel=1e-12)
+    assert point["a"] == pytest.approx(p * math.sqrt(q**2 + 4 * sigma**2), rel=1e-12)
+
+
+def test_known_pitchforks() -> None:
+    branch = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a")
+    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-12)
+    across = cb.trace(cb.symmetric(0.8, 0.06, 0.8), "gamma")
+    assert across.first("PF")["gamma"] == pytest.approx(0.0486486224, abs=1e-10)
+    alone = cb.trace(cb.symmetric(0.5, 0.0, 0.8), "a").first("PF")
+    q = 0.2 / 1.8
+    assert alone["a"] == pytest.approx(2 * math.sqrt(4 + (math.pi * q) ** 2) / (math.pi**2 - 4))
+
+
+@pytest.mark.parametrize(
+    ("a", "k", "gamma", "tolerance"),
+    [(0.2, 0.8, 0.0969709, 5e-8), (0.5, 0.8, 0.1144314, 5e-8), (0.2, 0.4, 0.1763913, 5e-8)],
+)
+def test_neimark_sacker_points_of_the_infinite_chain(
+    a: float, k: float, gamma: float, tolerance: float
+) -> None:
+    branch = cb.trace(cb.symmetric(a, gamma - 0.01, k), "gamma", towards="up")
+    (point,) = only(branch, "NS")
+    assert point["gamma"] == pytest.approx(gamma, abs=tolerance)
+    # second road: D itself, from lattice sums just outside the circle
+    breather = point.solution
+    c = 1 + k
+    g = G(breather.gamma, point.detail["nu"] - 1e-9j)
+    first = 1 - c * g[0, 0]
+    assert abs(first * (1 - c * g[1, 1]) + g[0, 1] * (breather.b - c * c * g[1, 0])) < 1e-6
+    # third road: the angle equation of the arc, with b explicit, solved for this a
+    roots = neimark_sacker(breather.gamma, k)
+    assert min(abs(root.b - breather.b) for root in roots) < 1e-9
+
+
+def test_angle_of_the_theory_notes() -> None:
+    branch = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma")
+    assert branch.first("NS").detail["nu"] == pytest.approx(0.5581, abs=5e-5)
+
+
+@pytest.mark.parametrize("largest", [0.003, 0.02, 0.1, 0.7])
+@pytest.mark.parametrize("first", [0.001, 0.05])
+def test_one_neimark_sacker_and_no_other_event_whatever_the_step(
+    largest: float, first: float
+) -> None:
+    steps = cb.Steps(first=min(first, largest), largest=largest)
+    branch = cb.trace(cb.symmetric(0.2, 0.05, 0.8), "gamma", steps=steps)
+    assert kinds(branch) == ["EP", "NS", "GR"]
+    assert branch.doubtful == ()
+    assert branch.first("NS")["gamma"] == pytest.approx(0.09697094661, abs=1e-10)
+    assert branch.first("GR")["gamma"] == pytest.approx(0.2419588395, abs=1e-9)
+
+
+def test_branch_in_a_meets_both_sides_of_the_neimark_sacker_line() -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a")
+    assert kinds(branch) == ["VI", "LP", "NS", "NS", "GR"]
+    unstable = branch["unstable"]
+    between = (branch["a"] > 0.163) & (branch["a"] < 0.370) & (branch["p"] > 0.52)
+    assert (unstable[between] == 2).all()
+    assert branch.special[-1]["a"] == pytest.approx(0.806417833236, abs=1e-12)
+    assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-12)
+
+
+def test_branch_in_k_finds_the_same_neimark_sacker_point() -> None:
+    in_k = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "k").first("NS")
+    in_a = cb.trace(cb.symmetric(0.5, 0.1, in_k["k"]), "a")
+    assert min(abs(point["a"] - 0.5) for point in only(in_a, "NS")) < 1e-9
+
+
+def test_grazing_is_where_the_neighbour_just_touches() -> None:
+    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", towards="up").first("GR")
+    t = np.linspace(0, 2 * math.pi, 200001)
+    assert abs(point.solution.displacement(1, t)).max() == pytest.approx(1, abs=1e-10)
+    assert point.solution.velocity(1, point.detail["t"]) == pytest.approx(0, abs=1e-12)
+    inside = cb.symmetric(point["a"] - 1e-6, 0.1, 0.8, root=1)
+    beyond = cb.symmetric(point["a"] + 1e-6, 0.1, 0.8, root=1)
+    assert inside.admissibility().ok
+    assert not beyond.admissibility().ok
+
+
+def test_site_zero_grazes_between_its_impacts_for_small_k() -> None:
+    branch = cb.trace(cb.symmetric(0.7, 0.0, 0.03), "a", towards="up")
+    point = branch.first("GR")
+    assert point.solution.admissibility().site == 0
+    s = np.linspace(1e-3, math.pi - 1e-3, 100001)
+    u = point.solution.displacement(0, point["phi"] + s)
+    assert u.max() == pytest.approx(1, abs=1e-9)
+
+
+def test_a_start_beyond_grazing_is_refused() -> None:
+    with pytest.raises(cb.BadInput, match="beyond GR"):
+        cb.trace(cb.symmetric(0.9, 0.1, 0.8, root=1), "a")
+
+
+def test_nothing_happens_where_nothing_happens() -> None:
+    branch = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "a", within={"a": (0.1, 0.6)}, towards="up")
+    assert kinds(branch) == ["EP", "EP"]
+    assert (branch["unstable"] == 0).all()
+
+
+def by_the_rule(sites: int, gamma: float, end: float, **more: Any) -> cb.Branch:
+    """Up from a coupling, with the event of the paper's rule on a ring alone."""
+    how = {"events": [cb.neimark_sacker(on=cb.Ring(sites), threshold=1.005)], "towards": "up"}
+    return cb.trace(
+        cb.symmetric(0.2, gamma, 0.8), "gamma", within={"gamma": (0, end)}, **how, **more
+    )
+
+
+@pytest.mark.parametrize(("sites", "gamma"), [(200, 0.0824), (400, 0.0916), (800, 0.0969)])
+def test_the_paper_rule_moves_with_the_ring(sites: int, gamma: float) -> None:
+    branch = by_the_rule(sites, 0.07, 0.1, steps=cb.Steps(first=0.002, largest=0.004))
+    assert branch.first("NS")["gamma"] == pytest.approx(gamma, abs=1e-4)
+
+
+def test_ring_rule_agrees_with_all_multipliers() -> None:
+    point = by_the_rule(200, 0.08, 0.09).first("NS")
+    largest = abs(point.solution.multipliers(sites=200)).max()
+    assert largest == pytest.approx(1.005, abs=1e-10)
+
+
+def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point() -> None:
+    assert kinds(by_the_rule(200, 0.08, 0.23)) == ["EP", "NS", "EP"]
+
+
+def test_the_infinite_chain_has_no_threshold() -> None:
+    with pytest.raises(cb.BadInput, match="infinite chain has none"):
+        cb.symmetric(0.2, 0.08, 0.8).stability(threshold=1.01)
+
+
+def test_a_threshold_on_a_ring_must_exceed_one() -> None:
+    with pytest.raises(cb.BadInput, match="above 1"):
+        cb.neimark_sacker(on=cb.Ring(10), threshold=1.0)
+
+
+@pytest.mark.parametrize("name", ["c1", "c3"])
+def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> None:
+    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
+    start = cb.symmetric(0.3, 0.05, 0.8, forcing=forcing)
+    value = start.problem.params[name]
+    branch = cb.trace(start, name, within={name: (value - 0.2, value + 0.2)}, towards="up")
+    last = branch[-1].solution
+    assert last.residual < 1e-14
+    again = cb.symmetric(0.3, 0.05, 0.8, forcing=last.forcing)
+    assert again.p == pytest.approx(last.p, rel=1e-12)
+
+
+def test_counts_along_a_branch_change_only_at_its_events() -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", steps=cb.Steps(largest=0.02))
+    a, count, p = branch["a"], branch["unstable"], branch["p"]
+    fold, pitchfork = branch.first("LP"), branch.first("PF")
+    upper = p > fold["p"] + 1e-6
+    assert (count[upper & (a < pitchfork["a"] - 1e-6)] == 0).all()
+    assert (count[upper & (a > pitchfork["a"] + 1e-6)] == 1).all()
+    assert (count[p < fold["p"] - 1e-6] >= 1).all()
+
+
+def test_neimark_sacker_by_bisection_of_the_winding_number() -> None:
+    """The located point against plain bisection on the count, which knows no locus."""
+
+    def side(gamma: float) -> float:
+        b = cb.symmetric(0.5, gamma, 0.8).b
+        return unstable_count(gamma, 0.8, b).count - 1.0
+
+    gamma = brentq(side, 0.10, 0.12, xtol=1e-11)
+    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "gamma").first("NS")
+    assert point["gamma"] == pytest.approx(gamma, abs=1e-9)
+
+
+@pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
+def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None:
+    """At k = 1 a pitchfork has f' = 0 there: q = 0 in (11), phi = -pi; the line ends nowhere else
+    but where existence ends."""
+    start = cb.trace(cb.symmetric(0.8, 0.05, 0.6), "a").first("PF")
+    line = cb.boundary(start, pair)
+    end = max(line.points, key=lambda point: point["k"])
+    assert end["k"] == 1.0
+    assert end["phi"] == pytest.approx(-math.pi, abs=1e-12)
+    assert not line.stop.failed
+    assert line.began is None or not line.began.failed
+    sigma = np.array([CHAIN.sigma(gamma) for gamma in np.atleast_1d(line["gamma"])])
+    q = (1 - line["k"]) / (1 + line["k"])
+    assert np.allclose(line["p"] * np.hypot(q, 2 * sigma), line["a"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
+def test_the_angle_tends_to_the_edge_of_the_band_as_impacts_become_elastic(
+    pair: tuple[str, str],
+) -> None:
+    start = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "gamma").first("NS")
+    line = cb.boundary(start, pair)
+    assert not line.stop.failed
+    assert line.began is None or not line.began.failed
+    near = [point for point in line.points[1:-1] if 1 - point["k"] < 1e-2]
+    gap = [2 * math.sqrt(point["gamma"]) - point["nu"] for point in near]
+    law = [value / (1 - point["k"]) ** 2 for value, point in zip(gap, near, strict=True)]
+    assert len(law) > 2
+    assert np.ptp(law) < 0.02 * max(law)
+
+
+def test_grazing_is_followed_up_to_the_rim_of_the_coupling() -> None:
+    """The derivative of u_1 in gamma grows without limit there."""
+    start = cb.trace(cb.symmetric(0.3, 0.1, 0.7), "gamma").first("GR")
+    line = cb.boundary(start, ("gamma", "a"))
+    assert line[-1]["gamma"] == 0.2499
+    assert not line.stop.failed
+    assert line[-1].solution.admissibility().max_neighbour == pytest.approx(1.0, abs=1e-10)
+
+
+def test_the_line_of_the_papers_rule_ends_where_another_wave_comes_first() -> None:
+    """On the traced arc the largest complex multiplier over 2 pi has the modulus of the threshold;
+    at its ends two pairs have."""
+    ring, threshold = cb.Ring(60), 1.005
+
+    def pairs(point: cb.continuation.Point) -> np.ndarray:
+        mu = point.solution.stability(sites=60, threshold=1 + 1e-9).multipliers
+        return np.sort(abs(mu[mu.imag > 1e-9]))[::-1]
+
+    event = cb.neimark_sacker(on=ring, threshold=threshold)
+    start = cb.trace(cb.symmetric(0.2, 0.05, 0.8), "gamma", events=[event]).first("NS")
+    line = cb.boundary(start, ("gamma", "a"))
+    assert len(line) > 10
+    assert np.allclose([pairs(point)[0] for point in line], threshold, rtol=0, atol=1e-10)
+    for end in (line[0], line[-1]):
+        assert end.kind == "NS-NS"
+        first, second, third = pairs(end)[:3]
+        assert first == pytest.approx(second, abs=1e-9)
+        assert third < threshold - 1e-5
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.03, 0.1])
+def test_elastic_impacts_lose_stability_where_the_count_jumps(gamma: float) -> None:
+    branch = cb.trace(cb.symmetric(0.3, gamma, 1.0), "a", within={"a": (0.05, 1.0)})
+    point = branch.first("NS")
+    beside = [
+        cb.symmetric(point["a"] + shift, gamma, 1.0).stability().unstable for shift in (-1e-8, 1e-8)
+    ]
+    assert beside == [0, 2]
+    assert not branch.doubtful
+
+
+# --- where there is nothing to follow -------------------------------------------------------------
+
+
+def event_of(problem: Any, kind: str) -> Any:
+    return next(event for event in problem.events if event.kind == kind)
+
+
+def test_what_cannot_be_followed_from_a_point_says_why() -> None:
+    near = {"a": (0.74, 0.76)}
+    alike = cb.trace(cb.symmetric(0.75, 0.0, 0.8), "a", within=near)
+    ring = cb.neimark_sacker(on=cb.Ring(1)).of(alike.problem)
+    shot = cb.trace(cb.shooting(cb.symmetric(0.75, 0.0, 0.8), sites=1), "a", within=near)
+    near = {"a": (0.81, 0.83)}
+    arm = cb.trace(asymmetric(0.82, 0.04, 0.8).problem, "a", within=near)
+    alone = cb.trace(asymmetric(0.82, 0.0, 0.8).problem, "a", within=near)
+    plastic = cb.trace(
+        cb.shooting(cb.symmetric(0.55, 0.0, 0.0), sites=1), "a", within={"a": (0.55, 0.56)}
+    )
+    for what, words in (
+        (lambda: ring.locus(alike[0]), "no complex multipliers on this"),
+        (lambda: event_of(shot.problem, "NS").locus(shot[0]), "no complex multipliers on this"),
+        (lambda: event_of(alone.problem, "NS").locus(alone[0]), "no band for a pair to come out"),
+        (lambda: symmetric_again(arm[0]), "the flights are not equal here"),
+        (lambda: shallow_impact(plastic[0].solution), "with k = 0 a site rests on its wall"),
+    ):
+        with pytest.raises(Undefined, match=words):
+            what()
+    assert event_of(arm.problem, "NS").locus(arm[0]).extra["nu"] > 0.0
+    # an impact that is slow is another matter
+    assert shallow_impact(shot[0].solution).extra == {}
+
+
+def test_a_pair_without_an_angle_is_none_but_where_impacts_are_elastic() -> None:
+    event = event_of(cb.symmetric(0.5, 0.05, 0.8).problem, "NS")
+    for k, words in ((0.8, "no angle solves the locus"), (1.0, "")):
+        (start, *_) = cb.trace(cb.symmetric(0.5, 0.05, k), "a", within={"a": (0.49, 0.51)})
+        assert event.examine(start).endswith(words)
+        assert (event.examine(start) == "") == (k == 1.0)
+
+
+def test_only_orbits_with_impacts_have_longer_ones_beside_them() -> None:
+    grown = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.9})
+    branch = cb.trace(grown, "r", within={"r": (2.9, 3.1)}, events=[cb.period_doubling()])
+    with pytest.raises(cb.BadInput, match=r"PD1.* is on no branch of orbits with impacts"):
+        lift(branch.first("PD"))
+
+
+@pytest.mark.parametrize("spring", [None, 0.0])
+def test_at_elastic_impacts_no_pair_leaves_along_the_curve_of_pitchforks(spring) -> None:
+    """There the window of a pair ends at the pitchfork: how far off it is rounding all along."""
+    forcing = cb.Fourier(cos={1: -1.0, 3: 0.0306}, sin={3: 0.269})
+    more = {} if spring is None else {"spring": spring}
+    start = cb.symmetric(0.6, 0.0395, 1.0, forcing=forcing, **more)
+    fork = cb.trace(start, "a", within={"a": (0.5, 0.95)}).first("PF")
+    line = cb.boundary(fork, ("gamma", "a"), within={"gamma": (0, 0.24)})
+    assert [point.kind for point in line.special] == ["EP", "PF-GR"]
+    assert line.doubtful == ()

@@ -1,0 +1,753 @@
+"""Orbits on any finite lattice: against closed forms, dense matrices and an event integrator."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import mpmath as mp
+import networkx as nx
+import numpy as np
+import pytest
+from scipy import sparse
+
+import contbreather as cb
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.modal_flow import (
+    driven,
+    free_multipliers,
+    turn,
+    turn_slope,
+    turn_slope_in_damping,
+)
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.clearance import highest_neighbour
+from contbreather.orbits.images import images_of
+from contbreather.orbits.orbit import orbit_at
+from tests.orbits.field import Field, FieldOf, farthest
+
+# --- random lattices against an integrator ---------------------------------------------------
+
+
+def random_lattice(seed: int) -> cb.Lattice:
+    rng = np.random.default_rng(seed)
+    graph = nx.random_labeled_tree(int(rng.integers(3, 8)), seed=seed)
+    graph.add_edges_from(nx.gnp_random_graph(len(graph), 0.3, seed=seed).edges)
+    for edge in graph.edges:
+        graph.edges[edge]["weight"] = rng.uniform(0.5, 1.5)
+    sites = len(graph)
+    return cb.Lattice.from_graph(
+        graph, masses=rng.uniform(0.6, 1.6, sites), drive=rng.uniform(0.7, 1.2, sites)
+    )
+
+
+@functools.cache
+def random_orbit(seed: int):
+    """A symmetric orbit of one to three sites of a random lattice, shot from their own phases."""
+    rng = np.random.default_rng(seed)
+    lattice = random_lattice(seed)
+    on = {"gamma": 0.03, "k": 0.8, "damping": 0.02 * (seed % 3), "spring": 0.1 * (seed % 2)}
+    sites = sorted(rng.choice(lattice.sites, 1 + seed % 3, replace=False).tolist())
+    # the drive is not the same everywhere: an amplitude at which all of them hit
+    a = 0.6 / float(lattice.drive[sites].min())
+    single = [cb.symmetric(a, lattice=lattice, site=n, **on).phi for n in sites]
+    times = {f"t{j + 1}": phi for j, phi in enumerate(single)}
+    return orbit_at(
+        cb.shooting(
+            times, lattice=lattice, sequence=[(n, 1) for n in sites], symmetric=True,
+            a=a, inadmissible=True, **on,
+        )
+    )  # fmt: skip
+
+
+SEEDS = range(10)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_orbit_returns_under_an_independent_integrator(seed: int) -> None:
+    orbit = random_orbit(seed)
+    field = FieldOf(orbit)
+    back, hits, _ = field.after(field.state, field.start + 2 * math.pi)
+    if not orbit.admissibility().ok:  # then it has an impact that the orbit does not name
+        assert len(hits) > len(orbit.hits)
+        return
+    assert back == pytest.approx(field.state, abs=1e-11)
+    for own, hit in zip(hits, orbit.hits, strict=True):
+        assert own == pytest.approx((hit.site, hit.time, hit.wall, hit.before), abs=1e-11)
+
+
+def test_most_random_orbits_are_admissible() -> None:
+    """The test above says little of the others."""
+    assert sum(random_orbit(seed).admissibility().ok for seed in SEEDS) >= 7
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_multipliers_are_those_of_the_integrated_map(seed: int) -> None:
+    orbit = random_orbit(seed)
+    dense, own = orbit.section.sign * FieldOf(orbit).multipliers(), orbit.multipliers(half=True)
+    assert own.size == dense.size == 2 * orbit.lattice.sites
+    assert farthest(own, dense) < 1e-6
+
+
+def test_product_of_multipliers_tells_impacts_and_losses() -> None:
+    """Liouville: each impact k^2, damping exp(-mu T) for every mode."""
+    for seed in SEEDS:
+        orbit = random_orbit(seed)
+        lost = math.exp(-orbit.damping * orbit.period * orbit.lattice.sites)
+        wanted = orbit.k ** (2 * len(orbit.hits)) * lost
+        assert np.prod(orbit.multipliers()) == pytest.approx(wanted, rel=1e-9)
+
+
+# --- closed forms -----------------------------------------------------------------------------
+
+
+def special(start, low: float = 0.01, high: float = 0.95) -> dict[str, float]:
+    branch = cb.trace(start, "a", within={"a": (low, high)})
+    return {point.label: point["a"] for point in branch.special}
+
+
+def test_open_chain_and_damped_ring_have_their_known_pitchforks() -> None:
+    end = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9))
+    assert special(end, 0.5)["PF1"] == pytest.approx(0.744359, abs=5e-7)
+    ring = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), damping=0.02)
+    assert special(ring, 0.5)["PF1"] == pytest.approx(0.78391045, abs=5e-9)
+
+
+def test_two_impacting_sites_of_a_ring_have_two_pitchforks() -> None:
+    b = cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Ring(12))
+    two = cb.shooting(
+        {"t1": b.phi, "t2": b.phi}, lattice=cb.Ring(12), sequence=[(0, 1), (6, 1)],
+        symmetric=True, a=0.6, gamma=0.03, k=0.8,
+    )  # fmt: skip
+    branch = cb.trace(two, "a", within={"a": (0.55, 0.78)})
+    found = [point["a"] for point in branch.special if point.kind == "PF"]
+    assert found == pytest.approx([0.753654, 0.754378], abs=5e-7)
+
+
+def means(s: float, gamma: float) -> tuple[float, float, float]:
+    """chi, sigma and ``<cot(pi w/2)/w>`` of the infinite chain with springs, by quadrature."""
+    theta = 2 * math.pi * (np.arange(400) + 0.5) / 400
+    w = np.sqrt(s + 4 * gamma * np.sin(theta / 2) ** 2)
+    half = math.pi * w / 2
+    return (
+        float(np.mean(np.tan(half) / w)),
+        float(np.mean(w / np.sin(2 * half))),
+        float(np.mean(1 / (np.tan(half) * w))),
+    )
+
+
+def test_springs_move_fold_and_grazing_to_their_closed_forms() -> None:
+    s, gamma, k = 0.2, 0.05, 0.8
+    chi, _, _ = means(s, gamma)
+    q = (1 - k) / (1 + k)
+    found = special(cb.symmetric(0.5, gamma, k, lattice=cb.Ring(60), spring=s))
+    assert found["LP1"] == pytest.approx((1 - s) * q / math.hypot(chi, q), abs=1e-12)
+    assert found["LP1"] == pytest.approx(0.0414595837, abs=5e-11)
+    assert found["GR1"] == pytest.approx(0.7072318369, abs=5e-10)
+    assert not any(label.startswith("PF") for label in found)
+
+
+def test_springs_move_the_pitchfork_to_its_closed_form() -> None:
+    s, gamma, k = 0.02, 0.02, 0.6
+    chi, sigma, cot = means(s, gamma)
+    q = (1 - k) / (1 + k)
+    p = 1 / (chi - 2 * sigma - q * q / cot)
+    a = (1 - s) * math.hypot(1 - p * chi, p * q)
+    found = special(cb.symmetric(0.6, gamma, k, lattice=cb.Ring(60), spring=s), 0.5)
+    assert found["PF1"] == pytest.approx(a, abs=1e-10)
+
+
+def test_ring_by_its_matrix_is_the_ring() -> None:
+    """The general lattice against the chain's own closed forms, eigenspaces of two included."""
+    ring = cb.Lattice.from_graph(nx.cycle_graph(12))
+    own = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(12))
+    other = cb.symmetric(0.6, 0.05, 0.8, lattice=ring)
+    assert (other.p, other.phi) == pytest.approx((own.p, own.phi), abs=1e-13)
+    t = np.linspace(0, 6, 7)
+    assert other.displacement(3, t) == pytest.approx(own.displacement(3, t), abs=1e-12)
+    mine, theirs = (np.sort_complex(b.multipliers().round(9)) for b in (other, own))
+    assert mine == pytest.approx(theirs, abs=1e-7)
+    assert other.flight.q.size == 7  # of twelve modes those that site 0 sees
+    assert special(other, 0.5)["PF1"] == pytest.approx(special(cb.shooting(own), 0.5)["PF1"])
+
+
+def test_any_site_of_a_torus_is_like_any_other() -> None:
+    torus = cb.Grid(4, 5, periodic=True)
+    found = [cb.symmetric(0.6, 0.03, 0.8, lattice=torus, site=n).p for n in (0, 7, 19)]
+    assert found == pytest.approx([found[0]] * 3, abs=1e-12)
+    grid = [cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Grid(4, 5), site=n).p for n in (0, 7)]
+    assert abs(grid[0] - grid[1]) > 1e-3  # corner and inside
+
+
+# --- parameters of their own ------------------------------------------------------------------
+
+
+def test_damping_and_spring_are_continued_like_any_parameter() -> None:
+    start = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2)
+    for name in ("damping", "spring"):
+        branch = cb.trace(start, name, within={name: (0.0, 0.1)}, events=())
+        end = branch[-1]
+        assert end[name] == pytest.approx(0.1)
+        wanted = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, **{name: 0.1})
+        assert end.solution.p == pytest.approx(wanted.p, abs=1e-11)
+
+
+def test_boundary_in_damping_keeps_the_multiplier_one() -> None:
+    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
+    branch = cb.trace(start, "a", within={"a": (0.6, 0.9)})
+    line = cb.boundary(
+        branch.first("PF"), ("damping", "a"), within={"damping": (0.0, 0.05)}, towards="both"
+    )
+    assert line[0]["damping"] == 0.0
+    assert line[-1]["damping"] == 0.05
+    for point in line:
+        half = point.solution.multipliers(half=True)
+        assert abs(half - 1.0).min() < 1e-8
+    plain = cb.trace(cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=8), "a", towards="up")
+    assert line[0]["a"] == pytest.approx(plain.first("PF")["a"], abs=1e-10)
+
+
+RING = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20))
+MODES = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), spring=0.0)
+WITHIN = {"a": (0.5, 1.0)}
+SLIGHT = {"damping": (0.0, 0.003), "spring": (0.0, 0.08)}
+
+
+@pytest.mark.parametrize("free", ["damping", "spring"])
+def test_an_undamped_ring_is_traced_in_damping_and_spring(free: str) -> None:
+    own, wanted = (cb.trace(one, free, within={free: SLIGHT[free]}) for one in (RING, MODES))
+    assert [point.label for point in own.special] == [point.label for point in wanted.special]
+    assert own.special[1][free] == pytest.approx(wanted.special[1][free], abs=1e-10)  # NS
+    assert own[0].solution.p == pytest.approx(RING.p, abs=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["PF", "NS", "GR"])
+def test_curves_of_an_undamped_ring_free_damping_and_spring(kind: str) -> None:
+    seen = [cb.trace(one, "a", within=WITHIN).first(kind) for one in (RING, MODES)]
+    for pair in (("damping", "a"), ("a", "spring")):
+        own, wanted = (cb.boundary(point, pair, within=SLIGHT | WITHIN) for point in seen)
+        assert [point.label for point in own.special] == [point.label for point in wanted.special]
+        assert own[-1][pair[1]] == pytest.approx(wanted[-1][pair[1]], abs=1e-9)
+    line = cb.boundary(seen[0], ("gamma", "a"), within={"gamma": (0.035, 0.045)})
+    there = cb.trace(line[1], "damping", within={"damping": (0.0, 0.001)}, towards="up")
+    again = cb.boundary(line[1], ("damping", "a"), within={"damping": (0.0, 0.001)})
+    assert there[-1]["a"] == pytest.approx(again[-1]["a"], abs=1e-10)
+    assert there[-1]["gamma"] == line[1]["gamma"]
+
+
+def test_a_curve_that_frees_damping_keeps_its_threshold_and_its_lifted_walls() -> None:
+    ns = [cb.neimark_sacker(threshold=1.01)]
+    point = cb.trace(RING, "gamma", within={"gamma": (0.03, 0.05)}, events=ns).first("NS")
+    line = cb.boundary(point, ("damping", "gamma"), within={"damping": (0.0, 4e-4)}, events=())
+    assert line[-1].stability(threshold=1.01).largest == pytest.approx(1.01, abs=1e-9)
+    assert "threshold 1.01" in line.problem.label
+    behind = cb.trace(RING, "a", within={"a": (0.5, 1.1)}, inadmissible=True).first("PF")
+    assert "margin" in cb.boundary(behind, ("damping", "a"), within=SLIGHT).names
+
+
+def test_arms_of_an_undamped_ring_are_traced_in_damping() -> None:
+    arm = asymmetric(0.8, 0.04, 0.8, lattice=cb.Ring(8))
+    for start in (arm, arm.doubled()):
+        branch = cb.trace(start, "damping", within={"damping": (0.0, 0.01)}, events=())
+        assert branch[-1].solution.residual < 1e-12
+        assert branch[0].displacement(2, 1.0) == pytest.approx(arm.displacement(2, 1.0), abs=1e-13)
+
+
+def test_the_infinite_chain_is_traced_in_its_spring_and_refuses_damping() -> None:
+    chain = cb.symmetric(0.6, 0.04, 0.8)
+    held = cb.symmetric(0.6, 0.04, 0.8, spring=0.0)
+    own, wanted = (cb.trace(one, "spring", within={"spring": (0.0, 0.3)}) for one in (chain, held))
+    assert own["p"] == pytest.approx(wanted["p"], abs=1e-13)
+    arm = asymmetric(0.82, 0.04, 0.8)
+    for start, free in ((chain, "damping"), (arm, "damping"), (arm, "spring")):
+        with pytest.raises(cb.BadInput, match=rf"^{free}: orbits of the infinite chain have no"):
+            cb.trace(start, free)
+    fork = cb.trace(RING, "a", within=WITHIN).first("PF")
+    with pytest.raises(cb.BadInput, match="'mu' is not a parameter here"):
+        cb.boundary(fork, ("damping", "mu"))
+    with pytest.raises(cb.BadInput, match="'mu' is not a parameter of this problem"):
+        cb.trace(fork, "mu")
+
+
+@pytest.mark.parametrize(("threshold", "also"), [(1.0, "NS-LP"), (1.005, None)])
+def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(threshold, also) -> None:
+    lossy = cb.symmetric(0.3, 0.2, 0.75, lattice=cb.Ring(12), damping=0.02)
+    ns, on = [cb.fold(), cb.neimark_sacker(threshold=threshold)], {"gamma": (0.18, 0.2499)}
+    branch = cb.trace(lossy, "a", within={"a": (0.09, 0.5)}, events=ns, inadmissible=True)
+    line = cb.boundary(branch.first("NS"), ("gamma", "a"), within=on, inadmissible=True)
+    assert [point.label for point in line.special] == ["EP1", "R1.1"]
+    assert line["nu"].max() <= 1.0
+    double, radius = line.first("R1"), math.sqrt(threshold)
+    assert double.detail.get("also") == also
+    pair = np.sort(abs(double.solution.multipliers(half=True) + radius))[:3]
+    assert pair[1] < 1e-6
+    assert pair[2] > 0.1
+    if also:  # there the curve of folds passes
+        folds = cb.boundary(double, ("gamma", "a"), within=on, inadmissible=True, events=())
+        assert folds["gamma"].min() == 0.18
+        assert abs(folds[0].solution.multipliers(half=True) + 1.0).min() < 1e-6
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"lattice": cb.Ring(12), "damping": 0.02}], ids=["chain", "ring"]
+)
+def test_a_curve_of_pairs_from_its_meeting_with_folds_goes_past_it_and_names_it(more) -> None:
+    start = cb.symmetric(0.2, 0.08, 0.75, **more)
+    fold = cb.trace(start, "a", within={"a": (0.05, 0.3)}).first("LP")
+    folds = cb.boundary(fold, ("gamma", "a"), within={"gamma": (0.07, 0.16)})
+    meeting = folds.first("LP-NS")
+    near = {"gamma": (meeting["gamma"] - 0.005, meeting["gamma"] + 0.005)}
+    line = cb.boundary(meeting, ("gamma", "a"), within=near)
+    place = line.first("NS-LP")
+    for name in ("gamma", "a"):
+        assert place[name] == pytest.approx(meeting[name], abs=1e-9)
+    sides = line["p"][[0, -1]] - place["p"]
+    assert sides.min() < 0 < sides.max()
+
+
+def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
+    """Of a whole period a symmetric orbit has the squares of i and -i, which do not merge."""
+    whole = cb.symmetric(0.2, 0.08, 0.75, lattice=cb.Ring(12), damping=0.02).unfolded()
+    ns = [cb.neimark_sacker(threshold=1.0)]
+    point = cb.trace(whole, "gamma", within={"gamma": (0.07, 0.1)}, events=ns).first("NS")
+    on = {"gamma": (0.08, 0.2499), "a": (0.05, 0.3)}
+    line = cb.boundary(point, ("gamma", "a"), within=on, towards="down", events=())
+    assert line["nu"].min() < 1.0 < line["nu"].max()
+    assert line[-1].kind == "EP"
+    assert "pass each other" in line.doubtful[0].detail["reason"]
+
+
+def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
+    """Beyond its pitchfork the symmetric orbit repels, and the integrator finds an arm."""
+    lattice, on = cb.OpenChain(3), {"gamma": 0.04, "k": 0.8, "damping": 0.1}
+    branch = cb.trace(
+        cb.symmetric(0.6, lattice=lattice, site=1, **on), "a", within={"a": (0.6, 0.9)}
+    )
+    (fork,) = [point for point in branch.special if point.kind == "PF"]
+    arms = cb.switch(fork, within={"a": (0.6, fork["a"] + 0.03)})
+    assert len(arms) == 2
+    arm = arms[0][-1].solution
+    assert arm.stability(threshold=1.0).stable
+    broken = cb.symmetric(arm.a, lattice=lattice, site=1, **on)
+    assert not broken.stability(threshold=1.0).stable
+    road, start = Field(arm.lattice, arm.conditions), float(arm.times[0]) - 0.3
+    x = np.concatenate(broken.state(t=start))
+    x[lattice.sites + 1] += 1e-3
+    for _ in range(80):
+        x, *_ = road.run(x, start, start + 2 * math.pi)
+    ends = [np.concatenate(one[-1].solution.state(t=start)) for one in arms]
+    assert min(abs(x - end).max() for end in ends) < 1e-5
+    assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
+
+
+# --- flights ----------------------------------------------------------------------------------
+
+
+def test_forced_motion_solves_its_equation() -> None:
+    lattice = random_lattice(3)
+    forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
+    forced = driven(lattice, forcing, 0.2, 0.3, 0.1)
+    K = 0.2 * np.diag(1 / lattice.masses) @ lattice.stiffness + 0.3 * np.eye(lattice.sites)
+    for t in (0.0, 1.3):
+        u, v, w = (forced.everywhere(t, order) for order in range(3))
+        assert w + 0.1 * v + K @ u == pytest.approx(lattice.drive * forcing.d2f(t), abs=1e-12)
+        assert [forced.at(2, t)[i] for i in range(3)] == pytest.approx([u[2], v[2], w[2]])
+
+
+# --- lattices ---------------------------------------------------------------------------------
+
+
+def test_lattice_is_the_same_dense_sparse_or_as_a_graph() -> None:
+    dense = cb.OpenChain(6)
+    assert cb.Lattice(sparse.csr_array(dense.stiffness)) == dense
+    assert cb.Lattice.from_graph(nx.path_graph(6)) == dense
+    assert hash(cb.Lattice.from_graph(nx.path_graph(6))) == hash(dense)
+    assert cb.OpenChain(6, ends="fixed") != dense
+
+
+def test_modes_are_orthonormal_with_their_masses() -> None:
+    lattice = random_lattice(1)
+    lam, shapes = lattice.spectrum
+    gram = shapes.T @ np.diag(lattice.masses) @ shapes
+    assert gram == pytest.approx(np.eye(lattice.sites), abs=1e-12)
+    assert lattice.stiffness @ shapes == pytest.approx(
+        np.diag(lattice.masses) @ shapes * lam, abs=1e-12
+    )
+    assert lam[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: cb.Lattice([[1, 2], [0, 1]]), "must be symmetric"),
+        (lambda: cb.Lattice([[-1, 1], [1, -1]]), "positive semidefinite"),
+        (lambda: cb.Lattice([[1, 2, 3]]), r"shape \(1, 3\)"),
+        (lambda: cb.Lattice([[math.nan]]), "not finite"),
+        (lambda: cb.Lattice("abc"), "not a matrix of numbers"),
+        (lambda: cb.Lattice(np.eye(2), masses=[1, -1]), "every mass must be positive"),
+        (lambda: cb.Lattice(np.eye(2), drive=[1]), r"drive has shape \(1,\)"),
+        (lambda: cb.OpenChain(0), "at least 1"),
+        (lambda: cb.OpenChain(4, ends="loose"), "'free' or 'fixed'"),
+        (lambda: cb.Grid(2.5, 3), "rows = 2.5"),
+        (lambda: cb.Lattice.from_graph([1, 2]), "undirected networkx graph"),
+        (
+            lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9), site=9),
+            "no such site on the open chain",
+        ),
+        (
+            lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Lattice(np.diag([0.0, 1.0]))),
+            "no bond to any other",
+        ),
+        (lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), spring=1.0), "resonance"),
+        (lambda: cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(9), damping=-1), "damping = -1"),
+        (lambda: cb.symmetric(0.6, 0.05, 0.8, damping=0.1), "infinite chain"),
+        (lambda: cb.symmetric(1e-3, 0.05, 0.8, lattice=cb.OpenChain(9)), "too weak"),
+    ],
+)  # fmt: skip
+def test_what_is_no_lattice_is_refused(make, says: str) -> None:
+    with pytest.raises(cb.BadInput, match=says):
+        make()
+
+
+def test_orbit_is_asked_for_its_own_sites_only() -> None:
+    orbit = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5))
+    with pytest.raises(cb.BadInput, match="sites of this lattice are 0 to 4"):
+        orbit.displacement(5, 0.0)
+    assert orbit.displacement([0, 1], [0.1, 0.2]) == pytest.approx(
+        [orbit.displacement(0, 0.1), orbit.displacement(1, 0.2)]
+    )
+
+
+# --- walls ------------------------------------------------------------------------------------
+
+
+def test_everything_scales_with_the_distance_of_the_walls() -> None:
+    near = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), site=1)
+    far = cb.symmetric(1.5, 0.05, 0.8, lattice=cb.OpenChain(5), site=1, walls=(-2.5, 2.5))
+    assert (far.p, far.phi) == pytest.approx((2.5 * near.p, near.phi), abs=1e-12)
+    assert far.multipliers() == pytest.approx(near.multipliers(), abs=1e-9)
+    assert far.admissibility().max_neighbour == pytest.approx(
+        2.5 * near.admissibility().max_neighbour
+    )
+    assert highest_neighbour(far)[2] == pytest.approx(2.5 * highest_neighbour(near)[2])
+    found = special(far, 1.2, 2.4)
+    assert found == pytest.approx(
+        {label: 2.5 * a for label, a in special(near, 0.48, 0.96).items()}, abs=1e-9
+    )
+
+
+ONE_WALL = {"gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
+
+
+def settled(walls, a: float):
+    """The orbit that a motion from rest settles on, shot from its state."""
+    on = Conditions(a, forcing=cb.Harmonic(), walls=Walls.given(walls), **ONE_WALL)
+    road, x = Field(cb.OpenChain(3), on), np.zeros(6)
+    for _ in range(12):
+        x, *_ = road.run(x, 0.3, 0.3 + 2 * math.pi)
+    state = np.split(x, 2)
+    return orbit_at(
+        cb.shooting(state, t=0.3, lattice=cb.OpenChain(3), a=a, walls=walls, **ONE_WALL)
+    )
+
+
+@pytest.mark.parametrize(
+    ("walls", "impacts"),
+    [
+        ((None, 0.6), 3),  # one wall for each site
+        ({0: (None, 0.6), 1: None, 2: (-4, 4)}, 1),  # one in all
+        ((-3.0, 0.6), 3),  # two, one of them out of reach
+        ({0: (-0.55, 0.7), 1: None, 2: (-4, 4)}, 2),
+    ],
+)
+def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: int) -> None:
+    orbit = settled(walls, 0.9)
+    assert orbit.residual < 1e-12
+    field = FieldOf(orbit)
+    back, hits, _ = field.after(field.state, field.start + 2 * math.pi)
+    assert len(hits) == impacts
+    named = sorted((hit.site, hit.time, hit.wall, hit.before) for hit in orbit.hits)
+    for own, other in zip(sorted(hits), named, strict=True):
+        assert own == pytest.approx(other, abs=1e-11)
+    assert back == pytest.approx(field.state, abs=1e-11)
+    verdict, t = orbit.admissibility(), np.linspace(0, 2 * math.pi, 20001)
+    assert verdict.ok
+    idle = {0, 1, 2} - {hit.site for hit in orbit.hits}
+    gaps = [
+        min((high - u).min(), (u - low).min())
+        for (low, high), u in ((orbit.walls.at(n), orbit.displacement(n, t)) for n in idle)
+    ]
+    nearest = min((gap for gap in gaps if math.isfinite(gap)), default=1.0)
+    assert verdict.neighbours == pytest.approx(nearest, abs=1e-6)
+
+
+@pytest.mark.parametrize("past", [-1e-16, 0.0, 1e-16, 1e-12])
+def test_sites_that_meet_their_walls_at_once_all_bounce_whatever_the_rounding(past: float) -> None:
+    """A state in which one of three sites is past its wall already, by next to nothing."""
+    orbit = settled((None, 0.6), 0.9)
+    t, on = orbit.times[0], {"lattice": cb.OpenChain(3), "a": 0.9, "walls": (None, 0.6)}
+    seed = np.array([0.6, 0.6 + past, 0.6]), np.full(3, orbit.incoming[0])
+    again = orbit_at(cb.shooting(seed, t=t, **on, **ONE_WALL))
+    assert sorted(again.section.impacts) == [(0, 1), (1, 1), (2, 1)]
+    assert again.times == pytest.approx(np.full(3, t), abs=1e-9)
+
+
+def test_between_unequal_walls_only_shifts_by_whole_periods_make_images() -> None:
+    walls = {0: (-0.55, 0.7), 1: None, 2: (-4, 4)}
+    once = settled(walls, 0.9)
+    assert list(images_of(once)) == []
+    on = {"lattice": cb.OpenChain(3), "a": 0.9, "walls": walls, **ONE_WALL}
+    twice = orbit_at(cb.shooting(once.state(t=0.3), t=0.3, period=4 * math.pi, **on))
+    assert len(twice.hits) == 2 * len(once.hits)
+    (image,) = images_of(twice)
+    assert image.residual < 1e-12
+    assert image.times == pytest.approx(twice.times, abs=1e-12)
+
+
+def test_sites_that_answer_alike_are_exchanged_only_where_the_idle_ones_cannot_tell() -> None:
+    bonds = [(0, 1), (0, 2), (1, 5), (2, 3), (3, 4), (5, 6), (5, 8), (6, 7)]
+    tree = nx.to_numpy_array(nx.Graph(bonds), nodelist=range(9))  # 0 and 6 are cospectral
+    drive = np.isin(np.arange(9), (0, 6)).astype(float)
+    on = {"a": 0.5, "gamma": 0.03, "k": 0.8, "damping": 0.01}
+    lattice = cb.Lattice(4 * np.eye(9) - tree, drive=drive)
+    mixed = cb.multibreather({0: "upper", 6: "lower"}, lattice=lattice, **on)
+    assert list(images_of(mixed)) == []
+    path = cb.multibreather({0: "upper", 4: "lower"}, lattice=cb.OpenChain(5), **on)
+    (image,) = images_of(path)
+    t = np.linspace(0, 2 * math.pi, 50)
+    for n in range(5):
+        assert image.displacement(n, t) == pytest.approx(path.displacement(4 - n, t), abs=1e-12)
+
+
+def test_one_wall_ends_where_the_other_is_touched() -> None:
+    start = settled({0: (-1.2, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9)
+    assert start.section.impacts == ((0, 1),)
+    branch = cb.trace(start, "a", within={"a": (0.9, 3.0)}, towards="up")
+    assert branch[-1].kind == "GR"
+    end, t = branch[-1].solution, np.linspace(0, 2 * math.pi, 40001)
+    reached = [abs(end.displacement(n, t) - end.walls.at(n)[0]).min() for n in range(3)]
+    assert min(reached) < 1e-7
+    free = cb.trace(
+        settled({0: (None, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9), "a",
+        within={"a": (0.9, end.a + 0.01)}, towards="up",
+    )  # fmt: skip
+    assert free[-1]["a"] == end.a + 0.01  # without that wall it goes on
+    assert free[-1].solution.displacement(0, t).min() < -1.2
+
+
+def test_impossible_walls_are_refused() -> None:
+    on = {"a": 0.75, "gamma": 0.03, "k": 0.7, "spring": 0.3}
+    for walls, sequence, more, says in (
+        ((1, -1), [(0, 1)], {}, "low < high"),
+        ("ab", [(0, 1)], {}, "low < high"),
+        ((-1, None), [(0, 1)], {}, "has no wall on that side"),
+        ((-1, 2), [(0, 1)], {"symmetric": True}, "no half section and no pitchfork"),
+    ):
+        with pytest.raises(cb.BadInput, match=says):
+            cb.shooting(
+                {"t1": -2.8}, lattice=cb.OpenChain(3), sequence=sequence, walls=walls, **on, **more
+            )
+    with pytest.raises(cb.BadInput, match="no half section"):
+        cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), walls=(-1, 2))
+
+
+# --- from one lattice to another --------------------------------------------------------------
+
+
+def test_orbit_goes_to_any_lattice_and_back() -> None:
+    start = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.0)
+    branch = cb.trace(cb.shooting(start), "a", within={"a": (0.6, 0.85)})
+    arm = cb.switch(branch.first("PF"), within={"a": (0.6, 0.85)})[0][-1].solution
+    for there in (cb.Ring(40), cb.OpenChain(24), cb.InfiniteChain()):
+        back = arm.on(there).on(cb.Ring(24))
+        t = np.linspace(0, 6, 9)
+        assert back.displacement(0, t) == pytest.approx(arm.displacement(0, t), abs=1e-9)
+    chain = arm.on(cb.InfiniteChain())
+    assert chain.c == pytest.approx(arm.c, abs=1e-6)
+    assert abs(chain.impulses) == pytest.approx(abs(arm.impulses), abs=1e-6)
+    damped = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(24), damping=0.1)
+    with pytest.raises(cb.BadInput, match="no damping, and springs only"):
+        damped.on(cb.InfiniteChain())
+    with pytest.raises(cb.BadInput, match=r"lattice = 40: .* Ring\(20\), say, is expected"):
+        damped.on(40)
+    own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
+    assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
+    assert damped.multipliers(sites=40).size == 80
+
+
+def test_an_arm_is_not_taken_where_there_is_none_yet() -> None:
+    """On the torus the pitchfork comes later: Newton would end at the symmetric orbit."""
+    arm, torus = asymmetric(0.863, 0.04, 0.8), cb.Grid(5, 5, periodic=True)
+    with pytest.raises(cb.NotConverged, match="second half repeats the first") as refused:
+        arm.on(torus)
+    assert refused.value.last.asymmetry == pytest.approx(0.0, abs=1e-9)
+    assert abs(arm.on(cb.Ring(12)).asymmetry) > 0.1
+    whole = cb.symmetric(0.863, 0.04, 0.8).unfolded()
+    assert whole.on(torus).p == pytest.approx(cb.symmetric(0.863, 0.04, 0.8, lattice=torus).p)
+
+
+def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:
+    """At gamma = 0 every idle site has the multiplier 1, and nothing happens to the breather."""
+    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(9))
+    branch = cb.trace(start, "gamma", within={"gamma": (0.0, 0.05)})
+    assert branch[0]["gamma"] == 0.0
+    assert branch[0].kind == "EP"
+    assert branch.doubtful == ()
+
+
+def test_a_number_of_sites_names_a_ring_only() -> None:
+    orbit = cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Grid(5, 5), site=12)
+    for ask in (orbit.stability, orbit.multipliers):
+        with pytest.raises(cb.BadInput, match="lives on the grid of 5 x 5"):
+            ask(sites=20)
+    assert orbit.multipliers().size == 50
+    chain = cb.InfiniteChain()
+    for make in (cb.multibreather, lambda _, **on: cb.multibreathers(**on)):
+        with pytest.raises(cb.BadInput, match="a finite one is expected"):
+            make([0], a=0.5, gamma=0.03, k=0.8, lattice=chain)
+
+
+# --- the ring of the chain's own closed forms as an oracle ------------------------------------
+
+
+def test_a_ring_with_next_to_no_damping_has_the_events_of_one_without() -> None:
+    """The one is shot, the other a closed form: the same labels at the same places."""
+    bare, damped = (
+        cb.trace(cb.symmetric(0.6, 0.05, 0.8, lattice=cb.Ring(12), damping=mu), "a")
+        for mu in (0.0, 1e-9)
+    )
+    assert [p.label for p in damped.special] == [p.label for p in bare.special]
+    for one, other in zip(damped.special, bare.special, strict=True):
+        assert one["a"] == pytest.approx(other["a"], abs=1e-6)
+    assert damped.doubtful == ()
+    lines = [
+        cb.boundary(b.first("GR"), ("gamma", "a"), within={"gamma": (0.005, 0.12)})
+        for b in (bare, damped)
+    ]
+    met = [[(p.label, p["gamma"]) for p in line.special] for line in lines]
+    assert [label for label, _ in met[0]] == [label for label, _ in met[1]]
+    assert [x for _, x in met[0]] == pytest.approx([x for _, x in met[1]], abs=1e-6)
+
+
+@pytest.mark.parametrize("other", ["gamma", "k", "damping"])
+def test_where_impacts_vanish_with_losses_all_sites_swing_as_one(other: str) -> None:
+    """Without impacts a chain that is driven alike swings with the amplitude a/sqrt(1 + mu^2)."""
+    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(6), damping=0.0136)
+    end = cb.trace(start, "a", towards="both").first("VI")
+    window = {"gamma": (0.0, 0.1), "k": (0.5, 0.9), "damping": (0.01, 0.05)}
+    line = cb.boundary(end, (other, "a"), within=window)
+    assert len(line) > 2
+    for point in line:
+        assert point["a"] == pytest.approx(np.hypot(1.0, point.solution.damping), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "site"), [(cb.OpenChain(9), 0), (cb.OpenChain(5), 2), (cb.Grid(3, 3), 4)]
+)
+def test_grazing_is_followed_where_several_sites_move_alike(lattice, site: int) -> None:
+    start = cb.symmetric(0.6, 0.05, 0.8, lattice=lattice, site=site)
+    graze = cb.trace(start, "a", towards="up").first("GR")
+    line = cb.boundary(graze, ("gamma", "a"), within={"gamma": (0.03, 0.06)})
+    assert [line[0]["gamma"], line[-1]["gamma"]] == [0.03, 0.06]
+    t = np.linspace(0, 2 * math.pi, 4001)
+    for point in line:
+        others = [n for n in range(lattice.sites) if n != site]
+        highest = max(abs(point.solution.displacement(n, t)).max() for n in others)
+        assert highest == pytest.approx(1.0, abs=1e-6)
+
+
+def test_nothing_is_seen_where_an_impact_vanishes_but_its_end() -> None:
+    """The saltation has a pole there: no multiplier passes the circle."""
+    start = cb.symmetric(0.35, 0.02, 0.8, lattice=cb.Ring(6), spring=0.5)
+    branch = cb.trace(start, "a")
+    assert branch[0].kind == "VI"
+    assert not [point for point in (*branch.special, *branch.doubtful) if point.kind == "PF"]
+
+
+def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
+    for damping in (1e-9, 1e-6, 3.0, 1e3):
+        fly = turn(np.array([0.0, 0.2]), math.pi, damping)
+        assert fly.reach[0] == pytest.approx(-math.expm1(-damping * math.pi) / damping, rel=1e-12)
+        assert np.isfinite(np.concatenate(fly)).all()
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-6, 0.3, 2.0, 5.0])
+def test_flights_and_their_slopes_are_exact_where_modes_drift_turn_and_creep(
+    damping: float,
+) -> None:
+    """Against thirty digits, on both sides of where a series takes over."""
+    t = 1.7
+
+    def exact(z: Any, d: Any) -> list[Any]:
+        """C, S, z S and C - d S."""
+        root = mp.sqrt(mp.mpc(z - d * d / 4))
+        s = mp.exp(-d * t / 2) * mp.sin(root * t) / root
+        c = mp.exp(-d * t / 2) * mp.cos(root * t) + d * s / 2
+        return [c, s, z * s, c - d * s]
+
+    x = np.array([-4.0, -1.0, -0.251, -0.249, -1e-3, -1e-9, 1e-9, 1e-3, 0.1, 0.249, 0.251, 1.0, 30])
+    z = x / t**2 + 0.25 * damping**2
+    z = z[z >= 0.0]
+    fly = turn(z, t, damping)
+    slopes = turn_slope(z, t, fly, damping), turn_slope_in_damping(z, t, fly, damping)
+    with mp.workdps(40):
+        h = mp.mpf(10) ** -12
+        for i, one in enumerate(map(mp.mpf, z.tolist())):
+            d = mp.mpf(damping)
+            up, down = exact(one + h, d), exact(one - h, d)
+            more, less = exact(one, d + h), exact(one, d - h)
+            by_z = [mp.re(u - v) / (2 * h) for u, v in zip(up, down, strict=True)]
+            by_d = [mp.re(u - v) / (2 * h) for u, v in zip(more, less, strict=True)]
+            for own, wanted in zip((fly, *slopes), (exact(one, d), by_z, by_d), strict=True):
+                got, scale = [float(column[i]) for column in own], 1.0 + 0.1 * float(abs(one))
+                assert got == pytest.approx([float(mp.re(w)) for w in wanted], abs=2e-14 * scale)
+    one, other = free_multipliers(z, damping, t)
+    matrix = np.array([[fly.cosine, fly.reach], [-fly.pull, fly.swing]]).transpose(2, 0, 1)
+    assert one + other == pytest.approx(np.trace(matrix, axis1=1, axis2=2), abs=1e-13)
+    assert one * other == pytest.approx(np.linalg.det(matrix), abs=1e-13)
+
+
+def test_a_drive_is_in_resonance_to_rounding_only() -> None:
+    """One mode, driven with its frequency 1: of f = cos t it makes (cos t)/(1 - spring)."""
+    for off in (1e-10, -1e-10):
+        forced = driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + off, 0.0)
+        assert forced.at(0, 0.0)[0] == pytest.approx(-1.0 / off, rel=1e-5)
+    with pytest.raises(cb.BadInput, match="has the frequency 1 of one of its harmonics"):
+        driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + 1e-13, 0.0).at(0, 0.0)
+    assert math.isfinite(driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0, 1e-6).at(0, 0.0)[0])
+    third = driven(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
+    assert third.at(0, 0.0)[0] == pytest.approx(1e10, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["gamma", "spring", "damping", "c3", "s5", "a"])
+@pytest.mark.parametrize("lattice", [cb.Ring(4), random_lattice(3)], ids=repr)
+@pytest.mark.parametrize("still", [(0.0, 0.0), (0.3, 0.1)])
+def test_slopes_of_the_forced_motion_are_its_difference_quotients(name, lattice, still) -> None:
+    forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
+    here = {"gamma": 0.2, "spring": still[0], "damping": still[1]}
+    if here.get(name) == 0.0:
+        return
+
+    def at(step: float) -> np.ndarray:
+        there = forcing.at(**{name: forcing.params[name] + step}) if name in "c3 s5" else forcing
+        moved = {n: v + step * (n == name) for n, v in here.items()}
+        made = driven(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
+        return np.array(made.at(1, 0.7)[:2])
+
+    own = driven(lattice, forcing, *here.values()).slope(name, 1, 0.7)
+    assert own == pytest.approx((at(1e-6) - at(-1e-6)) / 2e-6, rel=1e-6, abs=1e-8)
+    if name == "a" or (name == "gamma" and lattice.uniform):
+        assert own == (0.0, 0.0)
+
+
+def test_the_boundary_of_an_arm_where_it_comes_back_is_one_of_pitchforks(tmp_path) -> None:
+    start = cb.symmetric(0.7, 0.02, 0.8, lattice=cb.OpenChain(5), site=2)
+    fork = cb.trace(start, "a", within={"a": (0.7, 0.75)}).first("PF")
+    arm = cb.switch(fork, within={"a": (0.72, 0.75)})[0]
+    back = cb.trace(arm[2], "a", within={"a": (0.72, 0.75)}).first("PF")
+    steps = cb.Steps(most=2)
+    line = cb.boundary(back, ("gamma", "a"), steps=steps)
+    assert line.problem.label == "PF boundary"
+    cb.save(tmp_path / "line.nc", line)
+    assert cb.load(tmp_path / "line.nc").problem.label == "PF boundary"

@@ -1,0 +1,152 @@
+"""Margins, of orbits in every representation: against dense sampling of the motion, and the same
+bits whether they are compiled or not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.kernels import Kernel
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.clearance import highest_neighbour, least_margin, neighbour_peak
+from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.other_contacts import closest_other, other_contacts
+
+from .by_hand import orbit_from
+
+
+def two_sites() -> Orbit:
+    """On the infinite chain, with an offset for each site."""
+    found = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12)).unfolded()
+    on = Conditions(0.5, 0.02, 0.8)
+    return orbit_of(on, found.section, found.times, found.impulses, (0.0, 0.0)).solved()
+
+
+def resonant() -> Orbit:
+    """On a ring whose modes are summed one by one; far from any solution."""
+    impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 0.8), (0, 1, 6.5, -0.7), (0, -1, 9.0, 0.9)]
+    return orbit_from(impacts, turns=2, gamma=0.2, lattice=cb.Ring(30))
+
+
+DAMPED = {"a": 0.5, "gamma": 0.05, "k": 0.8, "damping": 0.02, "spring": 0.2}
+ORBITS = [
+    cb.symmetric(0.5, 0.12, 0.4),
+    cb.symmetric(0.99, 0.01, 0.02),
+    cb.orbits.symmetric_roots(0.9, 0.12, 0.8)[1],  # where the second neighbour climbs highest
+    cb.symmetric(0.7, 0.0, 0.0, root=1),
+    cb.symmetric(0.6, 0.07, 0.7, forcing="cos(t) + 0.3*cos(3*t)"),
+    cb.symmetric(0.5, 0.05, 0.8, spring=0.2),
+    *(cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(sites)) for sites in (1, 2, 5)),
+    cb.orbits.symmetric_roots(1.2, 0.1, 0.03)[0],  # beyond its limits
+    asymmetric(0.87, 0.04, 0.8),
+    asymmetric(0.8, 0.04, 0.8).doubled(),
+    cb.symmetric(0.5, 0.08, 0.0).unfolded(),
+    two_sites(),
+    resonant(),
+    cb.symmetric(**DAMPED, lattice=cb.OpenChain(9), site=0),
+    cb.symmetric(**DAMPED, lattice=cb.OpenChain(30), site=4).unfolded(),
+    cb.symmetric(0.6, 0.04, 0.0, lattice=cb.Grid(3, 4), site=5),
+    cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12)),
+]
+
+
+@pytest.fixture
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
+
+
+@pytest.mark.parametrize("orbit", ORBITS, ids=repr)
+def test_the_least_margin_is_the_least_of_those_that_are_told(orbit: Orbit) -> None:
+    verdict = orbit.admissibility()
+    assert least_margin(orbit.watch) == pytest.approx(verdict.margin, abs=1e-13)
+    assert verdict.margin == min(verdict.neighbours, verdict.centre, verdict.far)
+
+
+@pytest.mark.parametrize("orbit", ORBITS, ids=repr)
+def test_no_site_climbs_higher_than_the_one_that_is_named(orbit: Orbit) -> None:
+    site, time, height = highest_neighbour(orbit)
+    idle = list(orbit.watch.idle)
+    if not idle:
+        assert height == 0.0
+        return
+    t = orbit.times[0] + orbit.period * np.linspace(0.0, 1.0, 4001)
+    dense = abs(orbit.displacement(np.array(idle)[:, None], t)).max()
+    assert dense - 1e-13 <= height <= dense + 1e-5
+    assert abs(orbit.displacement(site, time)) == pytest.approx(height, abs=1e-13)
+    assert abs(orbit.velocity(site, time)) < 1e-11
+
+
+@pytest.mark.parametrize("orbit", ORBITS, ids=repr)
+def test_between_impacts_no_ratio_is_less_than_the_margin(orbit: Orbit) -> None:
+    hits = orbit.hits
+    least = math.inf
+    for hit in hits:
+        later = ((one.time - hit.time) % orbit.period for one in hits if one.site == hit.site)
+        length = min((since for since in later if since > 0.0), default=orbit.period)
+        s = length * np.linspace(0.0, 1.0, 20001)[1:-1] ** 1.5
+        u = orbit.displacement(hit.site, hit.time + s)
+        ratio = (1.0 - u * u) / ((s + orbit.k) * s * (length - s))
+        least = min(least, float(ratio.min()) * (0.5 * length + orbit.k) * length * length / 4.0)
+    if orbit.residual < 1e-9:  # otherwise nobody is at a wall at an impact
+        assert orbit.admissibility().centre == pytest.approx(least, abs=1e-3 * (1.0 + abs(least)))
+
+
+@pytest.mark.parametrize("orbit", ORBITS, ids=repr)
+def test_margins_are_the_same_bits_compiled_or_not(orbit: Orbit, request) -> None:
+    def all_of() -> list[object]:
+        site, time, _ = highest_neighbour(orbit)
+        found: list[object] = [least_margin(orbit.watch)]
+        if site in orbit.watch.idle:
+            found += other_contacts(orbit.watch, site, time)
+        place = orbit.admissibility().places["centre"]
+        return [*found, *other_contacts(orbit.watch, *place), highest_neighbour(orbit)]
+
+    compiled = all_of()
+    request.getfixturevalue("uncompiled")
+    assert all_of() == compiled
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("orbit", ORBITS, ids=repr)
+def test_the_closest_of_other_contacts_has_the_least_margin(orbit: Orbit, mirrored: bool) -> None:
+    for site in list(orbit.watch.idle)[:3]:
+        time, _ = neighbour_peak(orbit, site)
+        others = other_contacts(orbit.watch, site, time, mirrored=mirrored)
+        closest = closest_other(orbit.watch, site, time, mirrored=mirrored)
+        assert closest.margin == pytest.approx(min(gap.margin for gap in others), abs=1.1e-13)
+        assert all(-1.0 < gap.margin <= 1.0 for gap in others)
+
+
+def test_a_flat_crest_that_newton_s_step_leaves_is_climbed() -> None:
+    """Without coupling neighbours follow the forcing, here one with all but straight flanks."""
+    cos = {m: 0.97**m / m**2 for m in range(1, 60, 2)}
+    forcing = cb.Fourier.from_response(cos=cos)
+    for k in (0.3, 0.6, 0.9):
+        b = cb.symmetric(0.6, 0.0, k, forcing=forcing, root=1)
+        t, height = neighbour_peak(b)
+        assert height == pytest.approx(0.6 * sum(cos.values()), abs=1e-14)
+        assert math.remainder(t, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_of_sites_that_are_mirror_images_the_first_is_named() -> None:
+    """Not the one that rounding favours."""
+    for a in np.linspace(0.45, 0.55, 7).tolist():
+        orbit = cb.multibreather([0, 3], a=a, gamma=0.02, k=0.8, lattice=cb.Ring(12))
+        assert highest_neighbour(orbit)[0] == 4  # as high as 11
+        assert orbit.admissibility().places["centre"][0] == 0
+
+
+def test_two_impacts_of_a_site_at_one_wall_in_the_wrong_order_have_no_margin_left() -> None:
+    impacts = [(0, 1, 0.1, -0.4), (0, 1, 0.3, -0.4), (0, -1, 3.2, 0.8)]
+    orbit = orbit_from(impacts, gamma=0.05)
+    for late in (0.0, 0.1):
+        first, second, third = orbit.road.impacts
+        moved = first, second._replace(time=first.time - late), third
+        wrong = Orbit(replace(orbit.road, impacts=moved))
+        assert wrong.admissibility().centre <= -late
+        assert least_margin(wrong.watch) <= -late

@@ -1,0 +1,87 @@
+"""Two impacts of one site at one wall that become one: curves end there, and say so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation.curve import Curve
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.orbit import orbit_at, orbit_of
+from contbreather.orbits.section import Section
+
+TWICE = [(0, 1), (0, 1)]
+
+
+@pytest.fixture(scope="module")
+def twice():
+    """A branch of orbits that hit each wall twice."""
+    seed, on = {"t1": 2.7118, "t2": 3.958}, {"a": 3.265, "gamma": 0.0, "k": 0.834, "damping": 0.05}
+    start = cb.shooting(seed, sites=1, sequence=TWICE, symmetric=True, **on)
+    return cb.trace(start, "a", within={"a": (2.0, 6.0)})
+
+
+@pytest.mark.parametrize(("kind", "label"), [("LP", "LP-VI"), ("VI", "GR-VI")])
+def test_curves_end_where_two_impacts_of_one_wall_become_one(twice, kind: str, label: str) -> None:
+    """There the orbit that hits each wall once is the same, and at rest on the wall."""
+    line = cb.boundary(twice.first(kind), ("k", "a"), towards="down", within={"a": (0.1, 6.0)})
+    end = line[-1]
+    assert (line.stop.name, end.kind) == ("EVENT", label)
+    assert end.detail["impacts"] == "1 and 2, of site 0 at its wall +1, become one"
+    assert not line.doubtful
+    assert end["t2"] - end["t1"] == pytest.approx(1e-4)
+    on = {name: end[name] for name in ("a", "gamma", "k", "damping")}
+    seed = {"t1": end["t1"]}
+    once = orbit_at(
+        cb.shooting(seed, sites=1, sequence=TWICE[:1], symmetric=True, inadmissible=True, **on)
+    )
+    assert once.times[0] == pytest.approx(end["t1"], abs=1e-4)
+    assert once.impulses[0] == pytest.approx(end.solution.impulses.sum(), abs=1e-7)
+    assert abs(once.hits[0].acceleration) < 1e-4  # just after it
+
+
+def test_three_impacts_become_two_on_a_fold_with_damping_free() -> None:
+    seed = {"t1": -3.155, "t2": -2.274, "t3": -1.637}
+    on = {"a": 3.3, "gamma": 0.0, "k": 0.41257, "damping": 0.02}
+    start = cb.shooting(seed, sites=1, sequence=[(0, 1)] * 3, symmetric=True, **on)
+    fold = cb.trace(start, "a", within={"a": (2.5, 3.4)}).first("LP")
+    line = cb.boundary(fold, ("damping", "k"), towards="up")
+    assert (line.stop.name, line[-1].kind) == ("EVENT", "LP-VI")
+    assert line[-1].detail["impacts"].startswith("2 and 3, ")
+
+
+def test_walls_that_are_lifted_do_not_keep_two_impacts_apart() -> None:
+    """With the Green's function of a ring: without an end the times would agree to rounding."""
+    section = Section(((0, 1), (0, 1), (0, -1)))
+    seed = {"t1": -3.565, "t2": -2.55, "t3": 0.138}
+    alone = {"a": 1.7, "gamma": 0.0, "k": 0.55}
+    first = cb.shooting(seed, sites=1, sequence=section.impacts, inadmissible=True, **alone)
+    single = orbit_at(first)
+    on = Conditions(1.7, 1e-3, 0.55, lattice=cb.Ring(3))
+    start = orbit_of(on, section, single.times, single.impulses)
+    branch = cb.trace(start, "a", within={"a": (0.3, 6.0)}, inadmissible=True)
+    fold = min(branch.special, key=lambda point: (point.kind != "LP", point["a"]))
+    line = cb.boundary(fold, ("k", "a"), towards="down", within={"a": (0.1, 6.0)})
+    assert (line.stop.name, line[-1].kind) == ("EVENT", "LP-VI")
+    assert line[-1]["t2"] - line[-1]["t1"] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("late", [0.3, 3e-3, 1e-4, -1e-3])
+def test_equations_of_impacts_at_one_wall_are_smooth_where_these_are_one(
+    twice, late: float
+) -> None:
+    """The derivative fits differences, before, at and beyond the place, on both roads."""
+    half = twice.first("LP").solution
+    on = Conditions(half.a, 0.01, half.k, lattice=cb.Ring(3))
+    whole = half.unfolded()
+    waves = orbit_of(on, whole.section, whole.times, whole.impulses).problem
+    modes = twice.problem
+    for problem in (waves, modes):
+        curve = Curve(problem, ("a",))
+        z, step = curve.start.copy(), 1e-5
+        z[1] = z[0] + late
+        found = curve.jacobian(z)
+        for column, aside in enumerate(step * np.eye(z.size)):
+            slope = (curve.equations(z + aside) - curve.equations(z - aside)) / (2 * step)
+            assert found[:, column] == pytest.approx(slope, abs=1e-7)

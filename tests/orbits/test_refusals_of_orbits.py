@@ -1,0 +1,331 @@
+"""Seeds, sequences and questions that make no orbit: a sentence each; and those that just do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.orbits.orbit import orbit_at, orbit_of
+
+HERE: dict[str, Any] = {"a": 0.5, "gamma": 0.02, "k": 0.8}
+BREATHER, ONE = cb.symmetric(**HERE), ((0, 1),)
+
+
+@pytest.fixture(scope="module")
+def half():
+    """A symmetric orbit shot over half its period."""
+    return orbit_at(cb.shooting(cb.symmetric(**HERE), sites=6))
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """The same, shot over all of it."""
+    return orbit_at(cb.shooting(cb.symmetric(**HERE), sites=6, symmetric=False))
+
+
+# what is shot, the keywords besides those of HERE, and what is said; an orbit knows its own
+SHOT: list[tuple[Any, dict[str, Any], str]] = [
+    (BREATHER, {}, "lives on the infinite chain: say on which ring, sites=N"),
+    (BREATHER, {"sites": 5, "lattice": Ring(6)}, r"sites = 5 and the ring of 6: give one of the"),
+    ("whole", {"symmetric": True}, "was not shot as a symmetric one"),
+    (
+        "whole",
+        {"sequence": ((0, -1), (0, 1))},
+        r"this orbit has the impacts \(\(0, 1\), \(0, -1\)\), not \(\(0, -1\), \(0, 1\)\)",
+    ),
+    ({"t1": 0.1}, {"sites": 4}, "needs sites=... and sequence"),
+    ({"t1": 0.1}, {"sequence": ONE}, "needs sites=... and sequence"),
+    (
+        {"t2": 0.1},
+        {"sites": 4, "sequence": ONE},
+        r"one time for each impact, \['t1'\]: missing \['t1'\], not known \['t2'\]",
+    ),
+    ({"t1": "x"}, {"sites": 4, "sequence": ONE}, "impact times {'t1': 'x'}: finite numbers were"),
+    (3.0, {"sites": 4}, "a seed is an orbit, .* float"),
+    ("ab", {"sites": 4}, "a seed is an orbit, .* str"),
+    (([0.1, 0.2], [0.1, 0.2]), {"sites": 3}, "the state has 2 sites, but sites = 3 was asked for"),
+    ((["a"], [0.1]), {"sites": 1}, r"a state is a pair \(u, v\) of rows of numbers"),
+    (([0.1, 0.2], [0.1]), {}, r"rows of equal length; shapes \(2,\) and \(1,\)"),
+    (([0.1, math.nan], [0.1, 0.2]), {}, r"u\[1\] = nan of the state is not finite"),
+    (([0.1, 0.1], [math.inf, 0.2]), {}, r"v\[0\] = inf of the state is not finite"),
+    (([0.1, 0.2], [0.1, 0.2]), {"gamma": None}, "this seed does not know gamma: give them by name"),
+    (
+        ([0.0], [0.0]),
+        {"a": 1e-3, "gamma": 0.0},
+        r"the seed meets no wall within a section of length 6\.28319 from t = 0: it flies free",
+    ),
+    *(
+        (BREATHER, {"sites": 5, "period": period}, f"period = {period}: the forcing")
+        for period in (5.0, math.inf, 0.0)
+    ),
+    (BREATHER, {"sites": 6, "period": None}, "period = None: .* a multiple of it"),
+    (BREATHER.state(6), {"period": 1e300}, r"2 pi n .* up to 10000"),
+    (
+        {"t1": 0.1},
+        {"sites": 4, "sequence": ONE, "symmetric": True, "period": 4 * math.pi},
+        r"a symmetric orbit of period 4 pi: .* needs an odd n, .*; n = 2 was given",
+    ),
+    *(
+        ({"t1": 0.1}, {"sites": 4, "sequence": bad}, words)
+        for bad, words in (
+            ((), "the sequence of impacts is empty"),
+            ((1, 2), r"impacts are pairs \(site, wall\)"),
+            (0.0, r"sequence = 0\.0: impacts are pairs \(site, wall\)"),
+            (((4, 1),), "no such site on the ring of 4; sites are whole numbers from 0 to 3"),
+            (((-4, 1),), "no such site on the ring of 4"),
+            (((0.5, 1),), "sites are whole numbers"),
+            (((True, 1),), "sites are whole numbers"),
+            (((0, 2),), r"impact \(0, 2\): walls are \+1 and -1"),
+            (((0, True),), r"impact \(0, True\): walls are \+1 and -1"),
+            (ONE, r"hits the wall at \+1 only"),
+        )
+    ),
+    (
+        BREATHER,
+        {"sites": 5, "walls": {7: (-1, 1)}},
+        "walls of site 7: there is no such site on the ring of 5; sites are 0 to 4",
+    ),
+    (
+        BREATHER,
+        {"sites": 5, "walls": {0: (-1, None)}},
+        "the walls are not symmetric|has no wall on that side",
+    ),
+    *(
+        (
+            BREATHER,
+            {"sites": 6, "walls": {site: (None, 0.5)}},
+            f"walls of site = {site!r}: a whole number",
+        )
+        for site in (1.7, "a", True, -1)
+    ),
+    (BREATHER.state(6), {"t": "0"}, "t = '0': the time of a state, a finite number, was expected"),
+]
+
+
+@pytest.mark.parametrize(("seed", "more", "sentence"), SHOT, ids=[row[-1][:50] for row in SHOT])
+def test_what_makes_no_orbit_is_refused(seed: Any, more: dict, sentence: str, whole: Any) -> None:
+    given = {} if seed == "whole" or isinstance(seed, cb.Orbit) else HERE
+    with pytest.raises(BadInput, match=sentence):
+        cb.shooting(whole if seed == "whole" else seed, **{**given, **more})
+
+
+QUESTIONS: list[tuple[Callable[..., Any], str]] = [
+    (lambda b, o, w: o.displacement(0.5, 0.0), "n = 0.5: sites are whole numbers"),
+    (lambda b, o, w: o.velocity(0, math.nan), "finite real numbers were expected"),
+    (lambda b, o, w: w.phi, "phi belongs to symmetric orbits with one impact in half a period"),
+    (lambda b, o, w: w.multipliers(half=True), "not known by half its period: it has no half"),
+    (
+        lambda b, o, w: o.stability(threshold=0.9),
+        r"threshold = 0\.9: .*, so a finite threshold above 1 is",
+    ),
+    (
+        lambda b, o, w: o.stability(threshold=math.inf),
+        r"threshold = inf: .*, so a finite threshold above 1 is",
+    ),
+    (lambda b, o, w: b.multipliers(), r"continuous spectrum; ask for multipliers\(sites=N\)"),
+    # many sites
+    (
+        lambda b, o, w: cb.multibreather(3, lattice=Ring(6), **HERE),
+        "3: a list of sites is expected, or a dict of sites and orbits",
+    ),
+    (lambda b, o, w: cb.multibreather([], lattice=Ring(6), **HERE), "name at least one site"),
+    (lambda b, o, w: cb.multibreather([2, 2], lattice=Ring(6), **HERE), "name at least one site"),
+    (
+        lambda b, o, w: cb.multibreather({0: "middle"}, lattice=Ring(6), **HERE),
+        "site 0: 'middle' was given; 'upper', 'lower' or an orbit of the single oscillator",
+    ),
+    (
+        lambda b, o, w: cb.multibreather({0: b}, lattice=Ring(6), **HERE),
+        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is expected",
+    ),
+    (
+        lambda b, o, w: cb.multibreather({0: o}, lattice=Ring(6), **HERE),
+        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is expected",
+    ),
+    *(
+        (
+            lambda b, o, w, most=most: cb.multibreathers(Ring(4), most=most, **HERE),
+            f"most = {most!r}: a whole number of sites, 1 to 4",
+        )
+        for most in (0, 5, 1.5, True, "2")
+    ),
+    *(
+        (
+            lambda b, o, w, given=given: o.on(given),
+            r"InfiniteChain\(\) or Ring\(20\), say, is expected",
+        )
+        for given in (None, 7, "ring", Ring, np.ones(2))
+    ),
+    (lambda b, o, w: b.on(InfiniteChain(0.2)), "springs to the ground belong to the motion"),
+    (
+        lambda b, o, w: cb.symmetric(**HERE, lattice=cb.OpenChain(9), site=6).on(cb.OpenChain(4)),
+        r"impact \(6, 1\): no such site on the open chain with free ends, 4 sites",
+    ),
+    (lambda b, o, w: b.state(6, t=[0.0, 1.0]), r"t = \[0\.0, 1\.0\]: a time, a finite number"),
+    (lambda b, o, w: b.displacement([[0, 1], [2]], 0.0), "sites are whole numbers"),
+    (
+        lambda b, o, w: cb.symmetric(**HERE, lattice=Ring(6), damping=np.ones(2)),
+        r"damping = array\(\[1\., 1\.\]\): .* a finite number >= 0",
+    ),
+    (lambda b, o, w: cb.symmetric(**HERE, site=[]), r"site = \[\].*site 0 impacts"),
+    (lambda b, o, w: cb.symmetric(**HERE, spring=np.ones(2)), "0 <= spring < 1"),
+    (
+        lambda b, o, w: cb.multibreather([[0, 1], [2]], lattice=Ring(6), **HERE),
+        "a list of sites is expected, or a dict",
+    ),
+    (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was expected, got None"),
+    (
+        lambda b, o, w: orbit_of(o.conditions, ((0, 1),), [0.0], [-1.0]),
+        "a Section of impacts was expected, got a tuple",
+    ),
+    (
+        lambda b, o, w: orbit_of(o.conditions, o.section, "0", [-1.0]),
+        "times = '0': finite real numbers were expected",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("made", "sentence"), QUESTIONS, ids=[words[:50] for _, words in QUESTIONS]
+)
+def test_it_is_refused_in_a_sentence(
+    made: Callable[..., Any], sentence: str, half: Any, whole: Any
+) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        made(BREATHER, half, whole)
+
+
+# --- and what is none of that ---------------------------------------------------------------------
+
+
+def test_a_sequence_that_the_orbit_has_is_taken(half: Any, whole: Any) -> None:
+    for orbit, sequence in ((half, ((0, 1),)), (whole, ((0, 1), (0, -1)))):
+        again = orbit_at(cb.shooting(orbit, sequence=sequence))
+        assert again.section.impacts == sequence
+        assert again.times == pytest.approx(orbit.times, abs=1e-10)
+
+
+def test_a_symmetric_orbit_is_opened_up(half: Any, whole: Any) -> None:
+    opened = orbit_at(cb.shooting(half, symmetric=False))
+    assert not opened.symmetric
+    assert opened.section.impacts == whole.section.impacts
+    assert opened.times == pytest.approx(whole.times, abs=1e-9)
+    again = orbit_at(cb.shooting(opened, symmetric=False))  # nothing left to open
+    assert again.times == pytest.approx(whole.times, abs=1e-9)
+
+
+def test_a_breather_is_shot_by_another_listing_of_its_impacts() -> None:
+    b = cb.symmetric(**HERE)
+    other = orbit_at(cb.shooting(b, sites=6, symmetric=False, sequence=((0, -1), (0, 1))))
+    assert other.section.impacts == ((0, -1), (0, 1))
+    assert sorted(other.times % (2 * math.pi)) == pytest.approx(
+        sorted([b.phi % (2 * math.pi), (b.phi + math.pi) % (2 * math.pi)]), abs=1e-3
+    )
+
+
+def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
+    b = cb.symmetric(**HERE)
+    open_chain = cb.OpenChain(5)
+    taken = orbit_at(cb.shooting(b, lattice=open_chain, sequence=((2, 1),)))
+    assert taken.section.impacts == ((2, 1),)
+    assert taken.phi == pytest.approx(b.phi, abs=1e-2)
+    with pytest.raises(BadInput, match=r"the seed has 1 impacts in a section, the sequence .* 2"):
+        cb.shooting(b, lattice=open_chain, sequence=((2, 1), (2, -1)))
+
+
+def test_an_orbit_written_with_twice_its_period_is_known_as_the_simpler_one(whole: Any) -> None:
+    b = cb.symmetric(**HERE)
+    times = {f"t{j + 1}": b.phi + j * math.pi for j in range(4)}
+    sequence = ((0, 1), (0, -1)) * 2
+    twice = cb.shooting(times, sites=6, sequence=sequence, period=4 * math.pi, **HERE)
+    point = cb.trace(twice, "a", within={"a": (0.49, 0.51)}, events=())[0]
+    simple = point.curve.problem.simpler(point)
+    assert simple is not None
+    assert orbit_at(simple).period == pytest.approx(2 * math.pi)
+    assert orbit_at(simple).times == pytest.approx(point.solution.times[:2], abs=1e-9)
+    within = {"a": (0.49, 0.51)}
+    single = cb.trace(cb.shooting(whole), "a", within=within, events=())[0]
+    assert orbit_at(single.curve.problem.simpler(single)).symmetric
+    half = cb.trace(cb.shooting(cb.symmetric(**HERE), sites=6), "a", within=within, events=())[0]
+    assert half.curve.problem.simpler(half) is None
+
+
+def test_momentum_and_phase_of_a_shot_orbit_are_those_of_the_breather(half: Any) -> None:
+    ring = cb.symmetric(**HERE, lattice=Ring(6))
+    assert half.p == pytest.approx(ring.p, abs=1e-10)
+    assert half.phi == pytest.approx(ring.phi, abs=1e-10)
+    assert half.c == 0.0
+    lower = orbit_at(cb.shooting(half.state(t=math.pi), t=math.pi, symmetric=True, **HERE))
+    assert lower.phi == pytest.approx(ring.phi, abs=1e-9)
+
+
+def test_impacts_of_different_momenta_have_no_p() -> None:
+    """Two sites, one of them on its lower root."""
+    both = cb.multibreather({0: "upper", 3: "lower"}, a=0.5, gamma=0.003, k=0.8, lattice=Ring(6))
+    with pytest.raises(BadInput, match="the impacts have different momenta: half of them are"):
+        both.p  # noqa: B018
+
+
+def test_a_choice_that_has_no_orbit_without_coupling_is_in_the_catalogue_as_that() -> None:
+    found = cb.multibreathers(Ring(4), a=0.01, gamma=0.02, k=0.4, most=1)
+    (one,) = found
+    assert (one.sites, one.copies, one.exists, one.orbit) == ((0,), 4, False, None)
+    assert (one.gamma, one.ended) == (0.0, "no orbit without coupling")
+    assert one.stable() is False
+
+
+def test_the_catalogue_counts_each_class_of_choices_once() -> None:
+    found = cb.multibreathers(Ring(5), a=0.5, gamma=0.002, k=0.8, most=2)
+    assert [(one.sites, one.copies) for one in found] == [((0,), 5), ((0, 1), 5), ((0, 2), 5)]
+    assert all(one.exists and one.gamma == 0.002 and one.ended == "" for one in found)
+    assert all(one.stable(threshold=1.5) for one in found)
+    for one in found:
+        largest = one.orbit.stability().largest
+        assert one.stable(threshold=largest + 1e-9)
+    (grown,) = cb.multibreathers(Ring(8), a=0.8, gamma=0.045, k=0.8, most=1)
+    assert grown.exists
+    assert not grown.stable()
+    assert not grown.stable(threshold=1.13)
+    assert grown.stable(threshold=1.14)
+
+
+def test_elsewhere_an_orbit_takes_its_own_lattice(half: Any) -> None:
+    assert half.on(Ring(6)) is half or half.on(Ring(6)).times == pytest.approx(half.times)
+    assert np.array_equal(half.state(7), half.on(Ring(7)).state())
+    far = half.on(Ring(12))
+    assert far.lattice == Ring(12)
+    assert far.p == pytest.approx(cb.symmetric(**HERE, lattice=Ring(12)).p, abs=1e-9)
+    back = cb.symmetric(**HERE).on(Ring(6))
+    assert back.p == pytest.approx(half.p, abs=1e-10)
+    assert isinstance(cb.symmetric(**HERE).lattice, InfiniteChain)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"k": 1.5}, r"^k = 1\.5: the restitution coefficient must be a number with 0 <= k <= 1"),
+        ({"k": math.nan}, r"^k = nan: the restitution coefficient"),
+        ({"k": "x"}, r"^k = 'x'"),
+        ({"gamma": 0.3}, r"^gamma = 0\.3: the coupling must be"),
+        ({"gamma": -0.1}, r"^gamma = -0\.1: the coupling must be"),
+        ({"a": -1.0}, r"^a = -1\.0: the amplitude of the forcing must be a finite number > 0"),
+        ({"a": 0.0}, r"^a = 0\.0: the amplitude"),
+        ({"a": math.inf}, r"^a = inf: the amplitude"),
+        ({"k": 0.0}, r"^k = 0: zones need 0 < k < 1"),
+        ({"k": 1.0}, r"^k = 1: zones need 0 < k < 1"),
+        ({}, r"zones need exactly one of k, gamma and a fixed, got none"),
+        ({"k": 0.8, "a": 0.5}, r"zones need exactly one of k, gamma and a fixed, got"),
+        ({"k": []}, r"zones need a value of k, or several; got none"),
+        ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
+    ],
+)
+def test_zones_of_what_cannot_be_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        cb.zones(**given)

@@ -1,0 +1,209 @@
+"""Breathers and special points that are found without a start."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather import progress
+from contbreather.orbits import find_event, find_symmetric, search, smallest_amplitude
+from contbreather.parameters import window_of
+
+WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
+
+
+def test_search_goes_on_where_there_is_no_breather() -> None:
+    # at the coupling in the middle of the window, where it looks first, there is none
+    with pytest.raises(
+        cb.NoSolution, match=r"no breather with gamma = 0\.12, k = 0\.8 for a between 0\.86 and"
+    ):
+        find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8, root=1)
+    point = find_event("GR", ("gamma", "a"), within=WHERE, k=0.8)
+    assert point.solution.admissibility().margin == pytest.approx(0.0, abs=1e-12)
+    assert WHERE["a"][0] < point["a"] < WHERE["a"][1]
+
+
+def test_a_lower_breather_is_found_where_no_upper_one_is_in_the_window() -> None:
+    found = find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8)
+    assert found.admissibility().ok
+    assert found.flight.family == "lower"
+    # the upper one comes first, wherever in the window it is
+    upper = find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8)
+    assert upper.flight.family == "upper"
+    assert upper == find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8, root=1)
+
+
+def test_nothing_is_printed_while_searching(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    assert find_event("LP", ("gamma", "a"), gamma=0.04, k=0.8).kind == "LP"
+    # on an arm, which leaves the branch at its pitchfork
+    double = find_event("PD", ("gamma", "a"), within={"a": (0.5, 0.999)}, gamma=0.002, k=0.95)
+    assert (double.kind, double["a"]) == ("PD", pytest.approx(0.912097259017, abs=1e-11))
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("free", ["a", "gamma"])
+def test_breather_that_is_found_is_admissible_and_inside_of_the_window(free: str) -> None:
+    window = {"a": (0.3, 0.4), "gamma": (0.05, 0.06)}
+    other = next(name for name in window if name != free)
+    found = find_symmetric(free, window[free], k=0.8, **{other: float(np.mean(window[other]))})
+    assert found.admissibility().ok
+    assert window[free][0] <= getattr(found, free) <= window[free][1]
+
+
+# --- where is looked ------------------------------------------------------------------------------
+
+
+def looked(free: str, within: tuple[float, float], **given: Any) -> list[float]:
+    return list(search._places(free, within, given))
+
+
+def test_where_nothing_is_said_all_values_are_looked_at() -> None:
+    known = {name: window_of(name) for name in ("a", "gamma", "k", "damping", "spring")}
+    assert known == {
+        "a": (0.0, math.inf),
+        "gamma": (0.0, 0.2499),
+        "k": (0.01, 0.999),
+        "damping": (0.0, math.inf),
+        "spring": (0.0, math.inf),
+    }
+    assert window_of("c3") == (-math.inf, math.inf)
+
+
+def test_what_is_given_is_tried_first_then_the_window_from_end_to_end() -> None:
+    found = looked("k", (0.0, 1.0), a=0.5, gamma=0.1, k=0.3)
+    assert found[0] == 0.3
+    assert sorted(found[1:]) == pytest.approx(np.linspace(0.0, 1.0, 41))
+    assert max(np.diff(sorted(found[:22]))) <= 0.0501  # half of them are spread over all
+    assert looked("k", (0.4, 1.0), k=0.3)[0] >= 0.4
+    assert looked("gamma", (0.0, 0.2)) == looked("gamma", (0.0, 0.2), a=0.3, k=0.5)
+    assert len(looked("gamma", (0.0, 0.2))) == 41
+    for name in ("damping", "spring"):
+        found = looked(name, (0.0, math.inf))
+        assert found[0] == 0.0
+        assert (min(found), max(found)) == (0.0, 10.0)
+    assert (min(looked("c3", (-math.inf, math.inf))), max(looked("c3", (-3.0, 5.0)))) == (-10, 5)
+
+
+@pytest.mark.parametrize(
+    ("within", "more", "high"),
+    [
+        ((0.0, 5.0), {}, 1.0),
+        ((0.0, 0.7), {}, 0.7),
+        ((0.8, 5.0), {}, 1.6),
+        ((0.0, 5.0), {"walls": (-2.0, 3.0)}, 3.0),
+        ((0.0, 5.0), {"walls": {0: (-2.0, None)}}, 1.0),
+        ((0.0, 5.0), {"walls": {1: (-1.0, 4.0)}, "site": 1}, 4.0),
+        ((0.0, 5.0), {"walls": {1: (-1.0, 4.0)}}, 1.0),
+    ],
+)
+def test_amplitudes_are_looked_for_next_to_the_fold_and_up_to_the_wall(within, more, high) -> None:
+    fold = smallest_amplitude(0.1, 0.8)
+    found = looked("a", within, gamma=0.1, k=0.8, **more)
+    near = [x for x in (1.5 * fold, 1.1 * fold, 1.01 * fold) if within[0] <= x <= within[1]]
+    assert found[: len(near)] == pytest.approx(near)
+    rest = sorted(found[len(near) :])
+    assert rest == pytest.approx([x for x in np.linspace(within[0], high, 41) if x > 0.0])
+    given = looked("a", within, gamma=0.1, k=0.8, a=0.85, **more)
+    assert (given[0] == 0.85) == (within[0] <= 0.85 <= within[1])
+    # a lattice by its stiffness has no closed form for its fold
+    other = looked("a", within, gamma=0.1, k=0.8, lattice=cb.OpenChain(3), **more)
+    assert sorted(other) == rest
+
+
+def test_a_first_point_is_looked_for_in_the_middle_then_all_over_the_window() -> None:
+    found = list(search._combed("gamma", None, (0.0, 0.2)))
+    assert found[0] == 0.1
+    assert sorted(np.round(np.array(found) / 0.2, 12)) == [
+        0.02, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 0.98,
+    ]  # fmt: skip
+    for name, high in (("a", 1.0), ("c3", 10.0)):
+        assert next(search._combed(name, None, (0.0, math.inf))) == 0.5 * high
+    assert next(search._combed("c3", None, (-math.inf, 4.0))) == -3.0
+    assert list(search._combed("spring", None, (0.0, math.inf)))[:2] == [0.0, 0.5]
+    assert list(search._combed("spring", None, (0.0, 3.0)))[:2] == [0.0, 1.5]
+    for name in ("a", "damping"):  # all beyond where one would look otherwise
+        assert min(search._combed(name, None, (2.0, 3.0))) > 2.0
+        assert max(search._combed(name, None, (2.0, 3.0))) < 3.0
+    for end in (0.0, 0.2, 0.07):
+        assert list(search._combed("gamma", end, (0.0, 0.2))) == [end]
+    for beyond in (-1e-9, 0.2 + 1e-9):
+        with pytest.raises(cb.BadInput, match=r"outside of the window 0 to 0\.2"):
+            list(search._combed("gamma", beyond, (0.0, 0.2)))
+
+
+def test_solutions_are_chosen_by_number_from_one() -> None:
+    both = cb.orbits.symmetric_roots(0.5, 0.1, 0.8)
+    assert [search.rooted(both, i) for i in (1, 2)] == list(both)
+    for root in (0, 3, -1):
+        with pytest.raises(
+            cb.BadInput, match=rf"root {root}: .* 1: p = 0\.767381929, 2: p = 0\.25"
+        ):
+            search.rooted(both, root)
+    assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8, root=2).p == both[1].p
+    assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8).p == both[0].p
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "words"),
+    [
+        # the pitchforks of k = 0.8 end at a = 0.8687, on the grazing curve
+        ("PF", {"within": WHERE}, r"no PF found for gamma between 0 and 0\.24"),
+        (
+            "LP",
+            {"within": {"a": (0.5, 0.6)}, "gamma": 0.1},
+            r"no LP found for gamma between 0 and 0\.2499; the branch in a at gamma = 0\.1 has",
+        ),
+        (
+            "NS",
+            {"within": {"a": (0.5, 0.6)}, "gamma": 0.1},
+            r"the branch in a at gamma = 0\.1 has EP1, EP2$",
+        ),
+    ],
+)
+def test_what_is_found_of_a_kind_that_is_not_there_is_named(kind, given, words) -> None:
+    with pytest.raises(cb.NoSolution, match=words):
+        find_event(kind, ("gamma", "a"), k=0.8, **given)
+
+
+def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> None:
+    with pytest.raises(cb.BadInput, match=r"gamma = 0\.3: the coupling"):
+        find_symmetric("k", (0.0, 1.0), a=0.5, gamma=0.3)
+    found = find_symmetric("k", (-1.0, 0.9), a=0.5, gamma=0.1)
+    assert 0.0 <= found.k <= 0.9
+
+
+@pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
+def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> None:
+    orbit = cb.symmetric(0.5, 0.1, 0.8, lattice=lattice)
+    plain = search.problem_with(orbit, "a", "gamma")
+    assert "p" in plain.start
+    freed = search.problem_with(orbit, "gamma", "spring")
+    assert ("p" in freed.start) == (lattice is None)
+    assert "spring" in freed.params
+
+
+def test_arms_are_judged_by_the_threshold_of_the_paper_alone() -> None:
+    with pytest.raises(cb.BadInput, match=r"threshold = 1\.01: PD is found on arms"):
+        find_event("PD", ("gamma", "a"), gamma=0.1, k=0.8, threshold=1.01)
+
+
+@pytest.mark.parametrize(("kind", "other"), [("PF", "spring"), ("NS", "damping")])
+def test_what_need_not_be_there_is_left_out_first(kind: str, other: str) -> None:
+    """With a spring of half the window, 5, a mode of the ring is in resonance."""
+    found = find_event(kind, (other, "a"), gamma=0.05, k=0.8, lattice=cb.Ring(12))
+    assert found[other] == 0.0
+    ring = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(12))
+    wanted = cb.trace(ring, "a", towards="both").first(kind)
+    assert found["a"] == pytest.approx(wanted["a"], abs=1e-10)
+
+
+def test_where_nothing_can_be_the_first_refusal_says_why() -> None:
+    with pytest.raises(cb.BadInput, match=r"k = 2.0: the restitution coefficient"):
+        find_event("PF", ("gamma", "a"), k=2.0)

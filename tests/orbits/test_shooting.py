@@ -1,0 +1,1079 @@
+"""Shooting on a ring: against closed forms at 30 digits, dense matrix exponentials, brute force."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections import Counter
+from dataclasses import replace
+from types import SimpleNamespace
+
+import mpmath as mp
+import networkx
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+import contbreather as cb
+from contbreather.checks import shown
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.switching import seeds_at, switch
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits import centre_margin
+from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.images import images_of, simpler_than
+from contbreather.orbits.lifts import lift
+from contbreather.orbits.modal_flight import ModalFlight
+from contbreather.orbits.modal_road import Modes, ShootingEquations
+from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.refusals import ImpossibleSequence, Inadmissible
+from contbreather.orbits.section import Section, check_possible
+from contbreather.orbits.shooting import shooting
+from contbreather.stability import dense_half_map
+from contbreather.stability.section_map import ModalMap
+from tests.orbits.field import farthest
+
+RING = 20
+AT = {"gamma": 0.04, "k": 0.8}
+
+
+# --- second roads -------------------------------------------------------------------------------
+
+
+def two_impacts(d: float, sites: int, gamma: float, k: float) -> SimpleNamespace:
+    """The closed form of an asymmetric breather with flights pi -+ 2d, at 30 digits."""
+    with mp.workdps(30):
+        pi, d, q = mp.pi, mp.mpf(d), (1 - mp.mpf(k)) / (1 + mp.mpf(k))
+        w = [2 * mp.sqrt(mp.mpf(gamma)) * abs(mp.sin(pi * j / sites)) for j in range(1, sites)]
+        # the first terms are the limits w -> 0
+        A = (pi**2 / 2 - 2 * d**2) / pi + mp.fsum(
+            (mp.cos(2 * x * d) - mp.cos(pi * x)) / (x * mp.sin(pi * x)) for x in w
+        )
+        B = 2 * d / pi + mp.fsum(mp.sin(2 * x * d) / mp.sin(pi * x) for x in w)
+        p = 1 / (A / sites - B / sites * mp.cot(d))
+        cosine, sine = p * q / mp.cos(d), -p * B / sites / mp.sin(d)
+        return SimpleNamespace(
+            p=p, a=mp.hypot(cosine, sine), middle=mp.atan2(sine, cosine), c=p * q * mp.tan(d), d=d
+        )
+
+
+def stiffness_of(lattice) -> np.ndarray:
+    """The matrix of the coupling, of rings too."""
+    if isinstance(lattice, cb.Lattice):
+        return np.diag(1 / lattice.masses) @ lattice.stiffness
+    one = np.eye(lattice.sites)
+    return 2 * one - np.roll(one, 1, 0) - np.roll(one, -1, 0)
+
+
+class BruteForce:
+    """A lattice between impacts by dense matrix exponentials: no modes, no linearisation."""
+
+    def __init__(self, lattice, on: Conditions) -> None:
+        sites = lattice.sites
+        one, zero = np.eye(sites), np.zeros((sites, sites))
+        self.K = on.gamma * stiffness_of(lattice) + on.spring * one
+        self.A = np.block([[zero, one], [-self.K, -on.damping * one]])
+        self.sites, self.on = sites, on
+        self.drive = getattr(lattice, "drive", np.ones(sites))
+
+    def driven(self, t: float) -> np.ndarray:
+        u = np.zeros((2, self.sites))
+        for m, A, B in self.on.forcing.harmonics:
+            dynamic = self.K + (1j * m * self.on.damping - m * m) * np.eye(self.sites)
+            c = np.linalg.solve(dynamic, -m * m * complex(A, -B) * self.on.a * self.drive)
+            wave = c * np.exp(1j * m * t)
+            u += np.array([wave.real, (1j * m * wave).real])
+        return u.ravel()
+
+    def fly(self, x: np.ndarray, t: float, s: float) -> np.ndarray:
+        return expm(self.A * s) @ (x - self.driven(t)) + self.driven(t + s)
+
+
+# --- orbits that many tests look at -------------------------------------------------------------
+
+
+@functools.cache
+def symmetric_branch(sites: int = RING, gamma: float = 0.04, k: float = 0.8) -> cb.Branch:
+    start = shooting(cb.symmetric(0.66, gamma, k, lattice=cb.Ring(sites)))
+    return cb.trace(start, "a", within={"a": (0.6, 0.9)})
+
+
+@functools.cache
+def arm(sites: int = RING, gamma: float = 0.04, k: float = 0.8) -> cb.Branch:
+    lifted = lift(symmetric_branch(sites, gamma, k).first("PF"))
+    return cb.trace(lifted.arm(-0.02), "a", towards="up", within={"a": (0.5, 1.2)})
+
+
+@functools.cache
+def tilted() -> Orbit:
+    """The asymmetric orbit of the figures: a = 0.82, gamma = 0.04, k = 0.8, N = 20."""
+    problem = shooting(
+        {"t1": -3.28, "t2": 0.45}, a=0.82, sites=RING, **AT, sequence=((0, 1), (0, -1))
+    )
+    return orbit_at(problem)
+
+
+@functools.cache
+def in_phase() -> Orbit:
+    """Two sites of a ring of 7 that hit the same wall, half a symmetric orbit."""
+    problem = shooting(
+        {"t1": -2.94, "t2": -2.94},
+        a=0.5,
+        gamma=0.03,
+        k=0.8,
+        sites=7,
+        sequence=((1, 1), (4, 1)),
+        symmetric=True,
+    )
+    return orbit_at(problem)
+
+
+class Itinerary:
+    """A section on a lattice."""
+
+    def __init__(self, lattice, *args, **more) -> None:
+        self.lattice, self.sites, self.section = lattice, lattice.sites, Section(*args, **more)
+        self.basis = lattice.basis(self.section.hit)
+
+
+def section_of(itinerary: Itinerary, x: np.ndarray, on=None, **params: float) -> Modes:
+    """A section from arbitrary unknowns."""
+    on = Conditions(a=0.7, gamma=0.11, k=0.8) if on is None else on
+    on = replace(on, lattice=itinerary.lattice)
+    return ShootingEquations(itinerary.section, on).flight(x, {**on.params, **params})
+
+
+SPRINGS = networkx.Graph([(0, 1, {"weight": 1.5}), (1, 2), (2, 3), (3, 1), (3, 4)])
+ODD = cb.Lattice.from_graph(SPRINGS, masses=[1, 2, 0.5, 1, 3], drive=[1, 0, 2, -1, 0.5])
+TWO = cb.Fourier({1: -1.0, 3: 0.4}, {1: 0.2})
+DAMPED = Conditions(a=0.7, gamma=0.11, k=0.8, damping=0.3, spring=0.07)
+HEAVY = Conditions(a=0.7, gamma=0.2, k=0.6, damping=1.1, spring=0.3025, forcing=TWO)  # critical
+
+
+ITINERARIES = [
+    Itinerary(cb.Ring(1), ((0, 1), (0, -1)), 2),
+    Itinerary(cb.Ring(5), ((0, 1),), sign=-1),
+    Itinerary(cb.Ring(6), ((0, 1), (0, -1))),
+    Itinerary(cb.Ring(7), ((0, 1), (2, 1), (0, -1), (0, 1))),
+    Itinerary(cb.Ring(5), ((0, 1), (3, -1)), 3, sign=-1),
+    Itinerary(cb.OpenChain(4), ((0, 1), (0, -1))),
+    Itinerary(ODD, ((3, 1), (1, 1), (3, -1))),
+    Itinerary(cb.Grid(3, 3), ((4, 1),), sign=-1),
+]
+NAMES = [f"{one.lattice.describe()}, {one.section.describe()}" for one in ITINERARIES]
+
+
+def unknowns(itinerary: Itinerary, seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    times = rng.uniform(0, 0.9 * itinerary.section.length, itinerary.section.count)
+    return np.concatenate([times, rng.normal(size=2 * itinerary.basis.lam.size)])
+
+
+# --- flights ------------------------------------------------------------------------------------
+
+
+everywhere = pytest.mark.parametrize("itinerary", ITINERARIES, ids=NAMES)
+under_all = pytest.mark.parametrize(
+    "on",
+    [
+        Conditions(a=0.7, gamma=0.11, k=0.8),
+        Conditions(a=0.7, gamma=0.11, k=0.8, forcing=TWO),
+        DAMPED,
+        HEAVY,
+    ],
+    ids=["harmonic", "two harmonics", "damped", "critically damped"],
+)
+
+
+@everywhere
+@under_all
+def test_section_is_what_matrix_exponentials_and_resets_give(itinerary: Itinerary, on) -> None:
+    section = section_of(itinerary, unknowns(itinerary), on)
+    brute = BruteForce(itinerary.lattice, on)
+    to_sites = itinerary.basis.to_sites
+    t = float(section.t[0])
+    start = np.concatenate([to_sites(section.q), to_sites(section.r)]) + brute.driven(t)
+    x, gaps = start, np.empty(itinerary.section.count)
+    for j in np.argsort(section.t):
+        site, wall = itinerary.section.impacts[j]
+        x, t = brute.fly(x, t, section.t[j] - t), section.t[j]
+        gaps[j] = x[site] - wall
+        x[itinerary.sites + site] *= -on.k
+    end = section.t[0] + itinerary.section.length
+    x = brute.fly(x, t, end - t) - brute.driven(end)
+    free = start - brute.driven(float(section.t[0]))
+    halves = np.split(x - itinerary.section.sign * free, 2)
+    closing = np.concatenate([itinerary.basis.from_sites(half) for half in halves])
+    assert section.residual() == pytest.approx(np.concatenate([gaps, closing]), abs=1e-11)
+
+
+@everywhere
+@under_all
+def test_jacobian_and_sensitivities_are_the_derivatives(itinerary: Itinerary, on) -> None:
+    x = unknowns(itinerary)
+    section = section_of(itinerary, x, on)
+    names = [
+        name for name, value in on.params.items() if value or name not in ("damping", "spring")
+    ]
+
+    def difference(move) -> np.ndarray:
+        h = 1e-4
+        near, far = move(h) - move(-h), move(2 * h) - move(-2 * h)
+        return (8 * near - far) / (12 * h)
+
+    columns = [
+        difference(lambda h, e=e: section_of(itinerary, x + h * e, on).residual())
+        for e in np.eye(x.size)
+    ]
+    assert section.jacobian() == pytest.approx(np.array(columns).T, abs=2e-9)
+    for name in names:
+        value = on.params[name]
+        by_difference = difference(
+            lambda h, name=name, value=value: section_of(
+                itinerary, x, on, **{name: value + h}
+            ).residual()
+        )
+        column = section.jacobian((name,))[:, -1]
+        assert column == pytest.approx(by_difference, abs=2e-9, rel=1e-9), name
+
+
+@everywhere
+def test_slopes_of_a_watched_site_are_the_derivatives(itinerary: Itinerary) -> None:
+    x, names, h = unknowns(itinerary), ("gamma", "a", "k", "damping", "spring"), 1e-5
+    here = DAMPED.params
+    for site, time in ((0, x[0] + 0.4), (itinerary.sites - 1, x[0] - 1.3), (0, x[0] + 40.0)):
+        rows = section_of(itinerary, x, DAMPED).slopes_at(site, time, names)
+
+        def motion(x: np.ndarray, time=time, site=site, **params: float) -> np.ndarray:
+            return np.array(section_of(itinerary, x, DAMPED, **params).at(site, time))
+
+        columns = [(motion(x + h * e) - motion(x - h * e)) / (2 * h) for e in np.eye(x.size)]
+        columns += [
+            (motion(x, **{n: here[n] + h}) - motion(x, **{n: here[n] - h})) / (2 * h) for n in names
+        ]
+        assert rows == pytest.approx(np.array(columns).T[:2], abs=1e-6)
+
+
+def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation() -> None:
+    itinerary = Itinerary(cb.Ring(400), ((0, 1), (0, -1)))
+    x = unknowns(itinerary)
+    for gamma in (1e-8, 1e-4, 0.04):
+        section = section_of(itinerary, x, gamma=gamma)
+        h = min(0.5 * gamma, 1e-5)
+        low, high = (section_of(itinerary, x, gamma=gamma + s).residual() for s in (-h, h))
+        near = (high - low) / (2 * h)
+        assert section.jacobian(("gamma",))[:, -1] == pytest.approx(near, rel=1e-5, abs=1e-5)
+
+
+def test_impacts_of_two_sites_may_overtake_each_other_smoothly() -> None:
+    """Times t2 just before and just after t1: the other order, the same equations."""
+    section = in_phase().flight
+    before, after = (replace(section, t=section.t + np.array([0.0, s])) for s in (-1e-7, 1e-7))
+    assert [one.which for one in before.arrivals] == [1, 0]
+    assert [one.which for one in after.arrivals] == [0, 1]
+    slope = (after.residual() - before.residual()) / 2e-7
+    assert slope == pytest.approx(section.jacobian()[:, 1], abs=1e-7)
+    assert before.jacobian() == pytest.approx(after.jacobian(), abs=1e-5)
+
+
+# --- against the closed form --------------------------------------------------------------------
+
+
+def test_asymmetric_orbit_is_the_closed_form_at_thirty_digits() -> None:
+    orbit = tilted()
+    d = brentq(lambda d: float(two_impacts(d, RING, **AT).a) - 0.82, 0.2, 0.4, xtol=1e-15)
+    exact = two_impacts(d, RING, **AT)
+    t1, t2 = orbit.times
+    assert abs(t2 - t1 - math.pi) == pytest.approx(float(2 * exact.d), abs=1e-12)
+    assert math.cos((t1 + t2) / 2) == pytest.approx(float(abs(mp.cos(exact.middle))), abs=1e-12)
+    assert orbit.p == pytest.approx(float(exact.p), abs=1e-13)
+    assert abs(orbit.c) == pytest.approx(float(exact.c), abs=1e-13)
+    assert orbit.residual < 1e-14
+
+
+def test_every_site_sits_off_centre_by_the_same_offset() -> None:
+    """The mean over a period of each site, by Gauss points on each flight."""
+    orbit = tilted()
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    times = [hit.time for hit in orbit.hits]
+    total = np.zeros(RING)
+    for start, end in ((times[0], times[1]), (times[1], times[0] + orbit.period)):
+        half = 0.5 * (end - start)
+        total += half * weights @ orbit.flight.motion(0.5 * (start + end) + half * nodes)
+    assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
+
+
+def test_newton_converges_quadratically() -> None:
+    exact = tilted().flight.x
+    itinerary = Itinerary(cb.Ring(RING), tilted().section.impacts)
+    x = exact + 0.03 * np.cos(np.arange(exact.size))
+    errors = []
+    for _ in range(5):
+        here = section_of(itinerary, x, a=0.82, **AT)
+        x = x - np.linalg.solve(here.jacobian(), here.residual())
+        errors.append(float(abs(x - exact).max()))
+    assert errors[0] > 1e-4
+    for before, after in itertools.pairwise(errors):
+        assert after < 30 * before**2 + 1e-13
+    assert errors[-1] < 1e-13
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 20, 100, 400])
+def test_any_ring_gives_the_breather_of_that_ring(sites: int) -> None:
+    breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(sites))
+    orbit = orbit_at(shooting(breather))
+    assert orbit.symmetric
+    assert orbit.times[0] == pytest.approx(breather.phi, abs=1e-12)
+    assert orbit.p == pytest.approx(breather.p, abs=1e-12)
+    whole = orbit_at(shooting(breather, symmetric=False))
+    assert whole.times == pytest.approx([breather.phi, breather.phi + math.pi], abs=1e-11)
+    assert whole.c == pytest.approx(0.0, abs=1e-12)
+    t = np.linspace(-4, 9, 40)
+    for n in {0, 1 % sites, sites // 2}:
+        for ours in (orbit, whole):
+            assert ours.displacement(n, t) == pytest.approx(breather.displacement(n, t), abs=1e-11)
+            assert ours.velocity(n, t) == pytest.approx(breather.velocity(n, t), abs=1e-11)
+
+
+def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
+    """1 is a double eigenvalue of the free flight, yet the shooting equations are regular."""
+    orbit = tilted()
+    one, lone = np.zeros(11), orbit.flight
+    one[0] = 1.0
+    free = replace(
+        lone, conditions=replace(lone.conditions, k=0.0)
+    )  # any section without kicks: use its flows alone
+    for leg in free.legs:
+        one = leg.turn(one, np.zeros(11))[0]
+    assert one[0] == 1.0
+    assert orbit.flight.condition < 1e4
+    x = lone.x.copy()
+    x[2] += 0.5  # a push off centre: the impacts bring the ring back to its own offset
+    problem = orbit.problem.at(q=x[2:13])
+    assert orbit_at(problem.solve()[0]).c == pytest.approx(orbit.c, abs=1e-12)
+
+
+def test_condition_stays_bounded_with_the_size_of_the_ring() -> None:
+    found = [
+        orbit_at(shooting(cb.symmetric(0.6, 0.04, 0.8), sites=n, symmetric=False)).flight.condition
+        for n in (20, 100, 400)
+    ]
+    assert found[-1] < 1e6
+    assert found[0] < found[1] < found[2]  # waves around the ring come ever closer to closing
+
+
+def test_mode_in_resonance_with_the_period_is_reported_and_no_hindrance() -> None:
+    """At gamma = 1/16 the top mode of the ring turns twice in 8 pi: once in 4 pi."""
+    breather = cb.symmetric(0.6, 1 / 16, 0.8)
+    state = breather.state(RING, 0.3)
+    orbit = orbit_at(shooting(state, a=0.6, gamma=1 / 16, k=0.8, t=0.3, period=4 * math.pi))
+    assert orbit.flight.resonance is not None
+    assert (orbit.flight.resonance.mode, orbit.flight.resonance.gap) == (
+        RING // 2,
+        pytest.approx(0, abs=1e-14),
+    )
+    assert orbit.flight.resonance.frequency == pytest.approx(0.5)
+    assert orbit.residual < 1e-13
+    assert 10 < orbit.flight.condition < 1e6
+    assert orbit_at(shooting(breather, sites=1)).flight.resonance is None
+
+
+# --- stability ----------------------------------------------------------------------------------
+
+
+def test_multipliers_of_a_symmetric_orbit_are_those_of_the_half_map() -> None:
+    for sites in (1, 2, 7, 20):
+        breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(sites))
+        orbit = orbit_at(shooting(breather))
+        dense = np.linalg.eigvals(dense_half_map(sites, 0.04, 0.8, breather.b))
+        assert farthest(orbit.multipliers(half=True), dense) < 1e-9
+        assert farthest(orbit.multipliers(), dense**2) < 1e-9
+
+
+def test_product_of_multipliers_is_the_power_of_k() -> None:
+    twice = lift(arm(1, 0.0).first("PD")).arm(0.01)
+    for orbit, impacts in (
+        (tilted(), 2),
+        (in_phase(), 4),
+        (orbit_at(twice), 4),
+        (orbit_at(shooting(cb.symmetric(0.6, 0.04, 0.8), sites=100)), 2),
+    ):
+        product = np.prod(orbit.multipliers())
+        assert product == pytest.approx(orbit.k ** (2 * impacts), rel=1e-10)
+        assert len(orbit.hits) == impacts
+
+
+def test_newton_matrix_is_singular_with_the_monodromy_matrix() -> None:
+    """Eliminating the times from the Jacobian leaves M - 1 up to known factors."""
+
+    def ratio(orbit: Orbit) -> float:
+        flight = orbit.flight
+        M = flight.map.matrix
+        left = np.linalg.det(flight.jacobian())
+        right = np.linalg.det(M - orbit.section.sign * np.eye(len(M)))
+        # each impact trades its time for the crossing of its wall
+        return left / (right * np.prod([one.velocity for one in flight.arrivals]))
+
+    for orbit in (tilted(), in_phase(), orbit_at(shooting(tilted(), sites=1, gamma=0.0))):
+        assert abs(ratio(orbit)) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_verdict_names_its_ring_and_its_threshold() -> None:
+    verdict = tilted().stability()
+    assert (verdict.lattice, verdict.threshold, verdict.unstable) == ("ring of 20", 1.005, 2)
+    assert not verdict.stable
+    assert "ring of 20" in repr(verdict)
+    assert "1.005" in repr(verdict)
+    assert tilted().stability(threshold=1.01).stable
+    with pytest.raises(cb.BadInput, match=r"threshold = 0\.9"):
+        tilted().stability(threshold=0.9)
+    with pytest.raises(cb.BadInput, match="half map"):
+        tilted().multipliers(half=True)
+
+
+# --- events and what leaves them ----------------------------------------------------------------
+
+
+def test_pitchfork_and_fold_are_the_closed_forms_of_the_ring() -> None:
+    branch = symmetric_branch()
+    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-11)
+    start = shooting(cb.symmetric(0.2, 0.04, 0.8), sites=RING)
+    low = cb.trace(start, "a", within={"a": (0.01, 0.3)}, towards="down", events=[cb.fold()])
+    q, chi = 0.2 / 1.8, cb.Ring(RING).chi(0.04)
+    assert low.first("LP")["a"] == pytest.approx(q / math.hypot(q, chi), rel=1e-12)
+
+
+def test_neimark_sacker_follows_the_rule_of_the_ring() -> None:
+    ours = [p["a"] for p in symmetric_branch().special if p.kind == "NS"]
+    breather = cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(RING))
+    theirs = cb.trace(breather, "a", within={"a": (0.6, 0.9)}).special
+    assert ours == pytest.approx([p["a"] for p in theirs if p.kind == "NS"], abs=1e-9)
+    for point in arm().special:
+        if point.kind == "NS":
+            mu = point.solution.multipliers()
+            assert float(abs(mu[abs(mu.imag) > 1e-6]).max()) == pytest.approx(1.005, abs=1e-10)
+
+
+def test_pitchfork_of_a_single_oscillator() -> None:
+    assert symmetric_branch(1, 0.0).first("PF")["a"] == pytest.approx(0.691778556508, abs=1e-11)
+
+
+def test_whole_period_sees_the_pitchfork_as_a_branch_point() -> None:
+    start = shooting(cb.symmetric(0.7, 0.04, 0.8), sites=RING, symmetric=False)
+    branch = cb.trace(start, "a", within={"a": (0.7, 0.8)})
+    assert branch.first("BP")["a"] == pytest.approx(0.777632425944, abs=1e-10)
+
+
+def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
+    for point in (symmetric_branch().first("PF"), arm(1, 0.0).first("PD")):
+        for seed in seeds_at(point):
+            matrix = Curve(seed.problem, ("a",)).jacobian(seed.z)
+            assert abs(seed.problem.evaluate(seed.z[:-1], {**seed.problem.params})).max() < 1e-12
+            assert seed.parent is not None
+            assert matrix @ seed.parent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
+            assert matrix @ seed.tangent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
+            assert abs(seed.parent[-1]) > 1e-3
+
+
+def test_switching_follows_both_arms_and_knows_them_for_images() -> None:
+    arms = switch(symmetric_branch().first("PF"), within={"a": (0.5, 0.85)})
+    assert [arm[-1]["a"] for arm in arms] == [0.85, 0.85]
+    assert arms[1].image_of == 0
+    one, other = (arm[-1].solution for arm in arms)
+    assert one.c == pytest.approx(-other.c, abs=1e-10)
+    assert abs(one.c) > 1e-3
+    t = np.linspace(0, 7, 30)  # u -> -u, half a period later: the same seen from the other wall
+    mirrored = -other.displacement(3, t + math.pi)
+    assert one.displacement(3, t) == pytest.approx(mirrored, abs=1e-10)
+    lone = switch(arm(1, 0.0).first("PD"), within={"a": (0.9, 0.95)})
+    assert len(lone) == 1
+    assert lone[0].problem.label.startswith("shooting, ring of 1, period 4 pi")
+    orbit = lone[0][-1].solution
+    assert (orbit.a, orbit.period) == (0.95, 4 * math.pi)
+    assert abs(orbit.times[2] - orbit.times[0] - 2 * math.pi) > 1e-2
+
+
+def test_images_of_an_orbit_solve_the_same_equations() -> None:
+    twice = orbit_at(lift(arm(1, 0.0).first("PD")).arm(0.02))
+    for orbit, count in ((tilted(), 1), (twice, 3), (in_phase(), 1)):
+        images = list(images_of(orbit))
+        assert len(images) == count
+        assert simpler_than(orbit) is None
+        for shift, image in enumerate(images, 1):
+            assert image.residual < 1e-12
+            assert abs(image.times[0] - orbit.times[0]) < 0.5 * math.pi
+            t = np.linspace(0, 5, 11)
+            wanted = (-1) ** shift * orbit.displacement(0, t + shift * math.pi)
+            assert image.displacement(0, t) == pytest.approx(wanted, abs=1e-11)
+
+
+def test_arms_end_where_the_neighbour_grazes_and_never_double() -> None:
+    branch = arm()
+    assert branch[-1]["a"] == pytest.approx(0.877387, abs=5e-7)
+    assert branch.stop is cb.continuation.Stop.EVENT
+    assert not [p for p in branch.special if p.kind == "PD"]
+    end = branch[-1].solution
+    verdict = end.admissibility()
+    assert verdict.site == 1
+    assert "site 1" in verdict.reason
+    # second road: the neighbour, densely sampled, just touches its wall
+    t = np.linspace(verdict.time - 1e-3, verdict.time + 1e-3, 4001)
+    assert float(abs(end.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-11)
+    t = np.linspace(0, 2 * math.pi, 4001)
+    assert all(float(abs(end.displacement(n, t)).max()) < 1 + 1e-9 for n in range(1, 20))
+
+
+# --- the cascade of a single oscillator ---------------------------------------------------------
+
+
+def impact_map(count: int, a: mp.mpf, k: mp.mpf):
+    """Time and velocity of an impact on +1 after `count` further impacts, at many digits."""
+
+    def advance(t, v, wall, guess):
+        # u = wall + (a sin t0 - k v)(t - t0) + a (cos t - cos t0) until it is at -wall
+        speed = -k * v + a * mp.sin(t)
+
+        def gap(s):
+            return 2 * wall + speed * s + a * (mp.cos(t + s) - mp.cos(t))
+
+        s = mp.findroot(gap, guess)
+        return t + s, speed - a * mp.sin(t + s)
+
+    def step(t, v, guesses):
+        wall = 1
+        for i in range(count):
+            t, v = advance(t, v, wall, guesses[i])
+            wall = -wall
+        return t, v
+
+    return step
+
+
+@pytest.fixture(scope="module")
+def cascade() -> list[cb.continuation.Point]:
+    """PD of the asymmetric orbit, and of the orbits of period 2, 4 and 8 after it."""
+    points = [arm(1, 0.0).first("PD")]
+    for generation in range(3):
+        size = 0.01 * 4.0**-generation
+        problem = lift(points[-1]).arm(size)
+        steps = cb.Steps(first=size / 10, largest=0.05 * 4.0**-generation)
+        events = [event for event in problem.events if event.kind == "PD"]
+        branch = cb.trace(
+            problem,
+            "a",
+            within={"a": (0.9, 1.0)},
+            towards="up",
+            steps=steps,
+            events=[*events, cb.user("a", 0.99200, terminal=True)],
+        )
+        points.append(branch.first("PD"))
+    return points
+
+
+def test_period_doubling_of_the_asymmetric_orbit(cascade: list[cb.continuation.Point]) -> None:
+    """At 30 digits: the closed form in d with ``1 + trace + det = 0``, Q and S of one site."""
+    k = mp.mpf("0.8")
+
+    def characteristic(d: mp.mpf) -> mp.mpf:
+        exact = two_impacts(d, 1, 0.0, k)
+        start, end = exact.middle - (mp.pi / 2 - d), exact.middle + (mp.pi / 2 - d)
+        M = mp.eye(2)
+        for t, flight, side in ((start, end - start, 1), (end, start + 2 * mp.pi - end, -1)):
+            b = (1 + k) * -exact.a * mp.cos(t) / (side * 2 * exact.p / (1 + k))
+            M = mp.matrix([[1, flight], [0, 1]]) * mp.matrix([[-k, 0], [b, -k]]) * M
+        return 1 + M[0, 0] + M[1, 1] + mp.det(M)
+
+    with mp.workdps(30):
+        exact = two_impacts(mp.findroot(characteristic, 0.65), 1, 0.0, k)
+    assert float(exact.a) == pytest.approx(0.925512006294, abs=1e-12)
+    assert cascade[0]["a"] == pytest.approx(float(exact.a), abs=1e-13)
+
+
+def test_cascade_has_multiplier_minus_one_of_an_independent_map(
+    cascade: list[cb.continuation.Point],
+) -> None:
+    """Impact to impact at 25 digits, its derivative by differences: |a - a_PD| < 1e-8 follows."""
+    for point in cascade:
+        orbit = point.solution
+        hits = orbit.hits
+        times = [hit.time for hit in hits] + [hits[0].time + orbit.period]
+        guesses = [mp.mpf(b - a) for a, b in itertools.pairwise(times)]
+        with mp.workdps(25):
+            step = impact_map(len(hits), mp.mpf(orbit.a), mp.mpf(orbit.k))
+            t, v = mp.mpf(hits[0].time), mp.mpf(hits[0].before)
+            end = step(t, v, guesses)
+            assert abs(end[0] - t - 2 * len(hits) // 2 * mp.pi) < 1e-10
+            assert abs(end[1] - v) < 1e-10
+            h = mp.mpf("1e-11")
+            columns = []
+            for dt, dv in ((h, 0), (0, h)):
+                up, down = step(t + dt, v + dv, guesses), step(t - dt, v - dv, guesses)
+                columns.append([(u - d) / (2 * h) for u, d in zip(up, down, strict=True)])
+            (p, q), (r, s) = columns
+            trace, det = p + s, p * s - q * r
+            # mu = -1 is a root of mu^2 - trace mu + det; its slope in a is of order 10 and more
+            assert abs(1 + trace + det) < 1e-8
+
+
+def test_cascade_accumulates_at_the_rate_of_feigenbaum(
+    cascade: list[cb.continuation.Point],
+) -> None:
+    a = np.array([point["a"] for point in cascade])
+    assert a == pytest.approx(
+        [0.9255120062932, 0.9799735494553, 0.9896328437620, 0.9916615828200], abs=1e-11
+    )
+    gaps = np.diff(a)
+    assert gaps[0] / gaps[1] == pytest.approx(5.638, abs=1e-3)
+    assert gaps[1] / gaps[2] == pytest.approx(4.669, abs=0.1)
+
+
+def test_doubled_orbit_grows_with_the_root_of_the_parameter(
+    cascade: list[cb.continuation.Point],
+) -> None:
+    lifted = lift(cascade[0])
+    curvature = []
+    for size in (0.005, 0.01):
+        problem = lifted.arm(size)
+        curvature.append((problem.params["a"] - cascade[0]["a"]) / size**2)
+        orbit = orbit_at(problem)
+        late = orbit.displacement(0, np.linspace(0, 1, 9) + 2 * math.pi)
+        assert float(abs(orbit.displacement(0, np.linspace(0, 1, 9)) - late).max()) > 1e-3
+    assert curvature[0] == pytest.approx(curvature[1], rel=0.02)
+    assert curvature[0] > 0
+
+
+# --- boundaries ---------------------------------------------------------------------------------
+
+
+def test_pitchfork_boundary_is_the_closed_form() -> None:
+    line = cb.boundary(
+        symmetric_branch().first("PF"), ("gamma", "a"), within={"gamma": (0.02, 0.06), "a": (0, 1)}
+    )
+    for gamma, a in zip(line["gamma"], line["a"], strict=True):
+        ring = cb.Ring(RING)
+        p = 1 / (ring.chi(gamma) - 2 * ring.sigma(gamma))
+        assert a == pytest.approx(p * math.hypot(0.2 / 1.8, 2 * ring.sigma(gamma)), abs=1e-10)
+
+
+def test_fold_boundary_is_the_closed_form() -> None:
+    start = shooting(cb.symmetric(0.2, 0.04, 0.8), sites=RING)
+    low = cb.trace(start, "a", within={"a": (0.01, 0.3)}, towards="down", events=[cb.fold()])
+    line = cb.boundary(low.first("LP"), ("gamma", "a"), within={"gamma": (0.02, 0.06)}, events=())
+    q = 0.2 / 1.8
+    low_a = [q / math.hypot(q, cb.Ring(RING).chi(gamma)) for gamma in line["gamma"]]
+    assert line["a"] == pytest.approx(low_a, abs=1e-11)
+
+
+def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides() -> None:
+    """k = 0.95: period doubling is admissible for weak coupling only."""
+    branch = arm(RING, 0.005, 0.95)
+    within = {"gamma": (0.001, 0.02), "a": (0, 1.2)}
+    doubling = cb.boundary(branch.first("PD"), ("gamma", "a"), within=within)
+    grazing = cb.boundary(branch.first("GR"), ("gamma", "a"), within=within)
+    one, other = doubling.first("PD-GR"), grazing.first("GR-PD")
+    assert one["gamma"] == pytest.approx(0.0130085246308, abs=1e-11)
+    assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-10)
+    for point in doubling:
+        mu = point.ground.solution.multipliers()
+        assert float(abs(mu + 1).min()) < 1e-8
+    for point in grazing:
+        orbit = point.ground.solution
+        t = np.linspace(point["t"] - 1e-3, point["t"] + 1e-3, 2001)
+        assert float(abs(orbit.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-10)
+
+
+@pytest.mark.parametrize("gamma", [1e-4, 0.02])
+def test_grazing_of_the_impacting_site_itself_is_followed_between_its_impacts(gamma: float) -> None:
+    ring = cb.Ring(3)
+    start = shooting(cb.symmetric(0.7, gamma, 0.02, lattice=ring))
+    point = cb.trace(start, "a", towards="up", within={"a": (0.5, 1.2)}).first("GR")
+    line = cb.boundary(point, ("k", "a"), within={"k": (0.015, 0.03)})
+    assert not line.stop.failed
+    assert [line["k"].min(), line["k"].max()] == [0.015, 0.03]
+    for at in line:
+        known = cb.symmetric(at["a"], gamma, at["k"], lattice=ring)
+        assert centre_margin(known) == pytest.approx(0, abs=1e-10)
+        assert float(at.solution.displacement(0, at["t"])) == pytest.approx(1, abs=1e-10)
+        assert float(at.solution.velocity(0, at["t"])) == pytest.approx(0, abs=1e-8)
+
+
+def test_grazing_boundary_ends_at_the_pitchfork_where_the_other_crest_grazes() -> None:
+    """Beyond it only the traced crest would touch its wall and the other one be inside it. The end
+    is where both the symmetric breather's pitchfork line and its grazing pass."""
+    line = cb.boundary(arm().first("GR"), ("gamma", "a"), within={"gamma": (0.02, 0.1)})
+    end = line.special[-1]
+    assert (end.label, line.stop) == ("GR-GR1", cb.continuation.Stop.EVENT)
+    pitchforks = cb.boundary(
+        cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.7, 0.9)}).first("PF"),
+        ("gamma", "a"),
+    )
+    meeting = pitchforks.first("PF-GR")
+    assert (end["gamma"], end["a"]) == pytest.approx((meeting["gamma"], meeting["a"]), abs=1e-11)
+    assert all(point.admissibility().margin > -1e-12 for point in line)
+
+
+def test_neimark_sacker_boundary_keeps_a_pair_on_the_circle() -> None:
+    line = cb.boundary(
+        arm().first("NS"), ("gamma", "a"), within={"gamma": (0.038, 0.042)}, events=()
+    )
+    assert line["gamma"].min() == pytest.approx(0.038, abs=1e-12)
+    for point in line:
+        mu = point.ground.solution.multipliers()
+        wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
+        assert float(abs(mu - wanted).min()) < 1e-9
+
+
+# --- admissibility ------------------------------------------------------------------------------
+
+
+def test_margins_are_those_of_the_symmetric_breather() -> None:
+    for a, gamma, k in ((0.6, 0.04, 0.8), (0.9, 0.04, 0.8), (0.7, 0.1, 0.3), (0.9, 0.05, 0.02)):
+        breather = cb.symmetric(a, gamma, k, lattice=cb.Ring(RING))
+        theirs = breather.admissibility()
+        for symmetric in (True, False):
+            shot = shooting(breather, symmetric=symmetric, inadmissible=True)
+            ours = orbit_at(shot).admissibility()
+            assert ours.neighbours == pytest.approx(theirs.neighbours, abs=1e-11)
+            assert ours.centre == pytest.approx(theirs.centre, abs=1e-9)
+            assert ours.ok == theirs.ok
+
+
+def test_inadmissible_orbit_says_which_site_and_when() -> None:
+    start, window = arm()[-2].problem, {"a": (0, 0.9)}
+    branch = cb.trace(start, "a", within=window, towards="up", events=(), inadmissible=True)
+    verdict = branch[-1].solution.admissibility()
+    assert not verdict.ok
+    assert verdict.margin < 0
+    assert (verdict.site, verdict.far) == (1, 1.0)
+    assert "site 1" in verdict.reason
+    with pytest.raises(cb.BadInput, match="GR"):
+        cb.trace(branch[-1].solution, "a", within={"a": (0, 0.95)})
+
+
+def test_inadmissible_orbit_is_returned_by_name_only_and_marked() -> None:
+    beyond = cb.symmetric(0.97, 0.04, 0.8, root=1)
+    with pytest.raises(cb.NoSolution, match=r"site 1 reaches \|u\| = 1\.04.* inadmissible=True"):
+        shooting(beyond, sites=RING)
+    orbit = orbit_at(shooting(beyond, sites=RING, inadmissible=True))
+    assert "no breather: site 1" in repr(orbit)
+    assert "no breather" not in repr(arm()[-1].solution)  # at the limit, not beyond it
+
+
+def test_margin_vanishes_with_the_velocity_of_an_impact() -> None:
+    """On the lower branch of (13) p -> 0 as a -> 1: there the impact itself is lost."""
+    low = min(cb.orbits.symmetric_roots(0.5, 0.04, 0.8, lattice=cb.Ring(1)), key=lambda b: b.p)
+    branch = cb.trace(
+        shooting(low), "a", within={"a": (0.4, 1.2)}, towards="up", events=[cb.grazing()]
+    )
+    assert branch[-1]["a"] == pytest.approx(1.0, abs=1e-9)
+    assert branch[-1].solution.p == pytest.approx(0.0, abs=1e-9)
+    assert branch[-1].kind == "VI"
+    # whatever the restitution: without impacts the answer to the forcing is as high as a
+    line = cb.boundary(branch[-1], ("k", "a"), within={"k": (0.7, 0.9)})
+    assert [line["k"].min(), line["k"].max()] == [0.7, 0.9]
+    assert line["a"] == pytest.approx(np.ones(len(line)), abs=1e-9)
+
+
+# --- seeds --------------------------------------------------------------------------------------
+
+
+def test_simulated_state_is_followed_to_its_impacts() -> None:
+    orbit = tilted()
+    for t in (-0.7, 0.3, 2.0):
+        state = orbit.state(t=t)
+        found = orbit_at(shooting(state, a=0.82, t=t, **AT))
+        assert found.section.impacts == ((0, 1), (0, -1))
+        assert found.p == pytest.approx(orbit.p, abs=1e-11)
+        turned = orbit_at(shooting(state, a=0.82, t=t, sequence=((0, -1), (0, 1)), **AT))
+        assert turned.section.impacts == ((0, -1), (0, 1))
+        assert turned.displacement(2, 1.0) == pytest.approx(orbit.displacement(2, 1.0), abs=1e-11)
+
+
+def test_state_of_a_symmetric_orbit_can_be_shot_over_half_or_three_periods() -> None:
+    state = cb.symmetric(0.6, 0.04, 0.8).state(RING, 0.3)
+    half = orbit_at(shooting(state, a=0.6, t=0.3, symmetric=True, **AT))
+    assert half.section.count == 1
+    long = orbit_at(shooting(state, a=0.6, t=0.3, symmetric=True, period=6 * math.pi, **AT))
+    assert long.section.count == 3
+    assert long.displacement(1, 0.2) == pytest.approx(half.displacement(1, 0.2), abs=1e-11)
+
+
+def test_symmetric_orbit_may_begin_on_either_wall() -> None:
+    breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(RING))
+    for t in (breather.phi - 0.3, breather.phi + 0.3):  # before and after the impact on +1
+        state = breather.state(RING, t)
+        given = {"a": 0.6, "t": t, "symmetric": True, **AT}
+        assert orbit_at(shooting(state, **given)).section.impacts == ((0, 1),)
+        for wall in (1, -1):
+            orbit = orbit_at(shooting(state, sequence=((0, wall),), **given))
+            assert orbit.section.impacts == ((0, wall),)
+            late = breather.phi if wall > 0 else breather.phi + math.pi
+            assert math.remainder(orbit.times[0] - late, 2 * math.pi) == pytest.approx(0, abs=1e-11)
+            assert orbit.displacement(1, 0.7) == pytest.approx(breather.displacement(1, 0.7))
+
+
+def test_orbit_of_another_lattice_is_a_seed_by_its_impacts_or_its_motion() -> None:
+    exact = tilted()
+    seed = asymmetric(0.82, 0.04, 0.8, arm=-1 if exact.asymmetry < 0 else 1)
+    found = orbit_at(shooting(seed, sites=RING))
+    assert found.times == pytest.approx(exact.times, abs=1e-9)
+    bare = orbit_at(shooting(seed.state(RING, 0.3), t=0.3, a=0.82, **AT))
+    assert bare.p == pytest.approx(exact.p, abs=1e-11)
+
+
+def test_orbit_moves_to_a_ring_of_another_size() -> None:
+    for sites in (7, 12, 60):
+        orbit = orbit_at(shooting(tilted(), sites=sites))
+        wanted = two_impacts(
+            brentq(lambda d, n=sites: float(two_impacts(d, n, **AT).a) - 0.82, 0.1, 0.6),
+            sites, **AT,
+        )  # fmt: skip
+        assert orbit.p == pytest.approx(float(wanted.p), abs=1e-11)
+
+
+def test_point_of_a_branch_is_a_seed_and_its_problem_too() -> None:
+    point = arm()[3]
+    for seed in (point, point.solution, point.problem):
+        again = shooting(seed)
+        assert again.start["t1"] == pytest.approx(point["t1"], abs=1e-12)
+
+
+def test_two_sites_far_apart_are_two_breathers() -> None:
+    lone = cb.symmetric(0.5, 0.04, 0.8, lattice=cb.Ring(40))
+    problem = shooting(
+        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=40, sequence=((0, 1), (20, 1)), symmetric=True, **AT
+    )
+    orbit = orbit_at(problem)
+    assert orbit.times == pytest.approx([lone.phi] * 2, abs=1e-9)
+    assert orbit.p == pytest.approx(lone.p, abs=1e-9)
+
+
+def test_neighbours_in_phase_move_alike() -> None:
+    problem = shooting(
+        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=RING, sequence=((0, 1), (1, 1)), symmetric=True, **AT
+    )
+    orbit = orbit_at(problem)
+    t = np.linspace(0, 3, 20)
+    assert orbit.displacement(0, t) == pytest.approx(orbit.displacement(1, t), abs=1e-12)
+    assert orbit.displacement(-3, t) == pytest.approx(orbit.displacement(4, t), abs=1e-12)
+
+
+@functools.cache
+def together(top: float = 0.45) -> cb.Branch:
+    """Neighbours that hit their walls at once."""
+    start = shooting(
+        {"t1": -2.8, "t2": -2.8}, a=0.4, sites=RING, sequence=((0, 1), (1, 1)), symmetric=True, **AT
+    )
+    return cb.trace(start, "a", within={"a": (0.05, top)})
+
+
+def test_arms_on_which_impacts_at_once_come_apart_leave_with_a_kink() -> None:
+    """Their order is another one on either side, so the amplitude falls like |t1 - t2|: no tangent
+    at the branch point tells that. All that is found flies back to itself."""
+    point = together().first("BP")
+    arms = switch(point, within={"a": (0.05, 0.3)}, steps=cb.Steps(first=1e-3))
+    for arm, side in zip(arms, (-1, 1), strict=True):  # that along which t1 falls comes first
+        away = arm[1]["t1"] - arm[1]["t2"]
+        assert math.copysign(1.0, away) == side
+        # by Newton's iteration with the times held a thousandth apart
+        assert (arm[1]["a"] - point["a"]) / abs(away) == pytest.approx(-0.01577, rel=1e-3)
+        for one in (arm[2], arm[len(arm) // 2], arm[-1]):
+            orbit = one.solution
+            assert orbit.admissibility().ok
+            u, v = orbit.state(t=0.3)
+            run = cb.simulate((u, v), a=orbit.a, t0=0.3, periods=1, **AT)
+            assert run.final[0] == pytest.approx(u, abs=1e-11)
+            assert run.final[1] == pytest.approx(v, abs=1e-11)
+
+
+def test_no_pair_is_seen_where_an_impact_loses_its_velocity() -> None:
+    """There one multiplier grows beyond 1e20, and its rounding makes pairs of all others."""
+    branch = cb.trace(
+        shooting(cb.symmetric(0.5, 0.04, 0.8), sites=RING), "a", within={"a": (0.03, 1.2)}
+    )
+    end = branch.first("VI1")
+    assert abs(end.solution.hits[0].before) < 1e-9
+    assert end["a"] == pytest.approx(1.0, abs=1e-9)
+    assert [p.label for p in branch.special if p.kind == "NS" and p["a"] > 0.9] == []
+
+
+def test_columns_name_times_momentum_and_offset() -> None:
+    branch = arm()
+    wanted = {"t1", "t2", "p", "c", "asymmetry", "unstable", "condition", "a", "gamma", "k"}
+    assert wanted <= set(branch.names)
+    point = branch[3]
+    assert point["unstable"] == point.solution.stability().unstable == 0
+    mu = branch[-1].solution.multipliers()
+    assert branch[-1]["unstable"] == np.count_nonzero(abs(mu) > 1.005) > 0
+    assert point["asymmetry"] == point["t2"] - point["t1"] - math.pi
+    assert point["p"] == point.solution.p
+    assert branch["condition"].max() < 1e5
+    assert {"p1", "p2"} <= set(in_phase().problem.record)
+
+
+def test_other_forcings_are_continued_in_their_own_parameters() -> None:
+    forcing = cb.Fourier(cos={1: -1.0, 3: 0.0})
+    start = shooting(cb.symmetric(0.6, 0.04, 0.8, forcing=forcing), sites=RING)
+    branch = cb.trace(start, "c3", within={"c3": (0.0, 0.5)}, towards="up")
+    end = branch[-1].solution
+    wanted = cb.symmetric(0.6, 0.04, 0.8, forcing=forcing.at(c3=0.5), lattice=cb.Ring(RING))
+    assert end.p == pytest.approx(wanted.p, abs=1e-10)
+
+
+# --- refusals -----------------------------------------------------------------------------------
+
+BY_HAND = {"a": 0.82, "sites": RING, **AT}
+
+
+@pytest.mark.parametrize(
+    ("seed", "more", "says"),
+    [
+        ({"t1": -3.2, "t2": -4.0}, {}, r"impacts of site 0 out of order: t1 = -3\.2 does not"),
+        ({"t1": -3.2, "t2": 4.0}, {}, r"t2 = 4 does not come before t1 \+ a section = 3\.083"),
+        ({"t1": -3.2, "t2": 0.4, "t3": 1.0}, {}, r"not known \['t3'\]"),
+        ({"t1": -3.2, "t2": math.nan}, {}, "finite numbers"),
+        ({"t1": 1j, "t2": 0.4}, {}, "impact times .*1j.* finite numbers"),
+        ({"t1": -3.2, "t2": 0.4}, {"a": math.nan}, "a = nan: the amplitude"),
+        ({"t1": -3.2, "t2": 0.4}, {"a": -0.8}, "a = -0.8: the amplitude"),
+        (([0.0] * 20, [0.0] * 20), {"t": math.nan}, "t = nan: the time of a state"),
+        ({"t1": -3.2, "t2": 0.4}, {"gamma": 0.0}, "take sites=1"),
+        ({"t1": -3.2, "t2": 0.4}, {"gamma": 0.3}, r"gamma = 0\.3"),
+        ({"t1": -3.2, "t2": 0.4}, {"k": 1.2}, r"k = 1\.2"),
+        (([2.0] * 20, [0.0] * 20), {"sequence": None}, r"u\[0\] = 2 .*outside the walls"),
+    ],
+)
+def test_seeds_that_make_no_sense_are_refused(seed, more: dict, says: str) -> None:
+    given = {"sequence": ((0, 1), (0, -1)), **BY_HAND, **more}
+    with pytest.raises(cb.BadInput, match=says):
+        shooting(seed, **given)
+
+
+def test_state_that_hits_other_walls_is_refused_with_what_it_hits() -> None:
+    with pytest.raises(cb.BadInput, match=r"it meets \(0, -1\) at t = .* \(0, \+1\) at t = "):
+        shooting(tilted().state(t=0.3), a=0.82, t=0.3, sequence=((0, 1), (0, -1), (3, 1)), **AT)
+
+
+def test_seed_that_does_not_converge_is_refused_with_its_residual() -> None:
+    seed = {"t1": -3.0, "t2": -1.0}
+    with pytest.raises(cb.NotConverged, match="near the seed") as refused:
+        shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.03})
+    assert refused.value.residual > 0
+    assert refused.value.iterations > 1
+    assert refused.value.last.section.impacts == ((0, 1), (0, -1))
+
+
+def test_orbit_of_other_impacts_than_asked_for_is_carried_by_its_refusal() -> None:
+    seed = {"t1": 0.0, "t2": 1.0}
+    with pytest.raises(cb.NotConverged, match="out of order") as refused:
+        shooting(seed, sequence=((0, 1), (0, -1)), **{**BY_HAND, "a": 0.82})
+    last = refused.value.last
+    assert last.times[0] > last.times[1]
+    assert last.residual == refused.value.residual < 1e-12
+    assert refused.value.iterations > 1
+
+
+def test_inadmissible_solution_is_carried_with_site_and_time() -> None:
+    with pytest.raises(cb.NoSolution, match="no breather") as refused:
+        shooting(cb.symmetric(0.97, 0.04, 0.8, root=1), sites=RING)
+    error = refused.value
+    assert isinstance(error, Inadmissible)
+    assert abs(error.orbit.displacement(error.site, error.time)) > 1.04
+    assert error.orbit.residual < 1e-12
+
+
+@pytest.mark.parametrize("sequence", [(), ((0, 1),), ((99, 1), (0, -1)), ((0, 2), (0, -1))])
+def test_impossible_sequence_is_carried_by_its_refusal(sequence) -> None:
+    ring = cb.Ring(RING)
+    with pytest.raises(cb.BadInput) as refused:
+        check_possible(Section(sequence).placed(ring), Conditions(0.5, 0.04, 0.8, lattice=ring))
+    assert isinstance(refused.value, ImpossibleSequence)
+    assert refused.value.sequence == sequence
+
+
+def test_solution_with_impacts_from_outside_is_no_orbit() -> None:
+    """The closed form with negative p solves the equations but comes from behind the wall."""
+    problem = shooting(cb.symmetric(0.9, 0.04, 0.8), sites=1)
+    with pytest.raises(cb.NotConverged, match="from outside"):
+        shooting({"t1": 0.3}, a=1.3, gamma=0.0, k=0.8, sites=1, sequence=((0, 1),), symmetric=True)
+    assert orbit_at(problem).impulses[0] < 0
+
+
+def test_lifts_need_the_point_they_are_made_for() -> None:
+    branch = symmetric_branch()
+    with pytest.raises(cb.BadInput, match="a located PF or PD of a branch of orbits was expected"):
+        lift(branch[0])
+    with pytest.raises(cb.NotConverged, match="is not a PD"):
+        lift(replace(arm()[2], kind="PD"))
+    with pytest.raises(cb.BadInput, match="other orbits have period doublings"):
+        lift(replace(arm()[2], kind="PF"))
+    with pytest.raises(cb.BadInput, match="break its symmetry first"):
+        lift(replace(branch.first("PF"), kind="PD"))
+
+
+@pytest.mark.parametrize("given", ["x", True, [1.01], 10**5000, math.nan], ids=shown)
+def test_a_threshold_that_is_no_modulus_is_refused_with_what_this_lattice_takes(given) -> None:
+    damped = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
+    events, wanted = [cb.neimark_sacker(threshold=given)], "a finite modulus of at least 1 is"
+    with pytest.raises(cb.BadInput, match=f"threshold = .*: {wanted}"):
+        cb.trace(damped, "a", events=events)
+    with pytest.raises(cb.BadInput, match=f"threshold = .*: {wanted}"):
+        damped.stability(threshold=given)
+    for ideal in (cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(8)), cb.symmetric(0.6, 0.04, 0.8)):
+        with pytest.raises(cb.BadInput, match=r"threshold = .*: (on a ring|the infinite chain)"):
+            cb.trace(ideal, "a", events=events)
+        with pytest.raises(cb.BadInput, match=r"threshold = .*: (a lattice without|the infinite)"):
+            ideal.stability(threshold=given)
+
+
+def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
+    assert np.array_equal(tilted().state(sites=30), tilted().on(cb.Ring(30)).state())
+    farther = orbit_at(shooting(in_phase(), sites=9))
+    assert (farther.section.impacts, farther.lattice) == (in_phase().section.impacts, cb.Ring(9))
+    with pytest.raises(cb.BadInput, match="fall together on a lattice of 3 sites"):
+        in_phase().on(cb.Ring(3))
+    with pytest.raises(cb.BadInput, match="not shot as a symmetric one"):
+        shooting(tilted(), symmetric=True)
+    with pytest.raises(cb.BadInput, match="threshold = 0"):
+        in_phase().road.problem(0.5)
+    assert [event.kind for event in in_phase().problem.events] == [
+        "LP", "BP", "PF", "NS", "GR",
+    ]  # fmt: skip
+
+
+def test_a_branch_of_a_large_ring_takes_few_derivatives_and_no_eigenproblem(monkeypatch) -> None:
+    calls: Counter[str] = Counter()
+    for owner, name in (
+        (ModalFlight, "jacobian"),
+        (ModalFlight, "residual"),
+        (ModalMap, "outermost"),
+        (np.linalg, "eigvals"),
+    ):
+        own = getattr(owner, name)
+
+        def counted(*given, own=own, name=name):
+            calls[name] += 1
+            return own(*given)
+
+        monkeypatch.setattr(owner, name, counted)
+    start = cb.shooting(cb.symmetric(a=0.7, gamma=0.04, k=0.8), sites=100)
+    calls.clear()
+    branch = cb.trace(start, "a", within={"a": (0.5, 0.95)}, towards="both")
+    assert [point.label for point in branch.special] == ["EP1", "PF1", "GR1"]
+    assert branch.first("PF")["a"] == pytest.approx(0.7776324259, abs=1e-9)
+    assert calls["eigvals"] == 0
+    assert calls["outermost"] < 1.3 * len(branch)
+    assert calls["jacobian"] < 4 * len(branch)
+    assert calls["residual"] < 6 * len(branch)
+
+
+@pytest.mark.parametrize("to", [0.0, 1e-12, 1e-7])
+def test_a_pitchfork_is_found_between_the_last_step_and_no_coupling_at_all(to: float) -> None:
+    """Without coupling all modes of a ring but one drift, and the determinant is 0/0."""
+    on = {"k": 0.8, "lattice": cb.Ring(8)}
+    start, other = cb.symmetric(0.6961468, 0.047, **on), cb.symmetric(0.6961468, 0.01, **on)
+    branch = cb.trace(cb.shooting(start, sites=8), "gamma", within={"gamma": (to, 0.05)})
+    closed = cb.trace(other, "gamma", within={"gamma": (1e-3, 0.01)}).first("PF")
+    assert branch.first("PF")["gamma"] == pytest.approx(closed["gamma"], abs=1e-9)
+    assert closed["gamma"] == pytest.approx(0.0023467, abs=1e-7)

@@ -1,0 +1,123 @@
+"""What branches and boundaries of breathers ask for, counted: nothing twice, and nothing for which
+no answer has a use."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather import kernels
+from contbreather.continuation import Steps, strider
+from contbreather.continuation.curve import Curve
+from contbreather.orbits import margins
+from contbreather.orbits.closed_form import SymmetricFlight
+from contbreather.orbits.grazing import solution_at
+from contbreather.orbits.other_contacts import other_contacts
+from contbreather.stability import half_period
+from contbreather.stability.arc import neimark_sacker, window
+
+FINE = Steps(first=0.005, largest=0.01)
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], Counter[str]]:
+    def watch(owner: Any, name: str) -> Counter[str]:
+        calls, own = Counter[str](), getattr(owner, name)
+
+        def seen(*given: Any, **more: Any) -> Any:
+            calls[name] += 1
+            return own(*given, **more)
+
+        monkeypatch.setattr(owner, name, seen)
+        return calls
+
+    return watch
+
+
+def branch(**more: Any) -> cb.Branch:
+    return cb.trace(cb.symmetric(a=0.7, gamma=0.04, k=0.8), "a", within={"a": (0.6, 0.9)}, **more)
+
+
+def test_both_sides_of_a_branch_set_out_from_one_start(counted) -> None:
+    checks = counted(Curve, "check")
+    assert len(branch().special) == 3
+    assert checks["check"] == 1
+
+
+def test_derivatives_of_the_package_are_not_compared_with_differences(counted) -> None:
+    compared = counted(Curve, "wrong_entry")
+    found = branch().first("PF")
+    cb.boundary(found, ("gamma", "a"), within={"gamma": (0.03, 0.05), "a": (0, 1)})
+    assert compared["wrong_entry"] == 0
+
+
+def test_a_point_of_a_boundary_is_made_into_a_breather_once_for_all_its_tests(counted) -> None:
+    found = branch().first("PF")
+    made = counted(SymmetricFlight, "__post_init__")
+    window_of = {"gamma": (0.0, 0.2), "a": (0.0, 1.0)}
+    line = cb.boundary(found, ("gamma", "a"), within=window_of, steps=FINE)
+    assert [point.kind for point in line.special] == ["EP", "PF-GR"]
+    assert made["__post_init__"] <= 4 * len(line)  # not once for each test
+
+
+def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*given: Any) -> Any:
+        raise AssertionError(given)
+
+    monkeypatch.setattr(half_period, "closest_approach", never)
+    start = cb.symmetric(a=0.2, gamma=0.05, k=0.8)
+    found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
+    ends = sorted(neimark_sacker(found["gamma"], 0.8), key=lambda point: point.b)
+    own = window(found["gamma"], 0.8)
+    assert abs(own.miss(found.solution.flight.b)) < 1e-10
+    assert [own.low, own.high] == pytest.approx([point.nu for point in ends], abs=1e-12)
+
+
+@pytest.mark.parametrize(("floor", "most"), [(0.3, 18), (1e-2, 25)])
+def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) -> None:
+    looks = list[float]()
+
+    def kink(point: cb.continuation.Point) -> float:
+        looks.append(point["m"])
+        return floor + 10.0 * abs(point["m"] - 0.6151)
+
+    line = cb.Problem(lambda x, p: np.array([x[0] - p["m"]]), {"x": 0.0}, {"m": 0.0})
+    steps, event = Steps(first=2.0, largest=2.0), cb.Event("KK", kink)
+    found = cb.trace(line, "m", within={"m": (0.0, 1.0)}, towards="up", events=event, steps=steps)
+    assert not found.doubtful
+    assert len(looks) <= most  # 36 to find out where it is least to six digits
+
+
+def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted, monkeypatch) -> None:
+    found = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", within={"a": (0.3, 1)}).first("GR")
+    orbit, filled = solution_at(found), counted(margins, "fill")
+    monkeypatch.setattr(kernels.Kernel, "code", lambda kernel: None)
+    other_contacts(orbit.watch, 1, found.detail["t"])
+    assert filled["fill"] <= 4  # of thirteen
+
+
+def test_all_that_branches_and_boundaries_step_with_is_compiled_with_the_package(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: Counter[str] = Counter()
+    listed = {kernel.function for kernel in kernels.KERNELS}
+
+    def machine(loops: Any) -> None:
+        for function in (loops.evaluate, loops.derive):
+            assert function in listed
+            asked[function.__name__.split("_closure")[0]] += 1
+
+    monkeypatch.setattr(strider, "machine", machine)
+    cb.zones(k=0.8, within={"gamma": (0.03, 0.1)})
+    start, window = cb.symmetric(0.5, 0.04, 0.8), {"a": (0.05, 0.5)}
+    folds = cb.trace(start, "a", within=window, events=[cb.fold()], inadmissible=True)
+    pair = {"gamma": (0.03, 0.05)}
+    cb.boundary(folds.first("LP"), ("gamma", "a"), within=pair, events=(), inadmissible=True)
+    named = {"closure", "fold", "pitchfork", "pair", "contact"}
+    # and the engine's own fold, which knows no closed form
+    assert set(asked) == named | {f"{n}_slopes" for n in named} | {"conditions", "slopes"}

@@ -1,0 +1,511 @@
+"""Zone diagrams: complete, exact, and found without a seed for any restitution."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import shapely
+
+import contbreather as cb
+from contbreather.orbits.closure import smallest_amplitude
+from contbreather.orbits.regions import regions
+from contbreather.stability import neimark_sacker, unstable_count
+from tests.campaigns import existence
+
+CHAIN = cb.InfiniteChain()
+KS = (0.001, 0.05, 0.2, 0.4, 0.8, 0.95, 0.99)
+
+
+@lru_cache(maxsize=8)
+def zones(k: float) -> cb.orbits.Zones:
+    return cb.zones(k=k)
+
+
+WELLS = cb.Fourier(cos={1: -1.0, 3: -2.7})  # up to four breathers at one point
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k", KS)
+def test_every_curve_has_its_points_and_solves_its_equations(k: float) -> None:
+    for _, branch in zones(k):
+        assert len(branch) >= 60
+        assert branch["residual"].max() < 1e-12
+        assert not branch.stop.failed
+        assert branch.began is None or not branch.began.failed
+        assert branch.doubtful == ()
+
+
+@pytest.mark.parametrize("k", KS)
+def test_lower_limit_is_eq_14_all_along(k: float) -> None:
+    (line,) = zones(k).curves["LP"]
+    wanted = [smallest_amplitude(gamma, k) for gamma in line["gamma"]]
+    np.testing.assert_allclose(line["a"], wanted, rtol=1e-10)
+    assert line["gamma"].min() == 0
+    assert line["gamma"].max() == 0.2499
+
+
+@pytest.mark.parametrize("k", [0.2, 0.4, 0.8, 0.95])
+def test_pitchfork_line_is_the_closed_form_up_to_its_meeting_with_grazing(k: float) -> None:
+    (line,) = zones(k).curves["PF"]
+    q = (1 - k) / (1 + k)
+    chi = np.array([CHAIN.chi(gamma) for gamma in line["gamma"]])
+    sigma = np.array([CHAIN.sigma(gamma) for gamma in line["gamma"]])
+    p = 1 / (chi - 2 * sigma)
+    np.testing.assert_allclose(line["p"], p, rtol=1e-11)
+    np.testing.assert_allclose(line["a"], p * np.sqrt(q**2 + 4 * sigma**2), rtol=1e-11)
+    assert [point.kind for point in line.special] == ["EP", "PF-GR"]
+    assert line["gamma"].min() == 0
+
+
+def test_no_pitchfork_where_there_is_none() -> None:
+    """At k = 0.05 it would need a = 1.18 > 1 at gamma = 0."""
+    q = 0.95 / 1.05
+    assert 2 * math.sqrt(4 + (math.pi * q) ** 2) / (math.pi**2 - 4) > 1
+    assert zones(0.05).curves["PF"] == ()
+
+
+@pytest.mark.parametrize("k", KS)
+def test_neimark_sacker_line_is_complete(k: float) -> None:
+    """Second road: all NS points at a coupling are roots in one variable with an explicit b, and
+    b tells the amplitude. Each of them that is a breather must lie on the traced curve."""
+    lines = zones(k).curves["NS"]
+    assert len(lines) == 1
+    (line,) = lines
+    order = np.argsort(line["arclength"])
+    gamma, a = line["gamma"][order], line["a"][order]
+    seen = 0
+    for coupling in np.linspace(0.0203, 0.2453, 91):  # off the comb, so that no node is hit
+        crossings = _crossings(gamma, a, coupling)
+        wanted = [_amplitude(coupling, k, root.b) for root in neimark_sacker(coupling, k)]
+        wanted = [value for value in wanted if value is not None]
+        assert len(crossings) == len(wanted), f"gamma = {coupling}"
+        assert np.allclose(sorted(crossings), sorted(wanted), atol=2e-3)
+        seen += len(wanted)
+    assert seen >= 2
+
+
+def _crossings(gamma: np.ndarray, a: np.ndarray, coupling: float) -> list[float]:
+    i = np.flatnonzero((gamma[1:] - coupling) * (gamma[:-1] - coupling) < 0)
+    u = (coupling - gamma[i]) / (gamma[i + 1] - gamma[i])
+    return list(a[i] + u * (a[i + 1] - a[i]))
+
+
+def _amplitude(gamma: float, k: float, b: float) -> float | None:
+    """a of the admissible breather on the upper branch with this b, by (13) turned round:
+    b = (1+k)^2 (p (chi - eta) - 1)/(2p), and (1 - p chi)^2 + p^2 q^2 = a^2."""
+    chi, eta, q = CHAIN.chi(gamma), CHAIN.eta(gamma), (1 - k) / (1 + k)
+    p = 1 / (chi - eta - 2 * b / (1 + k) ** 2)
+    if p <= chi / (chi**2 + q**2):
+        return None  # behind the fold
+    a = math.hypot(1 - p * chi, p * q)
+    if not smallest_amplitude(gamma, k) < a < 1:
+        return None
+    breather = cb.symmetric(a, gamma, k)
+    return a if abs(breather.p - p) < 1e-9 and breather.admissibility().ok else None
+
+
+@pytest.mark.parametrize("k", KS)
+def test_counts_differ_across_the_neimark_sacker_line(k: float) -> None:
+    (line,) = zones(k).curves["NS"]
+    point = line[len(line) // 2].ground
+    normal = np.array([line[len(line) // 2].tangent[-2], -line[len(line) // 2].tangent[-1]])
+    # tangent ends with (released, free) = (a, gamma): a step across the line in (gamma, a)
+    step = 1e-4 * normal / np.linalg.norm(normal)
+    counts = []
+    for side in (1, -1):
+        gamma, a = point["gamma"] + side * step[0], point["a"] + side * step[1]
+        breather = cb.symmetric(a, gamma, k)
+        counts.append(unstable_count(gamma, k, breather.b).count)
+    assert sorted(counts) == [0, 2]
+
+
+@pytest.mark.parametrize("k", KS)
+def test_upper_limit_is_where_admissibility_ends(k: float) -> None:
+    for line in zones(k).curves["GR"]:
+        for point in list(line)[5:-5:7]:
+            gamma, a = point["gamma"], point["a"]
+            inside = cb.symmetric(a * (1 - 1e-5), gamma, k, root=1).admissibility()
+            outside = cb.symmetric(a * (1 + 1e-5), gamma, k, root=1).admissibility()
+            assert inside.ok
+            assert not outside.ok
+
+
+def test_meetings_are_seen_from_both_curves_at_the_same_place() -> None:
+    diagram = zones(0.8)
+    for one, other in (("PF", "GR"), ("NS", "GR"), ("NS", "LP")):
+        first = diagram[one][0].first(f"{one}-{other}")
+        second = diagram[other][0].first(f"{other}-{one}")
+        assert first["gamma"] == pytest.approx(second["gamma"], abs=1e-10)
+        assert first["a"] == pytest.approx(second["a"], abs=1e-10)
+
+
+def test_meetings_of_a_diagram_are_listed_once() -> None:
+    kinds = [point.kind for point in zones(0.8).special]
+    assert sorted(kinds) == ["NS-GR", "NS-LP", "PF-GR"]
+    with pytest.raises(cb.BadInput, match="no curves"):
+        zones(0.8)["HB"]
+
+
+def test_for_small_k_site_zero_takes_over_the_upper_limit() -> None:
+    centre, neighbour = zones(0.05).curves["GR"]
+    assert centre[1].solution.admissibility().site == 0
+    assert neighbour[-2].solution.admissibility().site == 1
+    assert centre[-1]["a"] == pytest.approx(neighbour[0]["a"], abs=1e-10)
+
+
+@pytest.mark.parametrize("plane", [{"gamma": 0.1}, {"a": 0.2}])
+def test_other_planes_show_the_same_points(plane: dict[str, float]) -> None:
+    ((name, value),) = plane.items()
+    diagram = cb.zones(**plane)
+    k = 0.8
+    here = diagram.curves["NS"][0]
+    there = zones(k).curves["NS"][0]
+    other = "a" if name == "gamma" else "gamma"
+    mine = _crossings(here["k"], here[other], k)
+    theirs = _crossings(there[name], there[other], value)
+    assert mine
+    for crossing in mine:
+        assert min(abs(crossing - wanted) for wanted in theirs) < 2e-3
+
+
+def test_the_line_is_not_monotone_in_the_amplitude() -> None:
+    (line,) = zones(0.8).curves["NS"]
+    lowest = int(line["gamma"].argmin())
+    assert line["gamma"][lowest] == pytest.approx(0.0952, abs=1e-4)
+    assert line["a"][lowest] == pytest.approx(0.26, abs=0.02)
+
+
+@pytest.mark.parametrize(("sites", "k"), [(16, 0.7), (8, 0.3), (40, 0.3)])
+def test_a_curve_narrower_than_the_comb_is_found_between_its_meetings(sites: int, k: float) -> None:
+    found = cb.zones(k=k, lattice=cb.Ring(sites), within={"gamma": (0.24, 0.2499)})
+    (line,) = found["NS"]
+    assert np.ptp(line["gamma"]) < 3e-4
+    assert sorted(point.kind for point in line.special) == ["NS-GR", "NS-LP"]
+    for other in ("LP", "GR"):
+        there = found[other][0].first(f"{other}-NS")
+        here = line.first(f"NS-{other}")
+        assert there["a"] == pytest.approx(here["a"], abs=1e-9)
+        assert there["gamma"] == pytest.approx(here["gamma"], abs=1e-9)
+
+
+def test_windows_narrow_the_search_and_empty_ones_are_refused() -> None:
+    narrow = cb.zones(k=0.8, within={"gamma": (0.0, 0.05)})
+    assert narrow.curves["LP"][0]["gamma"].max() == 0.05
+    assert narrow.curves["NS"] == ()
+    with pytest.raises(cb.BadInput, match="no breather"):
+        cb.zones(k=0.8, within={"a": (0.0, 0.0001), "gamma": (0.0, 0.1)})
+    with pytest.raises(cb.BadInput, match="leaves nothing"):
+        cb.zones(k=0.8, within={"gamma": (0.3, 0.4)})
+    with pytest.raises(cb.BadInput, match="exactly one"):
+        cb.zones(k=0.8, gamma=0.1)
+    with pytest.raises(cb.BadInput, match="exactly one"):
+        cb.zones()
+    with pytest.raises(cb.BadInput, match="no window for"):
+        cb.zones(k=0.8, within={"k": (0.1, 0.2)})
+
+
+@pytest.mark.parametrize("k", [0.0, 1.0, -0.1, 1.1, math.nan, math.inf])
+def test_impossible_restitution_is_refused(k: float) -> None:
+    with pytest.raises(cb.BadInput):
+        cb.zones(k=k)
+
+
+def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
+    try:
+        return len(cb.orbits.symmetric_roots(a, gamma, 0.8, forcing=forcing))
+    except cb.NoSolution:
+        return 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gamma", [0.12, 0.205])
+def test_all_sheets_of_a_forcing_with_several_breathers(
+    gamma: float, several: cb.orbits.Zones
+) -> None:
+    """Every event on the branch through every admissible root lies on a curve of the diagram."""
+    seen: list[cb.continuation.Point] = []
+    for a in np.linspace(0.05, 0.7, 14):
+        for root in cb.orbits.symmetric_roots(a, gamma, 0.8, forcing=WELLS):
+            passed = {round(point["p"], 6) for point in seen}
+            if not root.admissibility().ok:
+                continue
+            for point in cb.trace(root, "a").special:
+                kind, p = point.kind, point["p"]
+                if kind in ("LP", "PF", "NS", "GR") and p > 1e-9 and round(p, 6) not in passed:
+                    seen.append(point)
+    assert len(seen) >= 7
+    for point in seen:
+        assert distance(several[point.kind], point) < 1e-3, point
+
+
+@pytest.fixture(scope="module")
+def several() -> cb.orbits.Zones:
+    return cb.zones(k=0.8, forcing=WELLS, within={"gamma": (0.1, 0.21)}, past_folds=True)
+
+
+def distance(curves: tuple[cb.Branch, ...], point: cb.continuation.Point) -> float:
+    """From a point to the nearest chord of some curves, p included."""
+    names = ("gamma", "a", "p")
+    here = np.array([point[name] for name in names])
+    found = [math.inf]
+    for curve in curves:
+        nodes = np.stack([curve[name] for name in names], axis=-1)
+        start, chord = nodes[:-1], np.diff(nodes, axis=0)
+        along = np.clip(np.sum((here - start) * chord, -1) / np.sum(chord * chord, -1), 0, 1)
+        found.append(float(np.linalg.norm(here - start - along[:, None] * chord, axis=-1).min()))
+    return min(found)
+
+
+@pytest.mark.parametrize("gamma", [0.005, 0.03])
+def test_weakly_coupled_chains_lose_stability_only_where_impacts_are_all_but_elastic(
+    gamma: float,
+) -> None:
+    """The curve lies beyond k = 0.97, and the counts on both sides of it differ by a pair."""
+    (line,) = cb.zones(gamma=gamma)["NS"]
+    assert line["k"].min() > 0.97
+    point = line[len(line) // 2]
+    counts = {
+        cb.symmetric(point["a"], gamma, point["k"] + shift).stability().unstable
+        for shift in (-1e-6, 1e-6)
+    }
+    assert len(counts) == 2
+    assert max(counts) - min(counts) == 2
+
+
+@pytest.mark.parametrize("a", [0.97, 0.98, 0.99])
+def test_the_limit_goes_on_with_site_zero_in_the_plane_of_k_and_gamma(a: float) -> None:
+    diagram = cb.zones(a=a)
+    assert len(diagram["GR"]) == 2
+    (corner,) = [point for point in diagram.special if point.kind == "GR-GR"]
+    sites = set()
+    for line in diagram["GR"]:
+        margins = line[len(line) // 2].solution.admissibility()
+        assert abs(margins.margin) < 1e-9
+        sites.add(margins.site)
+    assert sites == {0, 1}
+    at_corner = corner.solution.admissibility()
+    assert at_corner.centre == pytest.approx(0.0, abs=1e-9)
+    assert at_corner.neighbours == pytest.approx(0.0, abs=1e-9)
+
+
+def test_zones_of_another_forcing() -> None:
+    """f = cos t + 0.1 cos 3t: across the lower limit two solutions of (11) appear."""
+    forcing = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
+    diagram = cb.zones(k=0.8, forcing=forcing, within={"gamma": (0.0, 0.1)})
+    for line in diagram.curves["LP"]:
+        for point in list(line)[1:-1:9]:
+            below, above = (
+                roots_at(point["a"] * (1 + shift), point["gamma"], forcing)
+                for shift in (-1e-7, 1e-7)
+            )
+            assert abs(above - below) == 2
+    assert diagram.curves["GR"]
+
+
+def test_work_is_bounded() -> None:
+    """Residual calls for a whole diagram, not seconds."""
+    calls = 0
+    closure = type(cb.symmetric(0.5, 0.1, 0.8).problem.residual.__self__)
+    plain = closure.residual
+
+    def counted(self: object, *args: object) -> object:
+        nonlocal calls
+        calls += 1
+        return plain(self, *args)
+
+    closure.residual = counted
+    try:
+        cb.zones(k=0.6)
+    finally:
+        closure.residual = plain
+    assert calls < 12000
+
+
+# --- interruption ---------------------------------------------------------------------------------
+
+
+class Impatient(cb.InfiniteChain):
+    """The chain, and Ctrl-C at one of the questions it is asked."""
+
+    def __init__(self, after: int) -> None:
+        super().__init__()
+        self.left = after
+
+    def chi(self, gamma: float) -> float:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+        return super().chi(gamma)
+
+
+@pytest.mark.parametrize("after", [1, 1000, 3000])
+def test_an_interrupted_zone_diagram_is_marked_and_has_no_curve_twice(after: int) -> None:
+    with pytest.raises(cb.errors.Interrupted) as stop:
+        cb.zones(k=0.8, lattice=Impatient(after), within={"gamma": (0.02, 0.1)})
+    kept = stop.value.partial
+    assert (kept is None) == (after == 1)
+    if kept is not None:
+        assert kept.interrupted
+        assert "interrupted" in repr(kept)
+        assert any(kept.curves.values())
+        assert all(len(branches) <= 1 for branches in kept.curves.values())
+
+
+def test_several_values_give_several_diagrams_of_which_an_interruption_keeps_the_finished() -> None:
+    plane = {"gamma": (0.02, 0.06), "a": (0.3, 0.9)}
+    chain = Impatient(10**9)
+    one, other = cb.zones(k=[0.8, 0.4], within=plane, lattice=chain)
+    assert (one.fixed, other.fixed) == (("k", 0.8), ("k", 0.4))
+    assert [one.interrupted, other.interrupted] == [False, False]
+    with pytest.raises(cb.errors.Interrupted) as stop:
+        cb.zones(k=[0.8, 0.4], within=plane, lattice=Impatient(10**9 - chain.left - 100))
+    kept = stop.value.partial
+    assert [each.interrupted for each in kept] == [False, True]
+    assert [len(branch) for _, branch in kept[0]] == [len(branch) for _, branch in one]
+
+
+def test_zones_next_to_no_restitution_are_drawn() -> None:
+    """There Newton's iteration fails between some points of a curve, which are left out."""
+    found = cb.zones(k=1e-9, within={"gamma": (0.0, 0.05)})
+    assert len(found["LP"]) == 1
+    assert all(point.residual < 1e-9 for branch in found["LP"] for point in branch)
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_zones_show_their_progress_only_where_it_is_asked_for(
+    shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contbreather import progress
+
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    found = cb.zones(k=0.8, within={"gamma": (0.1, 0.102), "a": (0.05, 0.06)}, progress=shown)
+    assert len(found["LP"]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    # of the whole search; the walks that it is made of, in a, are not shown one by one
+    assert ("points, gamma = " in captured.err) == shown
+    assert "points, a = " not in captured.err
+    assert (captured.err == "") == (not shown)
+
+
+def test_a_diagram_without_any_curve_has_no_verdicts() -> None:
+    empty = replace(zones(0.8), curves=dict.fromkeys(zones(0.8).curves, ()))
+    with pytest.raises(cb.BadInput, match="this zone diagram has no curve"):
+        empty.unstable(0.1, 0.5)
+    assert empty.regions_of(((0.0, 0.2), (0.0, 1.0))) == ()
+
+
+# --- existence ------------------------------------------------------------------------------------
+
+
+def test_a_harmonic_that_is_next_to_nothing_changes_nothing() -> None:
+    """Several harmonics made it a diagram of both families, whatever their size."""
+    within = {"gamma": (0.1, 0.2)}
+    none, tiny = (
+        cb.zones(k=0.8, forcing=cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=c3), within=within)
+        for c3 in (0.0, 1e-9)
+    )
+    assert [len(line) for _, line in none] == [len(line) for _, line in tiny]
+    for (_, one), (_, two) in zip(none, tiny, strict=True):
+        np.testing.assert_allclose(one["a"], two["a"], rtol=1e-7)
+    assert [one.verdict for one in none.regions] == [one.verdict for one in tiny.regions]
+    assert none.families == tiny.families == ("upper",)
+
+
+def around(diagram: cb.orbits.Zones, x: float, y: float) -> cb.orbits.Region:
+    """The region that a place is in."""
+    (found,) = (
+        one
+        for one in diagram.regions
+        if shapely.Polygon(one.outline, one.holes).contains(shapely.Point(x, y))
+    )
+    return found
+
+
+def test_where_no_upper_breather_is_a_region_says_that_a_lower_one_is() -> None:
+    region = around(zones(0.8), 0.197, 0.789)
+    lower = cb.orbits.symmetric_roots(region.y, region.x, 0.8)[-1]
+    assert lower.admissibility().ok
+    assert region.counts == (None,) * 5
+    assert region.lower[0] == lower.p
+    words = f"no upper breather; a lower one, p = {lower.p:.6g}, is admissible"
+    assert words in repr(region)
+    assert any(words in told for told in zones(0.8).told())
+    below = around(zones(0.8), 0.0144, 0.035)
+    assert below.describe() == "no upper breather, nor a lower one at any of 5 places"
+
+
+def test_a_diagram_of_both_families_ends_where_impacts_vanish() -> None:
+    within = {"gamma": (0.15, 0.22), "a": (0.3, 2.0)}
+    both = cb.zones(k=0.8, within=within, past_folds=True)
+    assert both.families == ("upper", "lower")
+    assert both.ceiling == 1.0
+    assert around(both, 0.197, 0.789).counts == (1,) * 5  # one multiplier below -1
+    assert both.box()[1][1] == 1.0
+    assert both.unstable(0.197, 0.999) == 1
+    assert both.unstable(0.197, 1.001) is None
+    assert list(both.told()) == []
+    low = cb.zones(k=0.8, within={**within, "a": (0.3, 0.7)}, past_folds=True)
+    assert low.ceiling is None
+
+
+@pytest.mark.parametrize("past_folds", [False, True])
+def test_on_a_ring_none_says_that_there_is_no_breather_of_the_families_drawn(
+    past_folds: bool,
+) -> None:
+    diagram = cb.zones(k=0.975, lattice=cb.Ring(33), past_folds=past_folds)
+    for gamma, a in ((0.2318, 0.4973), (0.0505, 0.9738)):  # lower ones alone
+        region = around(diagram, gamma, a)
+        if past_folds:
+            assert region.verdict == "US"
+        else:
+            assert region.counts == (None,) * 5
+            assert None not in region.lower
+
+
+def test_a_sheet_between_two_amplitudes_of_the_comb_is_found_next_to_its_fold() -> None:
+    forcing = cb.Fourier(cos={1: -1.0, 5: -2.6852264924}, sin={5: 3.0800950413})
+    diagram = cb.zones(k=0.073, forcing=forcing, within={"gamma": (0.24, 0.2499)})
+    assert any(one.flight.family == "upper" for one in diagram.breathers(0.2474, 0.4))
+    assert around(diagram, 0.2474, 0.4).verdict == "US"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [5, 9, 17])
+def test_regions_of_random_diagrams_say_what_a_direct_search_finds(number: int) -> None:
+    counts = existence.one(number, seed=1, places=30)
+    assert counts["places"] == 30
+    assert counts["lower said"] > 0
+    assert not set(counts) & {"disagree", "mixed", "misjudged", "lower unsaid"}
+
+
+def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
+    across = [np.array([[0.0, 0.0], [2.0, 4.0]])]
+    above, below = sorted(
+        regions(across, ((0.0, 2.0), (0.0, 4.0)), lambda x, y: 2 if y > 2 * x else None),
+        key=lambda region: region.x,
+    )
+    x, y = (f"{value:.6g}" for value in (above.x, above.y))
+    assert repr(above) == f"<Region US around ({x}, {y}), 3 corners>"
+    assert repr(below).startswith("<Region no verdict around (")
+    assert repr(below).endswith("3 corners: no breather>")
+    assert above.counts == (2,) * 5
+    assert above.room == pytest.approx(1.0 - math.sqrt(0.5), abs=5e-3)  # of a right triangle
+    assert above.y > 2 * above.x
+    assert below.y < 2 * below.x
+
+
+@pytest.mark.parametrize("threshold", [1.005, 1.05])
+def test_counts_of_a_ring_s_zones_are_by_its_threshold(threshold: float) -> None:
+    ring = cb.Ring(12)
+    found = cb.zones(k=0.8, lattice=ring, within={"gamma": (0.02, 0.06)}, threshold=threshold)
+    for gamma, a in ((0.06, 0.3), (0.02, 0.3), (0.03, 0.2), (0.05, 0.6), (0.05, 0.15)):
+        verdict = cb.symmetric(a, gamma, 0.8, lattice=ring).stability(threshold=threshold)
+        assert found.unstable(gamma, a) == verdict.unstable

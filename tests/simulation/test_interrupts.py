@@ -1,0 +1,215 @@
+"""Ctrl-C: one ends the whole call, and what is handed over says that it is cut short."""
+
+from __future__ import annotations
+
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+import pytest
+
+from contbreather.cli import INTERRUPTED, main
+from contbreather.orbits import symmetric
+from contbreather.paper import figure6, figure7, figure8
+from contbreather.paper.fates import growth
+from contbreather.signals import deferred
+from contbreather.simulation import (
+    Axis,
+    Fate,
+    RunStop,
+    attraction,
+    periodic,
+    simulate,
+    simulate_smooth,
+    smooth,
+    stretches,
+    sweep,
+    verdict,
+)
+from contbreather.simulation.states import State
+from contbreather.simulation.verdicts import judge
+
+from ..apart import begun
+
+SET = {"a": 0.2, "gamma": 0.08, "k": 0.8, "damping": 0.02}
+STATE = symmetric(0.2, 0.08, 0.8).state(6)
+
+
+@pytest.fixture
+def ctrl_c(monkeypatch):
+    """After so many calls of the loops that simulate, one Ctrl-C, and never another."""
+
+    def after(count: int) -> list[str]:
+        seen: list[str] = []
+
+        def counting(name, call):
+            def called(*args, **kwargs):
+                seen.append(name)
+                if len(seen) == count + 1:
+                    raise KeyboardInterrupt
+                return call(*args, **kwargs)
+
+            return called
+
+        for owner, name in ((stretches.Machine, "advance"), (smooth.SmoothFlight, "advance")):
+            monkeypatch.setattr(owner, name, counting(name, getattr(owner, name)))
+        return seen
+
+    return after
+
+
+CALLS = {
+    "verdict": lambda: verdict(STATE, settle=300, periods=300, **SET),
+    "growth": lambda: growth(periodic(STATE, symmetric=True, **SET), 40),
+    "figure 6": figure6,
+    "figure 7": figure7,
+    "figure 8": figure8,
+}
+
+
+@pytest.mark.parametrize("count", [0, 2, 7])
+@pytest.mark.parametrize("call", CALLS)
+def test_ctrl_c_in_an_inner_simulation_ends_the_call_around_it(ctrl_c, call, count):
+    seen = ctrl_c(count)
+    with pytest.raises(KeyboardInterrupt):
+        CALLS[call]()
+    assert len(seen) == count + 1
+
+
+def test_ctrl_c_while_judging_a_finished_run_gives_no_verdict(ctrl_c):
+    run = simulate(STATE, periods=200, **SET)
+    ctrl_c(1)
+    with pytest.raises(KeyboardInterrupt):
+        judge(run)
+
+
+@pytest.mark.parametrize("count", [3, 40, 100])
+def test_interrupted_figure_says_so_and_leaves_no_file(
+    ctrl_c, count, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    ctrl_c(count)
+    assert main(["figure", "6", "--csv", "rows.csv"]) == INTERRUPTED
+    assert capsys.readouterr() == ("", "contbreather: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
+def test_ctrl_c_keeps_the_periods_that_are_completed(ctrl_c, run):
+    ctrl_c(2)
+    cut = run(STATE, periods=1000, **SET)
+    assert cut.stop is RunStop.INTERRUPTED
+    assert 0 < cut.periods < 1000
+    assert np.array_equal(cut.final.u, cut.strobe.u[-1])
+    assert np.array_equal(cut.strobe, run(STATE, periods=cut.periods, **SET).strobe)
+
+
+def test_ctrl_c_while_room_is_made_for_more_impacts_drops_no_period(monkeypatch) -> None:
+    """Room for 256 impacts is full after 128 periods: the stretch ends there, and hands them on."""
+    make = stretches.log_of
+
+    def interrupted(size):
+        if size > 256:
+            raise KeyboardInterrupt
+        return make(size)
+
+    monkeypatch.setattr(stretches, "log_of", interrupted)
+    machine = stretches.Machine(State(*STATE), simulate(STATE, periods=0, **SET).conditions, 0.0)
+    first = machine.advance(1000, 0)
+    assert (first.periods, len(first.impacts), first.stop) == (128, 256, None)
+    with pytest.raises(KeyboardInterrupt):
+        machine.advance(100, 128)
+    monkeypatch.undo()
+    whole = simulate(STATE, periods=228, **SET)
+    assert np.array_equal([*first.u, *machine.advance(100, 128).u], whole.strobe.u[1:])
+
+
+@pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
+def test_ctrl_c_in_the_fraction_at_the_end_keeps_all_whole_periods(ctrl_c, run):
+    whole = run(STATE, periods=4, **SET)
+    ctrl_c(4 if isinstance(run, partial) else 1)  # smooth runs go period by period
+    cut = run(STATE, periods=4.5, **SET)
+    assert cut.stop is RunStop.INTERRUPTED
+    assert (cut.periods, cut.end) == (4, whole.end)
+    assert np.array_equal(cut.final, whole.final)
+
+
+def test_interrupted_sweep_has_the_values_done_and_says_so(ctrl_c):
+    ctrl_c(2)
+    found = sweep(STATE, "a", [0.2, 0.19, 0.18, 0.17], periods=4, **SET)
+    assert (found.stop, found.value.tolist()) == (RunStop.INTERRUPTED, [0.2, 0.19])
+
+
+def test_start_that_was_interrupted_has_no_fate(ctrl_c):
+    u, v = Axis("u", 0, [0.1]), Axis("v", 0, [0.0, 0.1, 0.2])
+    ctrl_c(2)
+    with ThreadPoolExecutor(1) as one:
+        basin = attraction(STATE, u, v, periods=20, executor=one, **SET)
+    assert not basin.complete
+    assert "cut short" in repr(basin)
+    assert int(np.sum(basin.fate == Fate.PENDING)) >= 1
+    assert Fate.SPREAD not in basin.fate
+
+
+BASIN = """
+import os
+import numpy as np
+from contbreather.orbits import symmetric
+from contbreather.simulation import Axis, attraction, basin
+if __name__ == "__main__":
+    state = symmetric(0.2, 0.08, 0.8).state(40)
+    u, v = (Axis(name, 0, np.linspace(-0.9, 0.9, 2000)) for name in "uv")
+    found = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
+    print(found.complete, (found.fate == -1).any())
+else:  # a worker, which says when it goes to work
+    advance = basin.advance
+    def begins(*given, **more):
+        basin.advance = advance
+        os.write(1, b"begun\\n")
+        return advance(*given, **more)
+    basin.advance = begins
+"""
+
+
+def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(BASIN)
+    with begun(script) as child:
+        assert [child.stdout.readline() for _ in range(2)] == 2 * ["begun\n"]
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate()
+    assert (out, child.returncode) == ("False True\n", 0), err
+
+
+@pytest.mark.apart
+def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
+    done = []
+
+    def block():
+        with deferred():
+            signal.raise_signal(signal.SIGINT)
+            done.append("the rest of the block")
+
+    with pytest.raises(KeyboardInterrupt):
+        block()
+    assert done
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.apart
+def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
+    """A real signal, at any moment of the compiled solver and what it calls."""
+    advance = smooth.SmoothFlight.advance
+    signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    for delay in np.linspace(0.005, 0.06, 12):
+
+        def winds_the_alarm(flight, periods, first, delay=delay, **more):
+            if first == 0:  # before that there is nothing to interrupt
+                signal.setitimer(signal.ITIMER_REAL, delay)
+            return advance(flight, periods, first, **more)
+
+        monkeypatch.setattr(smooth.SmoothFlight, "advance", winds_the_alarm)
+        run = simulate_smooth(STATE, m=6, periods=10**7, **SET)  # as long as it takes to come
+        assert run.stop is RunStop.INTERRUPTED
+        assert np.array_equal(run.final.u, run.strobe.u[-1])

@@ -1,0 +1,289 @@
+"""The smooth chain (21), (22) against energy, formulas written out again, and the hard walls."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.continuation import Steps, trace
+from contbreather.errors import NotConverged
+from contbreather.lattice import Fourier, Ring
+from contbreather.orbits import symmetric
+from contbreather.orbits.closure import smallest_amplitude
+from contbreather.simulation import (
+    Explicit,
+    Implicit,
+    Sample,
+    Switching,
+    periodic,
+    simulate,
+    simulate_smooth,
+    variation,
+)
+from contbreather.simulation.smooth import (
+    SmoothConditions,
+    damping_of,
+    restitution_of,
+    right_side,
+)
+from contbreather.simulation.smooth_flow import JACOBIAN, MOTION, VARIED
+from tests.simulation.zoo import breather
+
+FIGURE5 = {"a": 0.1, "gamma": 0.08, "k": 0.8, "damping": 0.005}
+
+
+def cosine(sites):
+    """F = -cos t on a ring, as the compiled right-hand sides take it."""
+    return SmoothConditions(1.0, 0.1, 0.1, 6, lattice=Ring(sites)).arguments[6:]
+
+
+def test_lambda_of_the_paper_from_its_restitution():
+    assert damping_of(0.8) == pytest.approx(0.141700600391, abs=1e-12)
+    assert math.exp(
+        -math.pi * damping_of(0.4) / (2 * math.sqrt(1 - damping_of(0.4) ** 2 / 4))
+    ) == pytest.approx(0.4, abs=1e-15)
+    for k in (0.0, 0.1, 0.8, 1.0):
+        assert restitution_of(damping_of(k)) == pytest.approx(k, abs=1e-15)
+
+
+@pytest.mark.parametrize(("m", "tolerance"), [(6, 1e-3), (20, 1e-6), (60, 1e-9)])
+def test_single_wall_gives_back_the_velocity_times_k(m, tolerance):
+    """One site thrown at its wall: (22), the deeper in the middle the flight ends the better."""
+    run = simulate_smooth(([0.0], [1.0]), a=0.0, gamma=0.0, k=0.8, m=m, periods=0.3)
+    assert run.final.v[0] == pytest.approx(-0.8, abs=tolerance)
+
+
+@pytest.mark.parametrize("m", [6.0, 7.3])
+def test_motion_is_equation_21_with_the_sign_of_13(m):
+    rng = np.random.default_rng(0)
+    u, v = rng.uniform(-1.1, 1.1, 5), rng.normal(size=5)
+    a, gamma, lam, mu, spring, t = 0.3, 0.2, 0.14, 0.02, 0.4, 0.7
+    y = np.concatenate([u, v])
+    got = right_side(MOTION, (a, gamma, lam, m, mu, spring, *cosine(5)), y.shape)(t, y)
+    coupling = gamma * (2 * u - np.roll(u, 1) - np.roll(u, -1))
+    wall = lam * (2 * m + 1) * np.abs(u) ** (2 * m) * v
+    wall += (2 * m + 1) * np.abs(u) ** (4 * m) * u
+    wanted = -a * math.cos(t) - coupling - spring * u - mu * v - wall
+    assert np.allclose(got, np.concatenate([v, wanted]), rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize(("sites", "m"), [(1, 6.0), (2, 7.5), (5, 20.0)])
+def test_hand_derivatives_are_those_of_the_motion(sites, m):
+    rng = np.random.default_rng(1)
+    y = np.concatenate([rng.uniform(-1.05, 1.05, sites), rng.normal(size=sites)])
+    params, series = [0.3, 0.2, 0.14, m, 0.02, 0.4], cosine(sites)
+    steps = 1e-6 * np.eye(2 * sites)
+
+    def at(y, params):
+        return right_side(MOTION, (*params, *series), y.shape)(0.7, y)
+
+    wanted = np.array([(at(y + s, params) - at(y - s, params)) / 2e-6 for s in steps]).T
+    by_hand = right_side(JACOBIAN, (*params, *series), 2 * y.shape)(0.7, y)
+    assert np.allclose(by_hand, wanted, rtol=1e-7, atol=1e-6)
+    columns = rng.normal(size=(3 + 6, 2 * sites))
+    flat = np.concatenate([y[None], columns]).ravel()
+    rates = right_side(VARIED, (*params, *series, 6), flat.shape)(0.7, flat)
+    rates = rates.reshape(-1, 2 * sites)
+    assert np.array_equal(rates[0], at(y, params))
+    for i in range(9):
+        rate = by_hand @ columns[i]
+        if i >= 3:
+            step = 1e-6 * np.eye(6)[i - 3]
+            rate += (at(y, params + step) - at(y, params - step)) / 2e-6
+        assert np.allclose(rates[1 + i], rate, rtol=1e-7, atol=1e-6)
+
+
+def test_conservative_walls_keep_the_energy():
+    run = simulate_smooth(
+        ([0.0, 0.3, 0.1], [1.0, -2.0, 0.1]),
+        a=0.0, gamma=0.2, lam=0.0, m=6, periods=20, solver=Explicit(1e-13),
+    )  # fmt: skip
+    u, v = run.strobe
+    energy = 0.5 * v**2 + 0.1 * (u - np.roll(u, 1, axis=1)) ** 2 + 0.5 * u**26
+    assert np.ptp(energy.sum(axis=1)) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", [Switching(1e-11), Implicit(1e-9), Explicit(1e-8)])
+@pytest.mark.parametrize("m", [6, 50])
+def test_all_solvers_agree(solver, m):
+    state = symmetric(0.5, 0.08, 0.8).state(6)
+    conditions = {"a": 0.5, "gamma": 0.08, "k": 0.8, "m": m, "periods": 1}
+    sample = Sample(sites=(0, 1), per_period=7)
+    fine = simulate_smooth(state, **conditions, solver=Explicit(1e-13), sample=sample)
+    other = simulate_smooth(state, **conditions, solver=solver, sample=sample)
+    assert np.allclose(fine.record.u, other.record.u, rtol=0, atol=2e-6)
+    assert np.allclose(fine.final.v, other.final.v, rtol=0, atol=2e-6)
+
+
+def test_samples_do_not_change_the_run():
+    state = symmetric(0.5, 0.08, 0.8).state(6)
+    conditions = {"a": 0.5, "gamma": 0.08, "k": 0.8, "m": 6, "periods": 2.25, "t0": 1.0}
+    plain = simulate_smooth(state, **conditions)
+    dense = simulate_smooth(state, **conditions, sample=Sample((0, 3), 40))
+    assert np.array_equal(plain.final.u, dense.final.u)
+    assert dense.record.times[0] == 1.0
+    assert np.array_equal(dense.record.u[40], dense.strobe.u[1, [0, 3]])
+    assert plain.end == pytest.approx(1.0 + 4.5 * math.pi)
+
+
+def test_hard_smooth_walls_are_the_impacting_ring():
+    """After an impact the motions differ by the time spent in the wall, O(1/m)."""
+    rng = np.random.default_rng(3)
+    state = rng.uniform(-0.6, 0.6, 4), rng.normal(size=4)
+    conditions = {"a": 0.4, "gamma": 0.15, "k": 0.7, "damping": 0.05, "periods": 1}
+    hard = simulate(state, **conditions)
+    assert len(hard.impacts) >= 2
+    gaps = [
+        np.abs(simulate_smooth(state, **conditions, m=m).final.u - hard.final.u).max()
+        for m in (100, 400)
+    ]
+    assert gaps[1] < 0.01
+    assert gaps[1] == pytest.approx(gaps[0] / 4, rel=0.25)
+
+
+def test_other_forcing_drives_the_smooth_ring_too():
+    forcing = Fourier(cos={1: -0.6, 3: 0.4}, sin={5: 0.2})
+    conditions = {"a": 0.3, "gamma": 0.1, "damping": 0.1, "periods": 1, "forcing": forcing}
+    state = np.zeros(4), np.full(4, 0.1)
+    soft = simulate_smooth(state, **conditions, m=50, k=0.8)
+    hard = simulate(state, **conditions, k=0.8)
+    assert not hard.impacts.size
+    assert np.allclose(soft.final.u, hard.final.u, rtol=0, atol=1e-8)
+
+
+# --- periodic motions -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def figure5():
+    start = breather(20, m=6, **FIGURE5)
+    return start.problem
+
+
+def test_smooth_breather_of_figure_5_differs_from_the_exact_one_as_measured(figure5):
+    exact = symmetric(0.1, 0.08, 0.8)
+    state = figure5.start["u"], figure5.start["v"]
+    sample = Sample((0, 1, 10), 400)
+    run = simulate_smooth(state, m=6, **FIGURE5, periods=1, sample=sample)
+    assert np.abs(run.final.u - state[0]).max() < 1e-8
+    gap = [
+        np.abs(run.record.u[:, i] - exact.displacement(n, run.record.times)).max()
+        for i, n in enumerate((0, 1, 10))
+    ]
+    assert gap == pytest.approx([0.0979, 0.0104, 0.0005], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_start_of_the_paper_leads_to_the_smooth_breather_of_figure_5(figure5):
+    """u_0'(0) = 3, all else zero: the slowest multiplier has modulus 0.9937."""
+    v = np.zeros(20)
+    v[0] = 3.0
+    run = simulate_smooth((np.zeros(20), v), m=6, **FIGURE5, periods=900)
+    assert np.abs(run.final.u - figure5.start["u"]).max() < 2e-3
+    distance = np.abs(run.strobe.u - figure5.start["u"]).max(axis=1)
+    assert distance[-1] < 0.05 * distance[300]
+
+
+def test_derivatives_of_the_shooting_problem_are_those_of_its_residual(figure5):
+    x, params = figure5.x, dict(figure5.params)
+    rng = np.random.default_rng(0)
+    direction = rng.normal(size=x.size)
+
+    def along(h):
+        return figure5.residual(x + h * direction, params)
+
+    wanted = (along(1e-5) - along(-1e-5)) / 2e-5
+    assert np.allclose(figure5.jacobian(x, params) @ direction, wanted, rtol=1e-5, atol=1e-5)
+    for name in ("a", "gamma", "lam", "m", "damping", "spring"):
+        h = 1e-4 if name == "m" else 1e-5
+        plus = figure5.residual(x, {**params, name: params[name] + h})
+        minus = figure5.residual(x, {**params, name: params[name] - h})
+        given = figure5.sensitivity(x, params, name)
+        assert np.allclose(given, (plus - minus) / (2 * h), rtol=1e-4, atol=1e-6), name
+
+
+def test_variation_of_a_smooth_run_is_its_derivative_and_gives_the_multipliers(figure5):
+    state = figure5.start["u"], figure5.start["v"]
+    run = simulate_smooth(state, m=6, **FIGURE5, periods=1)
+    matrix = variation(run)
+    direction, h = np.random.default_rng(1).normal(size=40), 1e-5
+    ends = [
+        simulate_smooth(np.split(np.concatenate(state) + s * h * direction, 2), m=6, **FIGURE5,
+                        periods=1, solver=Explicit(1e-13)).final
+        for s in (1, -1)
+    ]  # fmt: skip
+    slope = np.subtract(*map(np.concatenate, ends)) / (2 * h)
+    assert np.allclose(matrix @ direction, slope, rtol=0, atol=1e-6)
+    assert np.allclose(variation(run, direction[:, None])[:, 0], matrix @ direction, atol=1e-8)
+    assert np.abs(np.linalg.eigvals(matrix)).max() == pytest.approx(0.993700, abs=1e-6)
+
+
+def test_smooth_branch_in_m_leads_to_the_impacting_ring():
+    """Distance to the damped impacting breather falls like 1/m; multipliers agree in the limit."""
+    state = symmetric(0.1, 0.08, 0.8).state(20)
+    hard = periodic(state, **FIGURE5, symmetric=True)
+    start = periodic(state, m=20, **FIGURE5, symmetric=True)
+    steps = Steps(largest=4.0, first=1.0)
+    branch = trace(start, "m", within={"m": (6, 400)}, steps=steps, towards="up")
+    gap = np.abs(branch["u"][:, 0] - hard.state.u[0]) * branch["m"]
+    assert branch["m"][-1] == pytest.approx(400)
+    assert gap[-1] == pytest.approx(0.2778, abs=2e-4)
+    assert gap[-1] == pytest.approx(gap[-4], rel=1e-3)
+    assert branch[-1]["largest"] == pytest.approx(hard.largest, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_branch_of_figure_6c_has_a_fold_in_m():
+    """At a = 0.7, gamma = 0.104 no symmetric breather continues that of the rigid walls below
+    m = 16.46: for m = 6 the figure's start is no breather at all."""
+    start = breather(20, a=0.7, gamma=0.104, k=0.8, damping=0.005, m=40)
+    branch = trace(start, "m", within={"m": (6, 41)}, towards="down", steps=Steps(largest=1.0))
+    fold = branch.first("LP")
+    assert fold["m"] == pytest.approx(16.4605, abs=1e-3)
+    assert fold.solution.half is not None
+
+
+@pytest.mark.slow
+def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
+    """a = 0.1, m = 6: at gamma = 0.0927; Fig. 6 (a) at 0.104 is beyond, Fig. 5 at 0.08 is not."""
+    start = breather(20, m=6, **FIGURE5)
+    steps = Steps(largest=0.005)
+    branch = trace(start, "gamma", within={"gamma": (0.08, 0.104)}, towards="up", steps=steps)
+    found = branch.first("NS")
+    assert found["gamma"] == pytest.approx(0.0927473, abs=1e-6)
+    assert found["largest"] == pytest.approx(1.0, abs=1e-7)
+    assert branch[-1]["largest"] == pytest.approx(1.0110, abs=1e-4)  # growth of Fig. 6 (a)
+
+
+def test_pitchfork_of_the_smooth_chain_comes_later_than_that_of_rigid_walls():
+    conditions = {"a": 0.77, "gamma": 0.04, "k": 0.8, "damping": 0.0}
+    start = breather(6, m=100, **conditions)
+    branch = trace(start, "a", within={"a": (0.77, 0.79)}, towards="up")
+    assert 0.7777 < branch.first("PF")["a"] < 0.785
+
+
+def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
+    """Down from a = 0.1: the fold of m = 6 at 0.0726, of rigid walls, undamped, at 0.0601."""
+    start = breather(20, m=6, **FIGURE5)
+    branch = trace(start, "a", within={"a": (0.05, 0.12)}, towards="down")
+    assert branch.first("LP")["a"] == pytest.approx(0.0726, abs=1e-4)
+    exact = smallest_amplitude(0.08, 0.8)
+    assert 0.0 < branch.first("LP")["a"] - exact < 0.02
+
+
+def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
+    start = breather(10, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0)
+    for name, window in (("gamma", (0.03, 0.06)), ("lam", (0.12, 0.16))):
+        branch = trace(start, name, within={name: window}, steps=Steps(largest=0.02))
+        for point in (branch[0], branch[-1]):
+            k = restitution_of(point["lam"])
+            exact = symmetric(0.3, point["gamma"], k).displacement(0, 0.0)
+            assert point["u"][0] == pytest.approx(exact, abs=0.02)
+
+
+def test_energy_that_blows_up_is_an_error():
+    with pytest.raises(NotConverged, match="the energy blows up in period 1"):
+        simulate_smooth(([0.0], [0.0]), a=1e8, gamma=0.0, k=0.8, m=2, periods=50)

@@ -1,0 +1,169 @@
+"""Perturbations carried along a run against matrices, differences and the exact multipliers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from contbreather.continuation import trace
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import Ring
+from contbreather.orbits import symmetric
+from contbreather.simulation import Kind, lyapunov, periodic, simulate, variation, verdict
+from contbreather.stability import dense_half_map
+from tests.simulation.zoo import breather
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 20])
+@pytest.mark.parametrize(("a", "gamma", "k"), [(0.2, 0.11, 0.8), (0.7, 0.06, 0.4)])
+def test_variation_over_half_a_period_is_the_half_map(a, gamma, k, sites):
+    own, early = symmetric(a, gamma, k, lattice=Ring(sites)), 0.3
+    state = own.state(sites, own.phi - early)
+    run = simulate(state, a=a, gamma=gamma, k=k, periods=0.5, t0=own.phi - early)
+    eye, zero = np.eye(sites), np.zeros((sites, sites))
+    stiff = gamma * (2 * eye - np.roll(eye, 1, 0) - np.roll(eye, -1, 0))
+    forward = expm(early * np.block([[zero, eye], [-stiff, zero]]))
+    half = np.linalg.solve(forward, dense_half_map(sites, gamma, k, own.b)) @ forward
+    assert np.abs(variation(run) - half).max() < 1e-13
+
+
+@pytest.mark.parametrize(("k", "a", "resting"), [(0.7, 0.6, False), (0.1, 1.5, True)])
+def test_variation_is_the_derivative_of_the_run(k, a, resting):
+    """Damped, four sites, other sites' impacts, chatter and rests on the way."""
+    rng = np.random.default_rng(1)
+    x = np.concatenate([rng.uniform(-0.8, 0.8, 4), rng.normal(size=4)])
+    conditions = {"a": a, "gamma": 0.2, "k": k, "damping": 0.3, "periods": 0.7 if resting else 1.3}
+
+    def image(x):
+        return simulate(np.split(x, 2), **conditions)
+
+    run, h = image(x), 1e-6
+    assert (len(run.rests) > 0) == resting
+    assert len(run.impacts) >= 5
+    steps = h * np.eye(8)
+    ends = [[np.concatenate(image(x + s * e).final) for s in (1, -1)] for e in steps]
+    differences = np.array([(plus - minus) / (2 * h) for plus, minus in ends]).T
+    assert np.abs(variation(run) - differences).max() < 1e-7
+
+
+def test_variation_of_chosen_vectors_is_the_matrix_times_them():
+    run = simulate(symmetric(0.5, 0.08, 0.8).state(6), a=0.5, gamma=0.08, k=0.8, periods=2)
+    vectors = np.random.default_rng(0).normal(size=(12, 3))
+    assert np.allclose(variation(run, vectors), variation(run) @ vectors, rtol=0, atol=1e-12)
+    with pytest.raises(BadInput, match=r"columns of length 12; an array of shape \(6, 3\)"):
+        variation(run, vectors[:6])
+
+
+@pytest.mark.parametrize("sites", [5, 20])
+def test_largest_exponent_of_the_unstable_breather_is_its_largest_multiplier(sites):
+    own = symmetric(0.8, 0.03, 0.8, lattice=Ring(sites))
+    wanted = math.log(np.abs(own.multipliers(half=True)).max()) / math.pi
+    found = lyapunov(own.state(sites), a=0.8, gamma=0.03, k=0.8, periods=20, settle=30, count=1)
+    assert found.exponents[0] == pytest.approx(wanted, rel=1e-5)
+
+
+def test_exponents_of_a_damped_attractor_are_its_multipliers():
+    conditions = {"a": 0.3, "gamma": 0.08, "k": 0.8, "damping": 0.05}
+    orbit = breather(6, **conditions)
+    wanted = np.log(np.abs(orbit.multipliers)) / (2 * math.pi)
+    found = lyapunov(orbit.state, **conditions, periods=4000, settle=100, count=12)
+    assert np.allclose(found.exponents, np.sort(wanted)[::-1], rtol=0, atol=2e-4)
+    # the sum is exact: damping on every site, and k^2 at each of two impacts in a period
+    total = -0.05 * 6 + 2 * math.log(0.8**2) / (2 * math.pi)
+    assert found.exponents.sum() == pytest.approx(total, abs=1e-10)
+
+
+def test_chaos_has_a_positive_exponent_and_the_same_from_any_perturbation():
+    state = ([0.1], [0.3])
+    conditions = {"a": 2.0, "gamma": 0.0, "k": 0.95, "periods": 6000, "settle": 100}
+    one = lyapunov(state, **conditions, count=1, seed=1)
+    two = lyapunov(state, **conditions, count=1, seed=2)
+    assert one.exponents[0] > 0.2
+    assert one.exponents[0] == pytest.approx(two.exponents[0], abs=1e-6)
+
+
+# --- periodic motions -----------------------------------------------------------------------------
+
+
+def test_without_damping_the_periodic_motion_is_the_exact_breather():
+    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(10))
+    u, v = own.state(10)
+    found = periodic((u + 1e-3, v), a=0.5, gamma=0.08, k=0.8, symmetric=True)
+    assert np.abs(found.state.u - u).max() < 1e-11
+    mine = np.sort_complex(np.round(found.half, 9))
+    exact = np.sort_complex(np.round(own.multipliers(half=True), 9))
+    assert np.allclose(mine, exact, rtol=0, atol=1e-8)
+
+
+def test_damped_breather_of_figure_5_attracts_where_the_undamped_one_does_not():
+    own = symmetric(0.1, 0.08, 0.8, lattice=Ring(20))
+    damped = periodic(own.state(20), a=0.1, gamma=0.08, k=0.8, damping=0.005, symmetric=True)
+    assert damped.largest == pytest.approx(0.99794, abs=1e-5)
+    assert np.abs(own.multipliers()).max() == pytest.approx(1.0142, abs=1e-4)
+    u, v = damped.state
+    run = simulate((u + 1e-4, v), a=0.1, gamma=0.08, k=0.8, damping=0.005, periods=4000)
+    assert np.abs(run.final.u - u).max() < 1e-7
+
+
+def test_asymmetric_breather_of_figure_7_settles_on_its_impact_phases():
+    """The symmetric one is unstable; with rigid walls the ring ends on two unequal flights."""
+    conditions = {"a": 0.82, "gamma": 0.04, "k": 0.8, "damping": 0.005}
+    run = simulate(symmetric(0.82, 0.04, 0.8).state(20), **conditions, periods=3000)
+    found = periodic(run.final, **conditions)
+    assert found.largest < 1.0
+    phases = np.sort(found.run().impacts["phase"])
+    assert np.allclose(phases, [0.455388, 3.01105], rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("a", [0.1, 0.2, 0.7])
+def test_growth_of_a_simulated_perturbation_is_that_of_the_multiplier(a):
+    """Figure 6: how fast the breather is lost, by simulation and by Floquet, to three digits.
+
+    The left eigenvector of the monodromy matrix singles out one mode among 40.
+    """
+    conditions = {"a": a, "gamma": 0.104, "k": 0.8, "damping": 0.005}
+    orbit = breather(20, **conditions)
+    assert orbit.largest > 1.03
+    values, left = np.linalg.eig(variation(orbit.run()).T)
+    mode = left[:, np.abs(values).argmax()]
+    u, v = orbit.state
+    push = 1e-7 * np.conj(mode).real
+    run = simulate((u + push[:20], v + push[20:]), **conditions, periods=60)
+    amplitude = np.abs(np.hstack([run.strobe.u - u, run.strobe.v - v]) @ mode)
+    clean = np.flatnonzero(amplitude < 1e-5)
+    rate = np.polyfit(clean, np.log(amplitude[clean]), 1)[0]
+    assert rate == pytest.approx(math.log(orbit.largest), rel=5e-4)
+
+
+def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
+    conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
+    start = breather(20, gamma=0.08, **conditions)
+    branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
+    found = branch.first("NS")
+    assert found["gamma"] == pytest.approx(0.0832031649, abs=1e-9)
+    assert found["largest"] == pytest.approx(1.0, abs=1e-9)
+    for gamma, kind in ((0.083, Kind.PERIODIC), (0.0845, Kind.QUASI_PERIODIC)):
+        seen = verdict(start.state, gamma=gamma, **conditions, settle=20000, periods=1000)
+        assert seen.kind is kind, str(seen)
+
+
+def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
+    """gamma = 0.04, k = 0.8: a = 0.777632425944 on all but the shortest rings."""
+    start = breather(16, a=0.7, gamma=0.04, k=0.8)
+    branch = trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
+    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
+
+
+def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
+    monkeypatch.setattr("contbreather.simulation.returning.STEPS", 2)
+    with pytest.raises(NotConverged, match="no periodic motion near this state: the residual is"):
+        periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
+
+
+def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():
+    found = lyapunov(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.0, periods=50, settle=10, count=2)
+    assert found.exponents[1] == -np.inf
+    assert found.error[1] == 0.0

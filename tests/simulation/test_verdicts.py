@@ -1,0 +1,307 @@
+"""Rotation numbers and verdicts on motions whose nature is known otherwise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.orbits import symmetric
+from contbreather.paper.fates import smooth_breather
+from contbreather.simulation import (
+    Explicit,
+    Kind,
+    judge,
+    periodic,
+    rotation,
+    simulate,
+    simulate_smooth,
+    sweep,
+    verdict,
+)
+from contbreather.simulation.tangent import weighted_mean
+from tests.simulation.zoo import breather
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+# --- rotation numbers -----------------------------------------------------------------------------
+
+
+def curve(turns):
+    """A wobbly closed curve in many dimensions, its parameter unevenly distributed."""
+    angle = 2 * math.pi * turns + 0.3 * np.sin(2 * math.pi * turns)
+    harmonics = np.stack([np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(3 * angle)], 1)
+    mix = np.random.default_rng(0).normal(size=(4, 6)) * np.array([1.0, 1.0, 0.2, 0.1])[:, None]
+    return harmonics @ mix + 0.7
+
+
+@pytest.mark.parametrize("number", [GOLDEN, 0.391599979, 0.0123, 1 / 3 + 0.01])
+def test_rotation_number_of_a_curve_is_found_to_eight_digits(number):
+    x = curve(number * np.arange(4000))
+    found = rotation(x[:, :3], x[:, 3:])
+    assert found.number == pytest.approx(min(number % 1, 1 - number % 1), abs=1e-9)
+    assert found.error < 1e-8
+    assert found.hole > 0.05
+
+
+def test_weighted_mean_beats_the_plain_one_on_a_torus():
+    values = 1.0 / (1.2 + np.cos(2 * math.pi * GOLDEN * np.arange(2000)))
+    exact = 1.0 / math.sqrt(1.2**2 - 1.0)
+    assert abs(weighted_mean(values) - exact) < 1e-12
+    assert abs(values.mean() - exact) > 1e-5
+
+
+# --- the torus of the theory notes ----------------------------------------------------------------
+
+TORUS = {"a": 0.15, "gamma": 0.106, "k": 0.8, "damping": 0.02}
+
+
+@pytest.fixture(scope="module")
+def torus():
+    state = symmetric(0.15, 0.106, 0.8).state(20)
+    return simulate(state, **TORUS, periods=16000)
+
+
+def test_torus_has_the_rotation_number_known_of_it(torus):
+    """Two stretches of the run that share no state give the same eight digits, and 0.39160."""
+    u, v = torus.strobe
+    early, late = rotation(u[8000:12000], v[8000:12000]), rotation(u[12000:], v[12000:])
+    assert early.number == pytest.approx(0.39160, abs=5e-6)
+    assert early.number == pytest.approx(late.number, abs=1e-9)
+
+
+def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
+    """A second road: the peak of the windowed Fourier transform of one coordinate, refined."""
+    x = torus.strobe.u[-4096:, 0]
+    window = np.hanning(len(x))
+    x, j = (x - x.mean()) * window, np.arange(len(x))
+    peak = np.abs(np.fft.rfft(x)).argmax() / len(x)
+    fine = peak + np.linspace(-1, 1, 1001) / len(x)
+    power = np.abs(np.exp(-2j * math.pi * np.outer(fine, j)) @ x)
+    frequency = fine[power.argmax()]
+    number = rotation(torus.strobe.u[-4096:], torus.strobe.v[-4096:]).number
+    assert min(frequency, 1 - frequency) == pytest.approx(number, abs=2e-6)
+
+
+def test_only_site_0_of_the_torus_impacts(torus):
+    assert set(torus.impacts["site"].tolist()) == {0}
+    assert len(torus.impacts) == 2 * torus.periods
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+PAPER = [
+    (0.1, 0.08, 0.005, 6000, Kind.PERIODIC),  # Fig. 5
+    (0.82, 0.04, 0.005, 3000, Kind.PERIODIC),  # Fig. 7, asymmetric
+    (0.15, 0.106, 0.02, 8000, Kind.QUASI_PERIODIC),
+    (0.1, 0.104, 0.005, 2000, Kind.SYNCHRONISED),  # Fig. 6 (a): nobody hits any more
+    (0.2, 0.104, 0.005, 6000, Kind.SYNCHRONISED),  # Fig. 6 (b): all hit together
+    (0.7, 0.104, 0.005, 1500, Kind.DELOCALISED),  # Fig. 6 (c)
+    (0.15, 0.104, 0.005, 2000, Kind.SYNCHRONISED),  # Fig. 8
+]
+
+
+@pytest.mark.parametrize(
+    ("a", "gamma", "damping", "settle", "kind"),
+    [
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in PAPER),
+        (0.1, 0.082, 0.005, 6000, Kind.PERIODIC),  # a slow spiral into a fixed point
+        (0.1, 0.084, 0.005, 500, Kind.UNDECIDED),  # not settled
+    ],
+)
+def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
+    state = symmetric(a, gamma, 0.8).state(20)
+    conditions = {"a": a, "gamma": gamma, "k": 0.8, "damping": damping}
+    found = verdict(state, **conditions, settle=settle, periods=300 if settle == 500 else 1000)
+    assert found.kind is kind, str(found)
+    assert found.kind.value in str(found)
+    assert found.reason
+    if gamma == 0.082:
+        assert found.evidence["multiplier"] == pytest.approx(0.999141, abs=1e-6)
+
+
+def test_verdict_on_the_torus_carries_its_evidence(torus):
+    found = verdict(torus.final, **TORUS, settle=0, periods=3000)
+    assert found.kind is Kind.QUASI_PERIODIC
+    assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
+    assert abs(found.evidence["exponent"]) < 1e-9
+    assert found.evidence["frequencies"] == 1
+    assert "exponents are zero" not in found.reason
+    assert found.evidence["impacting"] == 1
+    assert 2.0 < found.evidence["participation"] < 3.0
+
+
+def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
+    found = verdict(torus.final, **TORUS, settle=0, periods=100)
+    assert found.kind is Kind.UNDECIDED, str(found)
+    assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.10f} (")
+    assert "largest exponent" in found.reason
+
+
+def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
+    """gamma = 0.0845 of the theory notes: exponents 0 and -1.2e-4, hard to tell apart."""
+    conditions = {"a": 0.1, "gamma": 0.0845, "k": 0.8, "damping": 0.005}
+    state = symmetric(0.1, 0.082, 0.8).state(20)
+    found = verdict(state, **conditions, settle=20000, periods=3000)
+    assert found.kind is Kind.QUASI_PERIODIC
+    assert found.evidence["rotation"] == pytest.approx(0.4590294719, abs=1e-9)
+    assert found.evidence["frequencies"] <= 1
+
+
+def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
+    """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
+    conditions = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}
+    state = symmetric(0.2, 0.1087, 0.8).state(20)
+    found = verdict(state, **conditions, settle=12000, periods=6000)
+    assert found.kind is Kind.QUASI_PERIODIC
+    assert found.evidence["frequencies"] == 2
+    assert found.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
+
+
+def test_verdict_on_chaos_of_a_single_site():
+    found = verdict(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.95, settle=200, periods=2000)
+    assert found.kind is Kind.CHAOTIC
+    assert found.evidence["exponent"] > 0.2
+
+
+@pytest.mark.parametrize("a", [0.93, 0.94])
+def test_period_doubled_orbit_is_locked_one_to_two(a):
+    """gamma = 0, k = 0.8: the asymmetric breather doubles its period at a = 0.9255."""
+    found = verdict(symmetric(a, 0.0, 0.8).state(1), a=a, gamma=0.0, k=0.8, periods=500)
+    assert found.kind is Kind.LOCKED
+    assert (found.evidence["p"], found.evidence["q"]) == (1, 2)
+    assert found.evidence["multiplier"] < 1.0
+
+
+REPELLING = [
+    # a, gamma, k, damping, sites, settle, periods: returns at once, after 3, leaving for long
+    (0.1, 0.08, 0.8, 0.0, 20, 100, 100),
+    (0.5, 0.05, 1.0, 0.0, 20, 60, 100),
+    (0.2, 0.11, 0.8, 0.005, 20, 0, 100),
+    (0.1, 0.08, 0.8, 0.0, 20, 600, 600),
+]
+
+
+@pytest.mark.parametrize(("a", "gamma", "k", "damping", "sites", "settle", "periods"), REPELLING)
+def test_run_next_to_a_motion_that_repels_is_undecided(
+    a, gamma, k, damping, sites, settle, periods
+):
+    """Neither what returns until rounding has grown is periodic, nor its own exponent chaos."""
+    conditions = {"a": a, "gamma": gamma, "k": k, "damping": damping}
+    t0 = 0.5 * math.pi if k == 1.0 else 0.0  # with k = 1 it hits at t = 0
+    own = breather(sites, t0=t0, **conditions)
+    assert own.largest > 1.01
+    found = verdict(own.state, settle=settle, periods=periods, t0=t0, **conditions)
+    assert found.kind is Kind.UNDECIDED, str(found)
+    assert found.evidence["multiplier"] == pytest.approx(own.largest, rel=1e-6)
+    assert "it repels" in found.reason
+
+
+def test_small_torus_around_a_motion_that_repels_is_a_torus():
+    """Just beyond its Neimark-Sacker bifurcation a motion repels, but what is next to it stays."""
+    conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
+    own = breather(20, **conditions)
+    assert own.largest > 1.0 + 1e-7
+    found = verdict((0.999 * own.state.u, own.state.v), settle=30000, periods=3000, **conditions)
+    assert np.abs(found.run.strobe.u - own.state.u).max() < 0.1
+    assert found.kind is Kind.QUASI_PERIODIC, str(found)
+    assert abs(found.evidence["exponent"]) < 1e-5
+
+
+# Exponents of the same motions by the distance of two trajectories, kept at 1e-8, over 3000 periods
+BANDS = [(1.0409, 0.0086), (1.0411, 0.0089), (1.04115, 0.0104)]
+
+
+@pytest.mark.parametrize(("a", "exponent"), BANDS)
+def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
+    """Two rows of bands: a rotation number of 1/2 to ten digits, and repelling orbits within."""
+    found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7)
+    assert found.kind is Kind.CHAOTIC, str(found)
+    assert found.evidence["rotation"] == pytest.approx(0.5, abs=1e-6)
+    assert found.evidence["exponent"] == pytest.approx(exponent, abs=2e-3)
+    later = simulate(found.run.final, a=a, gamma=0.0, k=0.7, periods=4000).strobe.u[:, 0]
+    assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
+
+
+@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000), (3000, 2000)])
+def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
+    for a, _ in BANDS:
+        found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
+        assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
+
+
+@pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
+def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
+    """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""
+    slowly = np.linspace(0.93, a, 30)
+    start = sweep(
+        symmetric(0.93, 0.0, 0.8).state(1), "a", slowly, periods=60, a=a, gamma=0.0, k=0.8
+    )
+    found = verdict(start.final, a=a, gamma=0.0, k=0.8, periods=500)
+    own = periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
+    assert found.kind is Kind.LOCKED
+    assert (found.evidence["q"], own.largest < 1.0) == (q, True)
+    assert found.evidence["multiplier"] == pytest.approx(own.largest, abs=1e-6)
+
+
+# --- between smooth walls -------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_motion_between_elastic_walls_is_a_torus_with_the_rotation_number_of_its_spectrum():
+    """A single site without losses, weakly driven: its section is a closed curve."""
+    shared = {"a": 0.1, "gamma": 0.0, "k": 1.0, "m": 2}
+    run = simulate_smooth(([0.05], [2.0]), periods=1000, **shared)
+    found = judge(run)
+    assert found.kind is Kind.QUASI_PERIODIC, found.reason
+    assert found.evidence["exponent"] < 2e-3
+    x = run.strobe.u[:, 0] - run.strobe.u[:, 0].mean()
+    fine = np.linspace(0.3, 0.5, 4001)
+    waves = np.exp(-2j * np.pi * np.outer(fine, np.arange(len(x))))
+    peak = fine[np.abs(waves @ (x * np.hanning(len(x)))).argmax()]
+    assert found.evidence["rotation"] == pytest.approx(peak, abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("a", "periods"), [(1.0, 2), (1.05, 4)])
+def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, periods):
+    shared = {"a": a, "gamma": 0.0, "k": 0.7, "m": 30}
+    settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
+    run = simulate_smooth(settled, periods=100, **shared)
+    found = judge(run)
+    assert found.kind is Kind.LOCKED, found.reason
+    assert found.evidence["periods"] == periods
+    first = np.array(run.final).ravel()
+    exactly = {**shared, "periods": periods, "solver": Explicit(1e-13)}
+    columns = []
+    for push in 1e-5 * np.eye(2):  # the period map by central differences
+        ends = [simulate_smooth((first + s * push)[:, None], **exactly).final for s in (1, -1)]
+        columns.append(np.subtract(*ends).ravel() / 2e-5)
+    largest = np.abs(np.linalg.eigvals(np.array(columns))).max()
+    assert found.evidence["multiplier"] == pytest.approx(largest, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_bands_of_chaos_between_smooth_walls_are_no_torus():
+    shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
+    settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
+    found = judge(simulate_smooth(settled, periods=300, **shared))
+    assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
+
+
+def test_smooth_ring_that_is_delocalised_is_no_breather():
+    shared = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
+    settled = simulate_smooth(symmetric(0.7, 0.104, 0.8).state(20), periods=60, **shared)
+    found = judge(simulate_smooth(settled.final, periods=60, **shared))
+    assert found.kind in (Kind.SYNCHRONISED, Kind.DELOCALISED)
+
+
+def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
+    shared = {"a": 0.2, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
+    orbit = smooth_breather(symmetric(0.2, 0.104, 0.8), 6, 0.005, 20)
+    found = judge(simulate_smooth(orbit.state, periods=50, **shared))
+    assert found.kind is Kind.UNDECIDED
+    assert "it repels" in found.reason
