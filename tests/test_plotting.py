@@ -139,12 +139,13 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
 
 
-def test_points_of_one_name_in_a_corner_are_named_once_and_counted() -> None:
-    """The doublings of a cascade, each the first of its branch, crowd at its end."""
+def test_points_of_several_branches_in_a_corner_are_named_once_by_their_kind() -> None:
+    """The doublings of a cascade, each the first of its branch, crowd at its end: PD1 all of them,
+    and not one point that is there five times."""
     logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     ax = cb.plotting.plot_diagram(cb.diagram(logistic, "r", within={"r": (0.5, 3.6)}, depth=5)).axes
-    words = [text for text in ax.texts if text.get_text().startswith("PD1")]
-    assert sorted(text.get_text() for text in words) == ["PD1", "PD1 \N{MULTIPLICATION SIGN}5"]
+    words = [text for text in ax.texts if text.get_text().startswith("PD")]
+    assert sorted(text.get_text() for text in words) == ["PD", "PD1"]
     places = [ax.transData.transform(word.xy) for word in words]
     apart = [np.hypot(*(a - b)) for a, b in itertools.combinations(places, 2)]
     assert len(words) == 2  # at 3, and from 3.45 on
@@ -278,12 +279,44 @@ def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count:
     }
     assert list(shown) == sorted(shown)
     assert {1.0, float(count)} <= {*shown}
-    assert len(shown) == min(count, 13)
+    assert len(shown) == 7
     for c, colour in shown.items():
         x, y = colours[colour].get_data()
         assert np.allclose(y, c * np.asarray(x))
     ax.figure.draw_without_rendering()
     assert legend.get_window_extent().y0 >= ax.bbox.y1
+
+
+def test_beyond_some_names_a_legend_of_kinds_takes_their_place() -> None:
+    """A dozen branches have forty special points: no name of one is read among the others."""
+    several = [
+        cb.trace(cb.symmetric(0.5, gamma, 0.8), "a", within={"a": (0.3, 1.2)})
+        for gamma in np.linspace(0.02, 0.12, 9)
+    ]
+    ax = plot(*several).axes
+    assert not words(ax)
+    shown = {text.get_text() for text in ax.get_legend().get_texts()}
+    assert {p.kind for b in several for p in b.special} - {"EP"} <= shown
+    figure = ax.get_figure()
+    figure.draw_without_rendering()
+    assert ax.bbox.height > 0.4 * figure.bbox.height
+    assert len(words(plot(*several, labels=True).axes)) > 14
+
+
+def test_kinds_and_colours_are_those_that_were_asked_for(in_a: Branch) -> None:
+    ax = plot(in_a, kinds=("PF",), colours=["teal"]).axes
+    assert [text.get_text() for text in words(ax)] == ["PF1"]
+    assert {line.get_color() for line in curves(ax)} == {"teal"}
+    with pytest.raises(cb.BadInput, match="a colour for each of 1"):
+        plot(in_a, colours=["teal", "red"])
+    with pytest.raises(cb.BadInput, match="kinds = 'PF': several were expected"):
+        plot(in_a, kinds="PF")
+
+
+def test_mirror_images_have_one_colour(in_a: Branch) -> None:
+    arms = cb.switch(in_a.first("PF"))
+    ax = plot(in_a, *arms, y="p").axes
+    assert len({line.get_color() for line in curves(ax)}) == 2
 
 
 def test_a_diagram_is_refused_with_what_draws_it(diagram: Zones) -> None:

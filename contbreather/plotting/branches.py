@@ -37,14 +37,21 @@ WORDS: dict[Literal["-", "--", ":"], str] = {
 FINE = 6  # pieces of the line between two points
 SAME = 12.0  # typographic points, half a word: markers of one name that close need it once
 BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
-MOST = 13  # values in a legend
+MOST = 7  # values in a legend
+CROWD = 14  # words beside points; of more none is read, and the axes have no room
 OTHERS = "plotting.plot_diagram draws diagrams, plotting.plot_zones zones"
 TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
 
 def plot(
-    *branches: Branch, x: str | None = None, y: str | None = None, ax: Axes | None = None
+    *branches: Branch,
+    x: str | None = None,
+    y: str | None = None,
+    ax: Axes | None = None,
+    labels: bool | None = None,
+    kinds: Iterable[str] | None = None,
+    colours: Sequence[str] | None = None,
 ) -> Drawn:
     """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
 
@@ -61,6 +68,13 @@ def plot(
         boundary the other parameter). An array unknown is drawn by its largest entry.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
+    labels : bool, optional
+        Whether special points are named beside them. Unless given they are as long as there are not
+        more than a dozen; otherwise a legend says what the markers stand for.
+    kinds : iterable of str, optional
+        The kinds of special points to mark, ``("PF", "NS")``; all unless given.
+    colours : sequence of str, optional
+        One of matplotlib's colours for each branch.
 
     Returns
     -------
@@ -71,7 +85,8 @@ def plot(
     Raises
     ------
     BadInput
-        Without branches, or for an unknown column.
+        Without branches, for an unknown column, kinds that are no words, or another number of
+        colours than of branches.
 
     Examples
     --------
@@ -90,31 +105,62 @@ def plot(
         check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x
     y = _ordinate(branches[0]) if y is None else y
+    marked = [_marked(branch, kinds) for branch in branches]
+    check_kind(labels, (bool, type(None)), "True, False or None for labels")
     with drawing(ax) as drawn:
         axes = drawn.axes
         axes.set(xlabel=symbol(x), ylabel=symbol(y))
-        _draw(axes, branches, x, y)
+        members = _members(branches) if colours is None else []
+        alike = members or _families(branches)
+        key = _key(axes, alike, bool(members))
+        shades = [key[one] for one in alike] if colours is None else _given(colours, marked)
+        styles: set[str] = set()
+        for branch, points, colour in zip(branches, marked, shades, strict=True):
+            styles |= _lines(axes, branch, x, y, colour)
+            _markers(axes, points, x, y, colour)
+        for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
+            _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
+        words = _words(axes, marked, x, y, shades if members else [TEXT] * len(shades))
+        named = len(words) <= CROWD if labels is None else labels
+        legend = {**_by_colour(key if members else {}), **_by_style(styles)}
+        _legend(axes, legend | ({} if named else _by_marker(marked)))
+        if named:
+            _write(axes, branches, words, x, y)
     return drawn
 
 
-def _draw(ax: Axes, branches: tuple[Branch, ...], x: str, y: str) -> None:
+def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
+    """The special points to mark, where an arm sets out with the name of the point it left."""
+    if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
+        raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
+    wanted = None if kinds is None else set(kinds)
+    points = map(_named, branch.special)
+    return [point for point in points if wanted is None or point.kind in wanted]
+
+
+def _given(colours: Any, marked: Sequence[object]) -> list[str]:
+    from matplotlib.colors import is_color_like
+
+    shades = [colours] if isinstance(colours, str) else list(colours)
+    if len(shades) != len(marked) or not all(map(is_color_like, shades)):
+        raise BadInput(f"colours = {colours!r}: a colour for each of {len(marked)} was expected")
+    return shades
+
+
+def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
+    """The colour of each group of branches that are alike."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
-    members = _members(branches)
-    order: Any = list(dict.fromkeys(members)) or range(len(branches))
-    if members and len(order) > len(CYCLE):
+    order = list(dict.fromkeys(alike))
+    if values and len(order) > len(CYCLE):
         order = sorted(order, key=lambda one: [value for _, value in one])
-    colours = dict(zip(order, _colours(taken, len(order), bool(members)), strict=True))
-    own = [colours[one] for one in members or order]
-    styles: set[str] = set()
-    for branch, colour in zip(branches, own, strict=True):
-        styles |= _lines(ax, branch, x, y, colour)
-        _markers(ax, branch, x, y, colour)
-    for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
-        _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
-    if members or len(styles) > 1 or BEYOND in styles:
-        _legend(ax, styles, {one: colours[one] for one in order} if members else {})
-    _words(ax, branches, x, y, own if members else [TEXT] * len(own))
+    return dict(zip(order, _colours(taken, len(order), values), strict=True))
+
+
+def _families(branches: Iterable[Branch]) -> list[int]:
+    """A number for each branch, the same for the arms that leave one point: mirror images."""
+    parents = [next((p.parent for p in branch.special if p.parent), None) for branch in branches]
+    return [parents.index(parent) if parent else i for i, parent in enumerate(parents)]
 
 
 def _colours(taken: int, count: int, values: bool) -> list[str]:
@@ -180,18 +226,21 @@ def _named(point: Point) -> Point:
     return replace(point, kind=parent.kind, label=parent.label)
 
 
-def _gathered(points: Iterable[tuple[Point, Array]], near: float) -> list[list[Point]]:
-    """Points of one name that are close in the figure, each thing once: a pitchfork is on its
-    branch and on both arms."""
-    found: list[tuple[Array, list[Point]]] = []
-    for point, place in points:
-        for there, group in found:
-            if point.label == group[0].label and np.hypot(*(place - there)) < near:
-                group += [] if any(_is_one(point, other) for other in group) else [point]
+def _gathered(
+    points: Iterable[tuple[tuple[Point, int], Array]], near: float
+) -> list[list[tuple[Point, int]]]:
+    """Points of one name that are close in the figure, with the number of their branch, each thing
+    once: a pitchfork is on its branch and on both arms."""
+    groups: list[tuple[Array, list[tuple[Point, int]]]] = []
+    for (point, branch), place in points:
+        for there, group in groups:
+            if point.label == group[0][0].label and np.hypot(*(place - there)) < near:
+                same = any(_is_one(point, other) for other, _ in group)
+                group += [] if same else [(point, branch)]
                 break
         else:
-            found.append((place, [point]))
-    return [group for _, group in found]
+            groups.append((place, [(point, branch)]))
+    return [group for _, group in groups]
 
 
 def _is_one(point: Point, other: Point) -> bool:
@@ -253,8 +302,8 @@ def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
     return drawn
 
 
-def _markers(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> None:
-    for point in map(_named, branch.special):
+def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> None:
+    for point in points:
         plain = point.kind == "EP"
         ax.plot(
             value_of(point, x), value_of(point, y), marker(point.kind),
@@ -282,41 +331,77 @@ def _calm(axis: Axis, scale: float) -> None:
         axis.axes.autoscale_view()
 
 
-def _legend(ax: Axes, styles: set[str], members: dict[Values, str]) -> None:
+def _by_colour(key: dict[Values, str]) -> dict[str, dict[str, Any]]:
+    """What colours stand for: of many values some, the others are in between."""
+    few = np.unique(np.linspace(0, len(key) - 1, min(len(key), MOST)).round().astype(int))
+    named = [list(key.items())[i] for i in few]
+    texts = [", ".join(f"{symbol(name)} = {x:g}" for name, x in one) for one, _ in named]
+    return {text: {"color": colour} for text, (_, colour) in zip(texts, named, strict=True)}
+
+
+def _by_style(styles: set[str]) -> dict[str, dict[str, Any]]:
+    shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
+    return {WORDS[style]: {"color": "black", "linestyle": style} for style in shown}
+
+
+def _by_marker(marked: Iterable[Iterable[Point]]) -> dict[str, dict[str, Any]]:
+    """What the markers stand for, in place of words beside each; ends are dots everywhere."""
+    kinds = dict.fromkeys(p.kind for points in marked for p in points if p.kind != "EP")
+    look = {"color": "black", "linestyle": "none"}
+    return {
+        kind: {**look, "marker": marker(kind), "markersize": size(kind)} for kind in sorted(kinds)
+    }
+
+
+def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
+    """Inside the axes as long as it is small, else above them."""
     from matplotlib.lines import Line2D
 
-    shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
-    few = np.unique(np.linspace(0, len(members) - 1, min(len(members), MOST)).round().astype(int))
-    named = [list(members.items())[i] for i in few]  # colours between two of them are in between
-    handles = [Line2D([], [], color=colour) for _, colour in named]
-    handles += [Line2D([], [], color="black", linestyle=style) for style in shown]
-    words = [", ".join(f"{symbol(name)} = {x:g}" for name, x in one) for one, _ in named]
-    words += (WORDS[style] for style in shown)
-    above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
-    place = above if len(members) > len(CYCLE) else {"loc": "best"}
-    ax.legend(handles, words, frameon=False, handlelength=2.2, **place)
+    if entries:
+        handles = [Line2D([], [], **look) for look in entries.values()]
+        above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
+        place = above if len(entries) >= len(CYCLE) else {"loc": "best"}
+        ax.legend(handles, list(entries), frameon=False, handlelength=2.2, **place)
 
 
-def _words(ax: Axes, branches: tuple[Branch, ...], x: str, y: str, colours: Sequence[str]) -> None:
+def _words(
+    ax: Axes, marked: Sequence[Sequence[Point]], x: str, y: str, colours: Sequence[str]
+) -> list[tuple[Point, str, str]]:
+    """What to write beside which point, and its colour."""
+    # with several branches their ends are many, and say nothing: a dot is enough
+    quiet = "EP" if len(marked) > 1 else ""
+    near = SAME * Labels(ax).pixel
+    words: list[tuple[Point, str, str]] = []
+    for colour in dict.fromkeys(colours):
+        own = [points for points, its in zip(marked, colours, strict=True) if its == colour]
+        points = [(p, i) for i, its in enumerate(own) for p in its if p.kind != quiet]
+        places = [ax.transData.transform((value_of(p, x), value_of(p, y))) for p, _ in points]
+        for group in _gathered(zip(points, places, strict=True), near):
+            words.append((group[0][0], _text(group), colour))
+    return words
+
+
+def _text(group: Sequence[tuple[Point, int]]) -> str:
+    """The name of points that are one beside another: of several branches their kind alone, since
+    each branch numbers its own."""
+    point = group[0][0]
+    if len({i for _, i in group}) > 1:
+        return point.kind
+    several = f" \N{MULTIPLICATION SIGN}{len(group)}" if len(group) > 1 else ""
+    return (point.label if point.located else f"{point.label}?") + several
+
+
+def _write(
+    ax: Axes, branches: Iterable[Branch], words: Sequence[tuple[Point, str, str]], x: str, y: str
+) -> None:
     """Labels come last, when the limits of the axes are known; what is special comes first."""
     labels = Labels(ax)
     labels.keep_off([ax.get_legend()])
     for branch in branches:
         labels.avoid(column_of(branch, x), column_of(branch, y))
-    # with several branches their ends are many, and say nothing: a dot is enough
-    quiet = "EP" if len(branches) > 1 else ""
-    named: list[tuple[Point, str, str]] = []
-    for colour in dict.fromkeys(colours):
-        own = [b for b, its in zip(branches, colours, strict=True) if its == colour]
-        points = [p for b in own for p in map(_named, b.special) if p.kind != quiet]
-        places = [ax.transData.transform((value_of(p, x), value_of(p, y))) for p in points]
-        for group in _gathered(zip(points, places, strict=True), SAME * labels.pixel):
-            text = group[0].label if group[0].located else f"{group[0].label}?"
-            several = f" \N{MULTIPLICATION SIGN}{len(group)}" if len(group) > 1 else ""
-            named.append((group[0], text + several, colour))
-    for point, _, _ in named:
+    for point, _, _ in words:
         labels.announce(value_of(point, x), value_of(point, y))
-    for point, text, colour in sorted(named, key=lambda one: one[0].kind == "EP"):
+    for point, text, colour in sorted(words, key=lambda one: one[0].kind == "EP"):
         style: dict[str, Any] = {"fontsize": "small", "color": colour}
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}
