@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -20,6 +21,7 @@ from contbreather.orbits.zones import Zones, zones
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels
+from contbreather.plotting.multipliers import band
 from contbreather.stability.half_period import HalfMap
 
 
@@ -527,6 +529,33 @@ def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
     np.testing.assert_allclose(np.sort_complex(drawn), np.sort_complex(want))
     colours = {line.get_color() for line in dots if len(line.get_xdata())}
     assert len(colours) == 2
+
+
+def test_with_damping_the_band_is_where_the_multipliers_of_a_free_ring_are() -> None:
+    """exp(-damping pi) from 0 over the period, and not on the circle."""
+    ring = cb.Ring(60)
+    damped = cb.symmetric(0.5, 0.08, 0.8, damping=0.05, lattice=ring)
+    waves = band(damped)
+    w = ring.frequencies(0.08)
+    free = np.exp((-0.025 + np.sqrt(0.025**2 - w**2 + 0j)) * 2 * math.pi)
+    assert abs(free[:, None] - waves[0]).min(axis=1).max() < 0.01
+    assert np.median(abs(waves)) == pytest.approx(math.exp(-0.05 * math.pi))
+    assert len(words(plot_multipliers(damped).axes)) == 1
+
+
+def test_one_multiplier_far_out_leaves_the_circle_as_large_as_it_was() -> None:
+    lower = cb.orbits.symmetric_roots(0.3, 0.04, 0.8)[-1]
+    largest = abs(lower.multipliers(sites=100)).max()
+    ax = plot_multipliers(lower, sites=100).axes
+    assert largest > 20
+    assert ax.get_xlim()[1] < 2.5
+    assert f"{largest:.4f}" in {text.get_text() for text in words(ax)}
+
+
+def test_of_many_multipliers_off_the_band_the_farthest_have_names() -> None:
+    """Each of six sites that hit has multipliers of its own."""
+    orbit = cb.multibreather(range(0, 24, 2), a=0.5, gamma=0.03, k=0.8, lattice=cb.Ring(24))
+    assert 0 < len(words(plot_multipliers(orbit).axes)) <= 8
 
 
 # --- files --------------------------------------------------------------------------------------

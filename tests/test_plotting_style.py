@@ -417,11 +417,15 @@ def test_letters_of_regions_have_the_size_that_fits_and_none_where_none_does() -
 def test_a_multiplier_is_off_the_band_if_it_is_farther_than_the_ripple_of_the_ring(
     sites: int, rim: float
 ) -> None:
+    arc = 0.5 * np.pi * np.linspace(-1.0, 1.0, 2001)
     for angle, radial in ((0.3, True), (-1.5, True), (0.0, True), (math.pi / 2, False)):
         for part, off in ((0.98, False), (1.02, True)):
             way = np.exp(1j * angle)
             mu = way * (1.0 + part * rim) if radial else way + 1j * way * part * rim
-            assert off_the_band(np.array([mu, mu.conjugate()]), 0.5, sites).tolist() == [off] * 2
+            assert (
+                off_the_band(np.array([mu, mu.conjugate()]), np.exp(1j * arc), sites).tolist()
+                == [off] * 2
+            )
 
 
 def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile() -> None:

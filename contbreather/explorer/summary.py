@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.lattice import Ring
 from contbreather.orbits import Orbit
-from contbreather.plotting.multipliers import off_the_band
+from contbreather.plotting.multipliers import band, off_the_band
 
 Array = NDArray[Any]
 
@@ -107,7 +107,8 @@ def multipliers(orbit: Orbit, ring: int) -> Multipliers:
     if not ringlike or orbit.damping:
         return Multipliers(mu, np.abs(mu) > 1.0 + 1e-9, None, about)
     edge = math.sqrt(orbit.spring + 4.0 * orbit.gamma) * orbit.section.length / math.pi
-    return Multipliers(mu, off_the_band(mu, edge, own or ring), min(edge, 1.0), about)
+    off = off_the_band(mu, band(orbit, half), own or ring)
+    return Multipliers(mu, off, min(edge, 1.0), about)
 
 
 @lru_cache(maxsize=1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, whole
 from contbreather.errors import BadInput
+from contbreather.lattice import Ring
 from contbreather.orbits import Orbit
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing
 from contbreather.plotting.labels import Labels
@@ -21,6 +22,8 @@ Array = NDArray[Any]
 
 NARROW = 150.0  # points: in axes narrower than that a pair takes two lines
 ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong to it
+FAR = 2.0  # from 0: what is farther out is shown at the rim of the figure
+NAMED = 8  # multipliers that have their value beside them; of more none could be read
 
 
 def plot_multipliers(
@@ -33,8 +36,11 @@ def plot_multipliers(
 ) -> Drawn:
     """Draw the Floquet multipliers of a breather on a ring, or of an orbit on its own lattice.
 
-    The unit circle, on it the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for
-    the half map), all 2N multipliers of the ring, and a label at each one off the band.
+    The unit circle, the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for the
+    half map; on the circle ``exp(-damping pi)`` with damping), all 2N multipliers of the ring, and
+    the values of those off the band: of the eight that are farthest from it. What is farther than 2
+    from 0 is a triangle at the rim, so that the circle stays a circle one can read. Finite lattices
+    other than rings have no band; there the circle of free modes is drawn.
 
     Parameters
     ----------
@@ -67,54 +73,86 @@ def plot_multipliers(
     if sites is None and own is None:
         sites = 400
     mu = np.asarray(breather.multipliers(sites=sites, half=half))
-    spring = float(getattr(breather, "spring", 0.0))
-    edge = math.sqrt(4.0 * breather.gamma + spring) * (1.0 if half else 2.0)
-    alone = off_the_band(mu, edge, sites or own or 1)
+    waves = band(breather, half)
+    alone = off_the_band(mu, waves, sites or own or 1)
     with drawing(ax, height=8.5) as drawn:
         axes = drawn.axes
-        _circle_and_band(axes, edge)
-        _dots(axes, mu, alone)
-        _frame(axes, mu, half)
+        _circle_and_band(axes, waves)
+        shown = _within(mu)
+        _frame(axes, shown, half)
+        _dots(axes, mu, shown, alone)
         labels = Labels(axes)
         labels.avoid(*_circle())
-        narrow = axes.bbox.width / labels.pixel < NARROW
-        for one in mu[alone]:
+        for one in shown[alone]:
             labels.avoid(one.real, one.imag)
             labels.announce(one.real, one.imag)
-        named = mu[alone & (mu.imag >= 0.0)]
-        for one in named[np.argsort(np.abs(np.abs(named) - 1.0))]:  # the tightest place first
+        space = "\n" if axes.bbox.width / labels.pixel < NARROW else " "
+        for one, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
             colour = VERMILLION if abs(one) > 1.0 else "black"
-            text = _number(one, digits, "\n" if narrow else " ")
-            labels.place(one.real, one.imag, text, fontsize="small", color=colour)
+            text = _number(one, digits, space)
+            labels.place(place.real, place.imag, text, fontsize="small", color=colour)
     return drawn
 
 
-def _dots(ax: Axes, mu: Array, alone: NDArray[np.bool_]) -> None:
-    outside = np.abs(mu) > 1.0
+def band(orbit: Orbit, half: bool = False) -> Array:
+    """Multipliers of plane waves, ``exp((-c/2 +- sqrt(c^2/4 - w^2)) T)`` with damping c, shape
+    (2, n): both of a pair, from one edge of the band to the other. On a finite lattice that is no
+    ring the circle that they lie on."""
+    period = orbit.period / (2.0 if half else 1.0)
+    decay = 0.5 * float(getattr(orbit, "damping", 0.0))
+    if orbit.lattice.sites is not None and not isinstance(orbit.lattice, Ring):
+        return math.exp(-decay * period) * np.exp(1j * np.linspace([0, 0], [np.pi, -np.pi], 721).T)
+    theta = np.linspace(0.0, math.pi, 721)
+    squares = float(getattr(orbit, "spring", 0.0)) + 4.0 * orbit.gamma * np.sin(0.5 * theta) ** 2
+    root = np.sqrt(decay**2 - squares + 0j)
+    return np.exp((-decay + np.multiply.outer([1.0, -1.0], root)) * period)
+
+
+def off_the_band(mu: Array, waves: Array, sites: int) -> NDArray[np.bool_]:
+    """Multipliers that stand off the band by more than a ring's ripple."""
+    from scipy.spatial import KDTree
+
+    places = [np.stack([z.real, z.imag], axis=-1) for z in (waves.ravel(), mu)]
+    gap, _ = KDTree(places[0]).query(places[1])
+    return np.asarray(gap > max(0.01, ALONE / sites))
+
+
+def _within(mu: Array) -> Array:
+    """Where multipliers are shown: those far out at the rim, in their direction."""
+    size = np.abs(mu)
+    return np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
+
+
+def _named(mu: Array, shown: Array, which: NDArray[np.bool_]) -> list[tuple[complex, complex]]:
+    """The multipliers to name and their places: those farthest off the circle, of these the
+    tightest place first."""
+    off = np.abs(np.log(np.maximum(np.abs(mu), 1e-300)))
+    chosen = sorted(np.flatnonzero(which), key=lambda i: off[i])[-NAMED:]
+    return [(complex(mu[i]), complex(shown[i])) for i in chosen]
+
+
+def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:
+    outside, far = np.abs(mu) > 1.0, np.abs(mu) > FAR
     for which, colour in ((~alone, BLUE), (alone & ~outside, BLUE), (alone & outside, VERMILLION)):
-        ax.plot(mu[which].real, mu[which].imag, "o", color=colour, markersize=1.6, zorder=3)
+        near = shown[which & ~far]
+        ax.plot(near.real, near.imag, "o", color=colour, markersize=1.6, zorder=3)
+    for place in shown[far]:
+        pointing = (3, 0, math.degrees(np.angle(place)) - 90.0)  # a triangle that points outwards
+        ax.plot(place.real, place.imag, marker=pointing, color=VERMILLION, markersize=5, zorder=3)
 
 
-def _circle(low: float = -math.pi, high: float = math.pi) -> tuple[Array, Array]:
-    angle = np.linspace(low, high, 361)
+def _circle() -> tuple[Array, Array]:
+    angle = np.linspace(-math.pi, math.pi, 361)
     return np.cos(angle), np.sin(angle)
 
 
-def _circle_and_band(ax: Axes, edge: float) -> None:
+def _circle_and_band(ax: Axes, waves: Array) -> None:
     ax.plot(*_circle(), color=GREY, linewidth=0.6, zorder=1)
-    for sign in (-1.0, 1.0):
-        band = _circle(0.0, sign * math.pi * edge)
-        ax.plot(*band, color=SKY, linewidth=5.0, alpha=0.5, zorder=2, solid_capstyle="butt")
+    for part in waves:
+        ax.plot(part.real, part.imag, color=SKY, linewidth=5.0, alpha=0.5, zorder=2,
+                solid_capstyle="butt")  # fmt: skip
     ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
     ax.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
-
-
-def off_the_band(mu: Array, edge: float, sites: int) -> NDArray[np.bool_]:
-    """Multipliers that stand off the arcs of the band by more than a ring's ripple."""
-    angle = np.minimum(np.abs(np.angle(mu)), math.pi * edge)
-    nearest = np.exp(1j * angle)
-    upper = mu.real + 1j * np.abs(mu.imag)
-    return np.asarray(np.abs(upper - nearest) > max(0.01, ALONE / sites))
 
 
 def _frame(ax: Axes, mu: Array, half: bool) -> None:
