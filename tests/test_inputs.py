@@ -230,9 +230,12 @@ def test_a_loaded_point_without_equations_says_so_to_switch_and_extend(tmp_path:
 def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:
     sample = cb.simulation.Sample((0, 1), 20)
     run = cb.simulate(breather.state(6), **HERE, periods=2, sample=sample)
-    lines = [line.get_ydata() for line in cb.plotting.plot_motion(run).axes.get_lines()]
     assert run.record is not None
+    lines = [line.get_ydata() for line in cb.plotting.plot_motion(run.record).axes.get_lines()]
     np.testing.assert_array_equal(np.transpose(lines), run.record.u)
+    hits = cb.plotting.plot_motion(run).axes.get_lines()[0]  # what hits is seen to hit
+    assert {*np.round(hits.get_ydata()[abs(hits.get_ydata()) > 1 - 1e-12])} == {-1.0, 1.0}
+    assert hits.get_xdata().size == len(run.record.times) + len(run.at_site(0))
     bare = cb.simulate(breather.state(6), **HERE, periods=2)
     with pytest.raises(cb.BadInput, match="sample=Sample"):
         cb.plotting.plot_motion(bare)

@@ -283,6 +283,25 @@ def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
     assert ax.get_xlim() == pytest.approx((1.0, 12.95))  # no margin beyond the first and last
 
 
+def test_a_window_of_a_motion_is_what_was_asked_for_and_recorded(run) -> None:
+    ax = plot_motion(run, periods=(3.0, 5.0)).axes
+    assert ax.get_xlim() == pytest.approx((3.0, 5.0))
+    with pytest.raises(cb.BadInput, match=r"periods = \(40, 50\): a pair .* recorded, 1 to 12.95"):
+        plot_motion(run, periods=(40, 50))
+
+
+def test_a_long_motion_is_its_envelope(state) -> None:
+    """The largest and the smallest displacement of each period, those at the walls included."""
+    long = cb.simulate(state, periods=40, sample=Sample((0, 1), 20), t0=TURN, **SET)
+    ax = plot_motion(long).axes
+    assert not ax.get_lines()
+    hit, beside = (band.get_paths()[0].vertices[:, 1] for band in ax.collections)
+    assert (hit.min(), hit.max()) == pytest.approx((-1.0, 1.0), abs=1e-12)
+    u = long.record.u[:, 1]
+    assert (beside.min(), beside.max()) == pytest.approx((u.min(), u.max()), abs=1e-12)
+    assert ax.get_xlim() == pytest.approx((1.0, 40.95))
+
+
 def test_section_is_velocity_over_displacement(run) -> None:
     ax = plot_section(run, site=1).axes
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{1}$")

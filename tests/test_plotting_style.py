@@ -194,7 +194,7 @@ def pictures(diagram: Zones, run: cb.simulation.Run) -> dict[str, Axes]:
         "diagram": plot_diagram((branch, *arms)).axes,
         "zones": plot_zones(diagram).axes,
         "multipliers": plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), sites=40).axes,
-        "motion": plot_motion(run).axes,
+        "motion": plot_motion(run.record, periods=(0, 20)).axes,
         "section": plot_section(run).axes,
         "localisation": plot_localisation(run).axes,
         "sweep": plot_sweep(loop).axes,
@@ -261,7 +261,7 @@ def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_she
 
 HEIGHTS = {"multipliers": 8.5, "zones": 6.8, "moduli": 8.6, "simulated": 13.5, "against": 7.8,
            "traces": 7.8}  # fmt: skip
-NODES = {"orbit": 401, "localisation": 31, "motion": 30 * 64, "traces": 9, "simulated": 600}
+NODES = {"orbit": 401, "localisation": 31, "motion": 20 * 64 + 1, "traces": 9, "simulated": 600}
 
 
 @pytest.mark.parametrize("name", NAMES)

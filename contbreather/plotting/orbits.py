@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contbreather.checks import MOST, whole
 from contbreather.continuation import Point
@@ -16,6 +17,8 @@ from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
 
 PIECES = 400  # of a period
 
@@ -58,8 +61,9 @@ def plot_orbit(
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
     with drawing(ax) as drawn:
         axes = drawn.axes
-        for n in chosen:
-            axes.plot(t / (2 * math.pi), whole.displacement(n, t), label=f"$u_{{{n}}}$")
+        for alike, u in _motions(whole, chosen, t):
+            label = ", ".join(f"$u_{{{n}}}$" for n in alike)
+            axes.plot(t / (2 * math.pi), u, label=label)
         _impacts(axes, whole, chosen)
         _walls(axes, whole, hit)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
@@ -67,6 +71,19 @@ def plot_orbit(
         axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
                     bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
     return drawn
+
+
+def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:
+    """Sites that move alike, mirror images for instance, with their motion: one line is seen."""
+    motions: list[tuple[list[int], Array]] = []
+    for n in chosen:
+        u = orbit.displacement(n, t)
+        same = next((sites for sites, other in motions if np.allclose(u, other, atol=1e-9)), None)
+        if same is None:
+            motions.append(([n], u))
+        else:
+            same.append(n)
+    return motions
 
 
 def chosen_sites(sites: object) -> list[int]:

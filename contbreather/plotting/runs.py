@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, one_of, whole
+from contbreather.checks import check_kind, one_of, row, whole
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import (
     BLUE,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 RUNS = (Run, SmoothRun)
+LONG = 20.0  # periods; of more, lines would fill the axes
 FATES = {
     Fate.RETURNED: BLUE,
     Fate.OTHER: SKY,
@@ -49,15 +50,31 @@ COLUMNS = {
 }
 
 
-def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
+def plot_motion(
+    record: Record | Run | SmoothRun,
+    *,
+    periods: tuple[float, float] | None = None,
+    ax: Axes | None = None,
+) -> Drawn:
     """Displacements of the recorded sites over time in periods.
+
+    More than 20 periods are drawn by their envelopes, the largest and the smallest displacement in
+    each period. Of a run with impacts these are part of the lines: its sites reach their walls
+    however coarsely they were sampled.
 
     Parameters
     ----------
-    record : Record, dynamics.Run or SmoothRun
+    record : Record, simulation.Run or SmoothRun
         A run that was asked for ``sample=Sample(sites)``, or its ``record``.
+    periods : pair of float, optional
+        From which to which time, in periods of the forcing; all of it unless given.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
+
+    Raises
+    ------
+    BadInput
+        For a run without a record, or periods in which nothing was recorded.
 
     Examples
     --------
@@ -74,13 +91,26 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
                 "this run has its states once in a period only; simulate with "
                 "sample=Sample(sites=(0, 1)) to record some sites densely"
             )
-        record = record.record
+        run, record = record, record.record
+    else:
+        run = None
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
+    first, last = _window(record.times / PERIOD, periods)
     with drawing(ax) as drawn:
         axes = drawn.axes
         for i, n in enumerate(record.sites):
-            t, colour = record.times / PERIOD, CYCLE[i % len(CYCLE)]
-            axes.plot(t, record.u[:, i], "-", color=colour, linewidth=1.0, label=f"$u_{{{n}}}$")
+            t, u = record.times, record.u[:, i]
+            if isinstance(run, Run):
+                t, u = _with_impacts(t, u, run, n)
+            t = t / PERIOD
+            inside = (first <= t) & (t <= last)
+            t, u = t[inside], u[inside]
+            look: dict[str, Any] = {"color": CYCLE[i % len(CYCLE)], "label": f"$u_{{{n}}}$"}
+            if last - first > LONG:
+                low, high, edges = _envelope(t, u)
+                axes.fill_between(edges, low, high, step="post", alpha=0.5, linewidth=0.0, **look)
+            else:
+                axes.plot(t, u, "-", linewidth=1.0, **look)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
         axes.legend(
@@ -88,6 +118,35 @@ def plot_motion(record: Record | Run | SmoothRun, *, ax: Axes | None = None) -> 
             handlelength=1.3, fontsize=_size(axes),
         )  # fmt: skip
     return drawn
+
+
+def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float]:
+    if periods is None:
+        return float(t[0]), float(t[-1])
+    ends = row("periods", periods, "a pair (from, to)").tolist()
+    if len(ends) != 2 or not np.any((ends[0] <= t) & (t <= ends[1])):
+        raise BadInput(
+            f"periods = {periods}: a pair (from, to) was expected, within what was recorded, "
+            f"{t[0]:.6g} to {t[-1]:.6g}"
+        )
+    return ends[0], ends[1]
+
+
+def _with_impacts(t: Array, u: Array, run: Run, site: int) -> tuple[Array, Array]:
+    """The samples of a site, and its impacts between them, where it is at a wall."""
+    own = run.at_site(site)
+    own = own[(own["time"] >= t[0]) & (own["time"] <= t[-1])]
+    walls = [run.conditions.walls.position(site, int(wall)) for wall in own["wall"]]
+    order = np.argsort(np.concatenate([t, own["time"]]), kind="stable")
+    return np.concatenate([t, own["time"]])[order], np.concatenate([u, walls])[order]
+
+
+def _envelope(t: Array, u: Array) -> tuple[Array, Array, Array]:
+    """The smallest and the largest value in each period, and where the periods begin."""
+    begins = np.flatnonzero(np.diff(np.floor(t), prepend=-np.inf) > 0)
+    low, high = np.minimum.reduceat(u, begins), np.maximum.reduceat(u, begins)
+    # a step goes from where its value stands: the last one to the end
+    return np.append(low, low[-1]), np.append(high, high[-1]), np.append(t[begins], t[-1])
 
 
 def _size(axes: Axes) -> float:
@@ -102,7 +161,7 @@ def plot_section(
 
     Parameters
     ----------
-    run : dynamics.Run or SmoothRun
+    run : simulation.Run or SmoothRun
     site : int
     skip : int
         Periods to leave out at the beginning, as a transient.
@@ -115,7 +174,7 @@ def plot_section(
         raise BadInput(f"site = {site!r}: the number of a site was expected")
     if not 0 <= skip <= run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
-    u, v = (row[skip:, site % run.sites] for row in run.strobe)
+    u, v = (states[skip:, site % run.sites] for states in run.strobe)
     with drawing(ax) as drawn:
         axes = drawn.axes
         axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
@@ -126,9 +185,9 @@ def plot_section(
 
 def _not_finer(axes: Axes, u: Array, v: Array) -> None:
     """A fixed point is a point, however deep its rounding could be zoomed into."""
-    for row, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
-        if np.ptp(row) < 1e-3:
-            limits(row.mean() - 1e-3, row.mean() + 1e-3)
+    for values, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
+        if np.ptp(values) < 1e-3:
+            limits(values.mean() - 1e-3, values.mean() + 1e-3)
 
 
 def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
@@ -136,7 +195,7 @@ def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
 
     Parameters
     ----------
-    run : dynamics.Run or SmoothRun
+    run : simulation.Run or SmoothRun
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
     """
