@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,10 @@ from contbreather.plotting import (
     plot_localisation,
     plot_motion,
     plot_multipliers,
+    plot_profile,
     plot_section,
+    plot_space_time,
+    plot_spectrum,
     plot_sweep,
     plot_zones,
     save_figure,
@@ -469,3 +473,58 @@ def test_a_picture_made_in_the_caller_s_axes_has_the_caller_s_type() -> None:
     branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.45, 0.55)})
     assert plot(branch, ax=ax).axes.xaxis.label.get_fontsize() == 17.0
     assert plot(branch).axes.xaxis.label.get_fontsize() == 8.0
+
+
+# --- all sites, all multipliers -----------------------------------------------------------------
+
+
+def test_a_profile_has_the_displacement_of_each_site_in_its_place() -> None:
+    breather = cb.symmetric(0.5, 0.08, 0.8)
+    (line,) = [one for one in plot_profile(breather, t=1.0).axes.get_lines()
+               if one.get_marker() == "o"]  # fmt: skip
+    n, u = line.get_data()
+    assert list(n) == list(range(-10, 11))
+    np.testing.assert_allclose(u, [breather.displacement(int(i), 1.0) for i in n], atol=1e-14)
+
+
+def test_sites_of_a_grid_are_tiles_in_its_rows() -> None:
+    on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Grid(3, 5), site=7)
+    (tiles,) = plot_profile(on_grid, shape=(3, 5)).axes.images
+    np.testing.assert_allclose(np.ravel(tiles.get_array()), on_grid.state(t=0.0)[0], atol=1e-12)
+    with pytest.raises(cb.BadInput, match="16 places for 15 sites"):
+        plot_profile(on_grid, shape=(4, 4))
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_a_run_over_space_and_time_has_its_sites_in_order(run, dense: bool) -> None:
+    shown = run if dense else replace(run, record=None)
+    (mesh,) = plot_space_time(shown).axes.collections
+    want = run.record.u[:, [0, 1, 2]] if dense else run.strobe.u
+    assert run.record.sites == (0, 1, 9)
+    np.testing.assert_array_equal(np.reshape(mesh.get_array(), want.shape), want)
+
+
+def test_an_orbit_over_space_and_time_is_its_period() -> None:
+    breather = cb.symmetric(0.5, 0.08, 0.8)
+    ax = plot_space_time(breather, sites=(1, 0)).axes
+    values = np.reshape(ax.collections[0].get_array(), (-1, 2))
+    np.testing.assert_allclose(values[0], [breather.displacement(n, 0.0) for n in (0, 1)])
+    np.testing.assert_allclose(values[0], values[-1], atol=1e-9)
+
+
+def test_a_spectrum_crosses_where_the_branch_bifurcates() -> None:
+    """+1 of half the map at the pitchfork; the eigenvalue 0 at a fold."""
+    branch = cb.trace(cb.symmetric(0.7, 0.045, 0.8), "a", within={"a": (0.7, 0.82)})
+    fork = branch.first("PF")["a"]
+    a, mu = _dots(plot_spectrum(branch, half=True, sites=100).axes)
+    assert mu[a < fork - 1e-9].max() < 1 + 0.05
+    assert mu[a > fork + 1e-3].max() > 1.02
+    line = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": 1.0}, {"mu": 1.0})
+    bent = cb.trace(line, "mu", within={"x": (-1, 1)})
+    _, real = _dots(plot_spectrum(bent, x="x").axes)
+    np.testing.assert_allclose(np.sort(real), np.sort(-2 * bent["x"]), atol=1e-9)
+
+
+def _dots(ax) -> tuple:
+    lines = [line for line in ax.get_lines() if line.get_marker() == "."]
+    return tuple(np.concatenate([line.get_data()[i] for line in lines]) for i in (0, 1))

@@ -9,7 +9,8 @@ from contbreather.plotting.atlas import plot_atlas
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import Drawn, new_figure, save_figure, style
 from contbreather.plotting.diagrams import plot_diagram
-from contbreather.plotting.multipliers import plot_multipliers
+from contbreather.plotting.fields import plot_profile, plot_space_time
+from contbreather.plotting.multipliers import plot_multipliers, plot_spectrum
 from contbreather.plotting.orbits import plot_orbit
 from contbreather.plotting.runs import (
     plot_basin,
@@ -31,7 +32,10 @@ __all__ = [
     "plot_motion",
     "plot_multipliers",
     "plot_orbit",
+    "plot_profile",
     "plot_section",
+    "plot_space_time",
+    "plot_spectrum",
     "plot_sweep",
     "plot_zones",
     "save_figure",

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import kind_of, whole
+from contbreather.checks import check_kind, kind_of, whole
+from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import Orbit
-from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing
+from contbreather.plotting.branches import value_of
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing, symbol
 from contbreather.plotting.labels import Labels
 
 if TYPE_CHECKING:
@@ -91,6 +93,66 @@ def plot_multipliers(
             colour = VERMILLION if abs(one) > 1.0 else "black"
             text = _number(one, digits, space)
             labels.place(place.real, place.imag, text, fontsize="small", color=colour)
+    return drawn
+
+
+def plot_spectrum(
+    branch: Branch,
+    *,
+    x: str | None = None,
+    sites: int | None = None,
+    half: bool = False,
+    ax: Axes | None = None,
+) -> Drawn:
+    """What decides on stability along a branch: of orbits the moduli of their multipliers, with the
+    circle they cross; of other problems the real parts of the eigenvalues, with 0.
+
+    Parameters
+    ----------
+    branch : Branch
+        Of orbits, or of anybody's equilibria.
+    x : str, optional
+        The free parameter unless given.
+    sites : int, optional
+        As for `plot_multipliers`; 40 on the infinite chain.
+    half : bool
+        Multipliers over half the period of symmetric orbits.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Raises
+    ------
+    BadInput
+        For what is not a branch, or a boundary, whose own equations are not those of the motion.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> line = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": 1.0}, {"mu": 1.0})
+    >>> ax = plot_spectrum(cb.trace(line, "mu", within={"x": (-1, 1)})).axes
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('$\\mu$', 'Re of eigenvalues')
+    """
+    check_kind(branch, Branch, "a branch")
+    if len(branch.curve.free) > 1:
+        raise BadInput("a boundary has two parameters; take a branch in one of them")
+    of_orbits = isinstance(branch[0].curve.problem.interpret and branch[0].solution, Orbit)
+    if of_orbits and branch[0].solution.lattice.sites is None and sites is None:
+        sites = 40
+    x = branch.free if x is None else x
+    values = []
+    for point in branch:
+        if of_orbits:
+            values.append(np.sort(np.abs(point.solution.multipliers(sites=sites, half=half))))
+        else:
+            values.append(np.sort(point.curve.spectrum(point.z).real))
+    with drawing(ax) as drawn:
+        axes = drawn.axes
+        axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
+        axes.axhline(1.0 if of_orbits else 0.0, color=GREY, linewidth=0.6, zorder=0)
+        for point in branch.special:
+            axes.axvline(value_of(point, x), color=GREY, linewidth=0.5, linestyle=":", zorder=0)
+        axes.set(xlabel=symbol(x), ylabel=r"$|\mu|$" if of_orbits else "Re of eigenvalues")
     return drawn
 
 

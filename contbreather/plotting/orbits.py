@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,9 +53,7 @@ def plot_orbit(
     >>> [line.get_label() for line in ax.get_lines()[:3]]
     ['$u_{0}$', '$u_{1}$', '$u_{2}$']
     """
-    whole: Any = orbit.solution if isinstance(orbit, Point) else orbit
-    if not isinstance(whole, Orbit):
-        raise BadInput(f"{orbit!r} is not an orbit: symmetric() finds one")
+    whole = orbit_of(orbit)
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
@@ -71,6 +69,14 @@ def plot_orbit(
         axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
                     bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
     return drawn
+
+
+def orbit_of(given: object) -> Orbit:
+    """An orbit, or that of a point of a branch of orbits."""
+    orbit = given.solution if isinstance(given, Point) else given
+    if not isinstance(orbit, Orbit):
+        raise BadInput(f"{given!r} is not an orbit: symmetric() finds one")
+    return orbit
 
 
 def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:

@@ -1,0 +1,168 @@
+"""All sites at once: their displacements at one time, over time, and on a grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import number, row
+from contbreather.continuation import Point
+from contbreather.errors import BadInput
+from contbreather.orbits import Orbit
+from contbreather.plotting.canvas import BLUE, GREY, Drawn, drawing
+from contbreather.plotting.orbits import chosen_sites, orbit_of
+from contbreather.simulation import Record, Run, SmoothRun
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+
+Array = NDArray[np.float64]
+
+BESIDE = 10  # sites of the infinite chain on each side of the first that hits
+MOMENTS = 200  # of a period of the forcing, in a picture over time
+COLOURS = "RdBu_r"  # white where a site is at rest
+
+
+def plot_profile(
+    orbit: Orbit | Point,
+    *,
+    t: float = 0.0,
+    sites: Sequence[int] | None = None,
+    shape: tuple[int, int] | None = None,
+    ax: Axes | None = None,
+) -> Drawn:
+    """Displacements of many sites at one time.
+
+    Parameters
+    ----------
+    orbit : Orbit, or a Point of a branch of orbits
+    t : float
+        Time; the forcing has the period 2 pi.
+    sites : sequence of int, optional
+        All sites of a finite lattice, and ten on each side of the one that hits on the infinite
+        chain, unless given.
+    shape : (int, int), optional
+        Rows and columns of a `Grid`: its sites in their places, as colours.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Raises
+    ------
+    BadInput
+        For what is not an orbit, or a shape that has not as many places as there are sites.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ax = plot_profile(cb.symmetric(a=0.5, gamma=0.08, k=0.8), sites=(-1, 0, 1)).axes
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('$n$', '$u_n$')
+    """
+    known = orbit_of(orbit)
+    chosen = _all_sites(known) if sites is None else chosen_sites(sites)
+    u = np.array([known.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
+                  for n in chosen])  # fmt: skip
+    with drawing(ax) as drawn:
+        if shape is None:
+            _stems(drawn.axes, chosen, u, known)
+        else:
+            _tiles(drawn.axes, u, shape)
+    return drawn
+
+
+def plot_space_time(
+    motion: Orbit | Point | Record | Run | SmoothRun,
+    *,
+    sites: Sequence[int] | None = None,
+    ax: Axes | None = None,
+) -> Drawn:
+    """Displacements as colours over sites and time in periods of the forcing.
+
+    Parameters
+    ----------
+    motion : Orbit, Point, Run, SmoothRun or Record
+        An orbit is shown over its period; a run as its sites were recorded densely, or else once a
+        period.
+    sites : sequence of int, optional
+        As for `plot_profile`; all that were recorded of a run.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ax = plot_space_time(cb.symmetric(a=0.5, gamma=0.08, k=0.8)).axes
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('$n$', '$t/2\\\\pi$')
+    """
+    times, there, u = _field(motion, sites)
+    with drawing(ax, height=8.0) as drawn:
+        axes = drawn.axes
+        limit = float(np.abs(u).max()) or 1.0
+        mesh = axes.pcolormesh(there, times / math.tau, u, cmap=COLOURS, vmin=-limit, vmax=limit,
+                               shading="nearest", rasterized=True)  # fmt: skip
+        axes.set(xlabel="$n$", ylabel=r"$t/2\pi$")
+        _whole_numbers(axes.xaxis)
+        axes.figure.colorbar(mesh, ax=axes, label="$u_n$")
+    return drawn
+
+
+def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:
+    """Times, sites in ascending order, and displacements of shape (times, sites)."""
+    if isinstance(motion, Run | SmoothRun):
+        if motion.record is None:
+            every = np.arange(motion.sites)
+            chosen = every if sites is None else np.array(chosen_sites(sites)) % motion.sites
+            return motion.times, np.sort(chosen), motion.strobe.u[:, np.sort(chosen)]
+        motion = motion.record
+    if isinstance(motion, Record):
+        wanted = motion.sites if sites is None else chosen_sites(sites)
+        order = sorted((i for i, n in enumerate(motion.sites) if n in wanted),
+                       key=lambda i: motion.sites[i])  # fmt: skip
+        return motion.times, np.array(motion.sites)[order], motion.u[:, order]
+    known = orbit_of(motion)
+    there = sorted(_all_sites(known) if sites is None else chosen_sites(sites))
+    times = np.linspace(0.0, known.period, MOMENTS * known.section.turns + 1)
+    return times, np.array(there), np.stack([known.displacement(n, times) for n in there], axis=1)
+
+
+def _all_sites(orbit: Orbit) -> list[int]:
+    first = orbit.section.impacts[0][0]
+    if orbit.lattice.sites is None:
+        return list(range(first - BESIDE, first + BESIDE + 1))
+    return list(range(orbit.lattice.sites))
+
+
+def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Orbit) -> None:
+    ax.vlines(sites, 0.0, u, color=BLUE, linewidth=1.0)
+    ax.plot(sites, u, "o", color=BLUE, markersize=4)
+    ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
+    ends = np.array([orbit.walls.at(n) for n in sites])
+    for wall in np.unique(ends[np.isfinite(ends)]):  # of each site that has one there
+        own = [n for n, pair in zip(sites, ends, strict=True) if wall in pair]
+        ax.plot(own, np.full(len(own), wall), "_", color=GREY, markersize=8)
+    ax.set(xlabel="$n$", ylabel="$u_n$")
+    _whole_numbers(ax.xaxis)
+
+
+def _tiles(ax: Axes, u: Array, shape: tuple[int, int]) -> None:
+    rows, columns = (int(count) for count in row("shape", shape, "(rows, columns)"))
+    if rows * columns != u.size:
+        raise BadInput(f"shape = {shape}: {rows * columns} places for {u.size} sites")
+    limit = float(np.abs(u).max()) or 1.0
+    image = ax.imshow(u.reshape(rows, columns), cmap=COLOURS, vmin=-limit, vmax=limit)
+    ax.set(xlabel="column", ylabel="row")
+    _whole_numbers(ax.xaxis)
+    _whole_numbers(ax.yaxis)
+    ax.figure.colorbar(image, ax=ax, label="$u_n$")
+
+
+def _whole_numbers(axis: Axis) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
