@@ -50,7 +50,6 @@ class Forms:
         self.explorer = explorer
         self.buttons: dict[str, Any] = {}
         self.orbit: Any = None  # the one whose parameters the fields show
-        self.lattices: dict[str, str] = {}  # as they were typed
         self.replaced = ""  # the file that the next press of the button replaces
         parts = (self._breather(), self._walks(), self._special(), self._run(), self._keep())
         self.view = pn.Column(
@@ -69,7 +68,7 @@ class Forms:
 
     def _breather(self) -> Any:
         first = {"a": "0.5", "gamma": "0.08", "k": f"{self.explorer.state.k:g}", "site": "0"}
-        how = {"lattice": optional(a_lattice, ""), "site": a_count("site", 0, MOST - 1)}
+        how = {"lattice": optional(self._lattice, ""), "site": a_count("site", 0, MOST - 1)}
         self.breather = {
             name: of_the_model(name, first.get(name, ""), how.get(name, str.strip))
             for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
@@ -82,13 +81,11 @@ class Forms:
     def _show(self) -> None:
         found = read_all(self.breather)
         if found is not None:
-            chosen = work.breather(**found)
-            self.orbit = chosen.orbit  # whose parameters are there already, as they were typed
-            self.lattices[chosen.orbit.lattice.describe()] = found["lattice"]
-            self.explorer.choose(chosen)
-            wanted = found["k"], found["forcing"]
-            if wanted != (self.explorer.state.k, self.explorer.state.forcing):
-                self.explorer.look_at(*wanted)
+            self.explorer.choose_typed(**found)
+
+    def _lattice(self, text: str) -> str:
+        """As it was typed; of a lattice that a curve brought its description."""
+        return text if text in self.explorer.lattices else a_lattice(text)
 
     # --- walks ------------------------------------------------------------------------------------
 
@@ -226,15 +223,15 @@ class Forms:
         orbit = chosen.orbit
         if orbit is None or orbit is self.orbit:
             return
-        self.orbit, lattice = orbit, orbit.lattice
+        self.orbit = orbit
         texts = {name: f"{getattr(orbit, name):.10g}" for name in NEEDED}
         for name in ("spring", "damping"):
             value = getattr(orbit, name)
             texts[name] = f"{value:.10g}" if value or name in chosen.free else ""
-        named = "" if lattice.sites is None else lattice.describe()
-        texts["lattice"] = self.lattices.get(named, named.replace("ring of ", ""))
         texts["site"] = str(orbit.section.hit[0])
         texts["walls"] = as_typed(orbit.walls)
+        texts |= {name: "" if value is None else str(value) for name, value in chosen.typed}
+        texts["lattice"] = dict(chosen.typed).get("lattice") or self.explorer.lattice_of(chosen)
         for name, text in texts.items():
             self.breather[name].input.value = text
 

@@ -234,9 +234,10 @@ class Page:
                 self.run.run(*new.run)
 
     def _render_status(self) -> None:
-        words, message = self.explorer.progress, self.explorer.message
-        if not words:
-            words = message or "Click into a diagram, or type the parameters of a breather."
+        words, chosen = self.explorer.progress or self.explorer.message, self.explorer.state.chosen
+        if not words and chosen is not None and chosen.orbit is not None:
+            words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
+        words = words or "Click into a diagram, or type the parameters of a breather."
         self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
         self.stop.visible = self.explorer.busy
 
@@ -247,7 +248,8 @@ class Page:
             self.zones.show(new.preview)
         k = new.k if new.preview is None else new.preview.k
         self.zones.boundaries(new.curves, k)
-        self.zones.choose(new.chosen, k)
+        lattice = "" if new.preview is None else new.preview.lattice
+        self.zones.choose(new.chosen, k, lattice)
 
     def _render_branches(self, new: State, old: State) -> None:
         x, y = new.columns
@@ -287,7 +289,7 @@ class Page:
         if orbit is None:
             return
         self.profile.show(summary.profile(orbit))
-        self.motion.show(summary.motion(orbit, new.sites))
+        self.motion.show(summary.motion(orbit, new.sites), summary.verdict(orbit))
         try:
             self.multipliers.show(summary.multipliers(orbit, new.ring))
         except ContbreatherError as error:

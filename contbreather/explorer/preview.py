@@ -28,6 +28,7 @@ class Preview:
     """What is drawn of a diagram."""
 
     k: float
+    lattice: str  # in words
     exact: bool  # False for what is between two neighbours
     curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
     regions: tuple[Region, ...]  # with the verdicts of breathers at this k in any case
@@ -37,7 +38,14 @@ class Preview:
 def preview_of(zones: Zones) -> Preview:
     """A diagram that is computed."""
     curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
-    return Preview(zones.fixed[1], True, curves, zones.regions, tuple(names_of_meetings(zones)))
+    return Preview(
+        zones.fixed[1],
+        _lattice(zones),
+        True,
+        curves,
+        zones.regions,
+        tuple(names_of_meetings(zones)),
+    )
 
 
 def between(one: Zones, other: Zones, k: float) -> Preview | None:
@@ -69,7 +77,15 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
     lines = [line for kind in KINDS for line in curves[kind]]
     places = np.vstack(lines)
     box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
-    return Preview(k, False, curves, regions(lines, box, there.unstable, there.lower), meetings)
+    return Preview(
+        k, _lattice(one), False, curves, regions(lines, box, there.unstable, there.lower), meetings
+    )
+
+
+def _lattice(zones: Zones) -> str:
+    """What the breathers of a diagram are on, in words."""
+    _, branch = next(iter(zones))
+    return str(branch[0].solution.lattice.describe())
 
 
 def _line(zones: Zones, branch: Any) -> Array:

@@ -15,11 +15,13 @@ from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Job, JobThread, Progress
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
-from contbreather.explorer.work import Work, breather, point_of
+from contbreather.explorer.work import OnLattice, Work, breather, point_of
 from contbreather.files import writable
+from contbreather.lattice import Ring
+from contbreather.lattice.typed import lattice_by
 from contbreather.orbits import zones
 from contbreather.orbits.zones import Zones
-from contbreather.parameters import parameter
+from contbreather.parameters import NEEDED, parameter
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.runs import load, save
 
@@ -38,7 +40,8 @@ class Session:
         self._listeners: list[Listener] = []
         self._changing = threading.RLock()
         self._long, self._quick = JobThread(), JobThread()
-        self._planes: dict[tuple[float, str], Zones] = {}
+        self._planes: dict[tuple[float, str, str], Zones] = {}  # by k, forcing and ring
+        self.lattices: dict[str, OnLattice] = {}  # by what is typed for them
         self._looks_ahead = self._ahead = False
         self._count = 0
         if run is not None:
@@ -75,17 +78,24 @@ class Session:
         known neighbours is shown, or the last one stays."""
         forcing = self.state.forcing if forcing is None else forcing
         k = parameter("k", k)
-        known = self._planes.get((k, forcing))
-        if known is not None:
-            self.change(k=k, forcing=forcing, plane=known, preview=preview_of(known))
+        self.change(k=k, forcing=forcing)
+        if self._wanted in self._planes:
+            self._show_plane()
             return
-        rough = self._rough(k, forcing)
-        self.change(k=k, forcing=forcing, preview=rough or self.state.preview)
+        self.change(preview=self._rough(*self._wanted) or self.state.preview)
         with self._changing:
             if self._ahead:
                 self._quick.stop()  # what is computed ahead can wait
             self._ahead = False
-            self._compute(k, forcing, self._arrived)
+            self._compute(self._wanted, self._arrived)
+
+    @property
+    def _wanted(self) -> tuple[float, str, str]:
+        return self.state.k, self.state.forcing, self.state.zones_of
+
+    def _show_plane(self) -> None:
+        plane = self._planes[self._wanted]
+        self.change(plane=plane, preview=preview_of(plane))
 
     def look_ahead(self) -> None:
         """From now on compute diagrams of other restitutions while nothing else is asked for."""
@@ -93,24 +103,29 @@ class Session:
         if not self._quick.busy:
             self._next_ahead()
 
-    def _rough(self, k: float, forcing: str) -> Preview | None:
-        known = [known for known, drive in self._planes if drive == forcing]
+    def _rough(self, k: float, *of: str) -> Preview | None:
+        known = [known for known, *other in self._planes if other == [*of]]
         below = max((one for one in known if one < k), default=None)
         above = min((one for one in known if one > k), default=None)
         if below is None or above is None or above - below > WIDEST:
             return None
-        return between(self._planes[below, forcing], self._planes[above, forcing], k)
+        return between(self._planes[below, of[0], of[1]], self._planes[above, of[0], of[1]], k)
 
-    def _compute(self, k: float, forcing: str, then: Callable[[Zones | None, str], object]) -> None:
+    def _compute(
+        self, wanted: tuple[float, str, str], then: Callable[[Zones | None, str], object]
+    ) -> None:
+        k, forcing, ring = wanted
+        chain = lattice_by(ring) if ring else None
+
         def job(progress: Progress) -> Zones:
-            found = zones(k=k, forcing=forcing or None, progress=progress.points())
+            found = zones(k=k, forcing=forcing or None, lattice=chain, progress=progress.points())
             _ = found.regions  # here, not where pages are drawn
             return found
 
         def done(found: Zones | None, cut: bool, trouble: str) -> None:
             whole = None if cut else found
             if whole is not None:
-                self._planes[k, forcing] = whole
+                self._planes[wanted] = whole
                 while len(self._planes) > KEPT:
                     del self._planes[next(iter(self._planes))]
             then(whole, trouble)
@@ -121,20 +136,22 @@ class Session:
     def _arrived(self, plane: Zones | None, trouble: str) -> None:
         if plane is None:
             self.tell(trouble)
-            return
-        state = self.state
-        if plane.fixed[1] == state.k or state.preview is None or state.preview.exact:
+        # what was wanted in between may have been computed before: then nothing else comes
+        elif self._wanted in self._planes:
+            self._show_plane()
+        elif self.state.preview is None or self.state.preview.exact:
             self.change(plane=plane, preview=preview_of(plane))
 
     def _next_ahead(self) -> None:
         """Begin with the nearest diagram that is not known yet, unless another one waits."""
         with self._changing:
-            k, forcing = self.state.k, self.state.forcing
-            left = [one for one in LADDER if (one, forcing) not in self._planes]
-            if not self._looks_ahead or forcing or not left or self._quick.waiting:
+            k, *of = self._wanted
+            left = [one for one in LADDER if (one, "", "") not in self._planes]
+            if not self._looks_ahead or any(of) or not left or self._quick.waiting:
                 return
             self._ahead = True
-            self._compute(min(left, key=lambda one: abs(one - k)), forcing, lambda *_: None)
+            nearest = min(left, key=lambda one: abs(one - k))
+            self._compute((nearest, "", ""), lambda *_: None)
 
     # ------------------------------------------------------------------------- what is looked at
 
@@ -143,10 +160,40 @@ class Session:
         self.message = ""
         self.change(chosen=chosen)
 
+    def choose_typed(self, **typed: Any) -> None:
+        """Look at the breather with these parameters, and have zones of its lattice where there are
+        such."""
+        chosen = self._breather(**typed)
+        more = {name: value for name, value in typed.items() if name not in (*NEEDED, "forcing")}
+        before = self._wanted
+        self.change(conditions=tuple(more.items()))
+        self.choose(chosen)
+        if (typed["k"], typed["forcing"], self.state.zones_of) != before:
+            self.look_at(typed["k"], typed["forcing"])
+
     def choose_at(self, a: float, gamma: float) -> None:
-        """Look at the breather at a place of the zone diagram."""
+        """Look at the breather at a place of the zone diagram, on the lattice that is set."""
         a, gamma = (float(f"{value:.{DIGITS}g}") for value in (a, gamma))
-        self.choose(breather(forcing=self.state.forcing, a=a, gamma=gamma, k=self.state.k))
+        state = self.state
+        here: dict[str, Any] = {"forcing": state.forcing, "k": state.k, **dict(state.conditions)}
+        self.choose(self._breather(a=a, gamma=gamma, **here))
+
+    def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
+        on = self.lattices.get(lattice) or OnLattice.typed(lattice)
+        chosen = breather(on, **values)
+        self.lattices[lattice] = on
+        return replace(chosen, typed=(*chosen.typed, ("lattice", lattice)))
+
+    def lattice_of(self, chosen: Chosen) -> str:
+        """What to type for its lattice: of one that a curve brought, its description."""
+        lattice = chosen.orbit.lattice
+        if lattice.sites is None:
+            return ""
+        name = str(lattice.describe())
+        typed = (text for text, on in self.lattices.items() if on.lattice.describe() == name)
+        text = next(typed, f"ring:{lattice.sites}" if isinstance(lattice, Ring) else name)
+        self.lattices.setdefault(text, OnLattice(lattice, f"{chosen.code}.lattice"))
+        return text
 
     def choose_point(self, curve: str, index: int) -> None:
         """Look at a point of a curve."""

@@ -10,6 +10,7 @@ from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
 from contbreather.explorer.preview import Preview, preview_of
+from contbreather.lattice.typed import as_code
 from contbreather.orbits.zones import Zones
 from contbreather.simulation import Run
 
@@ -33,6 +34,7 @@ class Chosen:
     point: Point | None = None  # None where no curve goes through it
     curve: str = ""  # as the script calls it
     index: int = -1  # of the point on it
+    typed: tuple[tuple[str, Any], ...] = ()  # what it was asked for by
 
     @property
     def switches(self) -> bool:
@@ -66,6 +68,7 @@ class State:
 
     k: float = 0.8
     forcing: str = ""
+    conditions: tuple[tuple[str, Any], ...] = ()  # besides: lattice, site, spring, ... as typed
     plane: Zones | None = None  # the last that was computed
     preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
     curves: tuple[Named, ...] = ()
@@ -102,6 +105,15 @@ class State:
         """What the zone diagram is about."""
         return f"k = {self.k:g}" + (f", F = a ({self.forcing})" if self.forcing else "")
 
+    @property
+    def zones_of(self) -> str:
+        """The ring, as typed, that zones are wanted of; empty for the infinite chain, which has to
+        do for lattices and conditions that zones are not computed for."""
+        here = {name: value for name, value in self.conditions if value not in (None, "")}
+        lattice = str(here.pop("lattice", ""))
+        alone = not {"spring", "damping", "walls"} & {*here}
+        return lattice if alone and lattice.startswith("ring:") else ""
+
     def curve(self, code: str) -> Branch:
         """The curve that the script calls so."""
         return next(one.branch for one in self.curves if one.code == code)
@@ -131,6 +143,7 @@ class State:
         yield "import contbreather as cb"
         yield ""
         more = f", forcing={self.forcing!r}" if self.forcing else ""
+        more += f", lattice={as_code(self.zones_of)}" if self.zones_of else ""
         yield f"zones = cb.zones(k={self.k!r}{more})"
         yield from self.lines
 

@@ -47,12 +47,11 @@ class Motion:
 @dataclass(frozen=True, eq=False)
 class Multipliers:
     """Those over a section, half a period of a symmetric orbit, on the lattice that is named;
-    `alone` are off the band, whose arcs reach to the angles +-`edge` (times pi); None where no such
-    band is known."""
+    `alone` are off the `waves`, where multipliers of plane waves lie: rows of complex numbers."""
 
     mu: Array
     alone: NDArray[np.bool_]
-    edge: float | None
+    waves: Array
     about: str
 
 
@@ -103,18 +102,23 @@ def multipliers(orbit: Orbit, ring: int) -> Multipliers:
     mu = (orbit if own is not None else on_ring(orbit, ring)).multipliers(half=half)
     lattice = f"ring of {ring}" if own is None else orbit.lattice.describe()
     about = f"over {'half a' if half else 'a'} period, {lattice}"
-    ringlike = own is None or isinstance(orbit.lattice, Ring)
-    if not ringlike or orbit.damping:
-        return Multipliers(mu, np.abs(mu) > 1.0 + 1e-9, None, about)
-    edge = math.sqrt(orbit.spring + 4.0 * orbit.gamma) * orbit.section.length / math.pi
-    off = off_the_band(mu, band(orbit, half), own or ring)
-    return Multipliers(mu, off, min(edge, 1.0), about)
+    waves = band(orbit, half)
+    return Multipliers(mu, off_the_band(mu, waves, own or ring), waves, about)
 
 
 @lru_cache(maxsize=1)
 def on_ring(orbit: Orbit, ring: int) -> Orbit:
     """The same there, once: its multipliers are drawn and judged."""
     return orbit.on(Ring(ring))
+
+
+def verdict(orbit: Orbit) -> str:
+    """Whether the lattice moves so, and whether it stays at it, in half a line."""
+    margins = orbit.admissibility()
+    if not margins.ok and margins.margin < -1e-9:
+        return "not admissible: it passes a wall"
+    stable = _sentence(lambda: "stable" if orbit.stability().stable else "unstable")
+    return stable if margins.ok else f"{stable}, at the edge of what is admissible"
 
 
 def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:

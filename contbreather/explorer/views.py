@@ -15,6 +15,8 @@ from contbreather.explorer.preview import Preview
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.summary import Motion, Multipliers, Profile
 from contbreather.explorer.theme import Theme
+from contbreather.lattice import Ring
+from contbreather.lattice.conditions import Walls
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import (
     BEYOND,
@@ -162,7 +164,7 @@ class ZonesView:
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
         drawn = wanted.preview
-        words = "no diagram yet" if drawn is None else f"k = {drawn.k:g}"
+        words = "no diagram yet" if drawn is None else f"{drawn.lattice}, k = {drawn.k:g}"
         if drawn is None or drawn.k != wanted.k:
             words += f"; k = {wanted.k:g} is being computed"
         elif not drawn.exact:
@@ -179,13 +181,21 @@ class ZonesView:
         )
         _fill(self.traced, ((one["gamma"], one["a"]) for one in there))
 
-    def choose(self, chosen: Chosen | None, k: float) -> None:
-        """Mark what is looked at, if it lies in this plane."""
+    def choose(self, chosen: Chosen | None, k: float, lattice: str) -> None:
+        """Mark what is looked at, if it lies in this plane and is of this lattice."""
         orbit = None if chosen is None else chosen.orbit
-        place = []
-        if orbit is not None and abs(orbit.k - k) < 1e-9 and not (orbit.spring or orbit.damping):
-            place = [(orbit.gamma, orbit.a)]
-        _fill(self.here, place)
+        if orbit is None or abs(orbit.k - k) > 1e-9 or about(orbit) != lattice:
+            _fill(self.here, [])
+        else:
+            _fill(self.here, [(orbit.gamma, orbit.a)])
+
+
+def about(orbit: Any) -> str:
+    """The zones that a breather belongs to, by the name of their lattice; empty where it is of none
+    that zones are computed for."""
+    usual = not (orbit.spring or orbit.damping) and orbit.walls == Walls()
+    ringlike = orbit.lattice.sites is None or isinstance(orbit.lattice, Ring)
+    return orbit.lattice.describe() if usual and ringlike else ""
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
@@ -368,8 +378,9 @@ class MotionView:
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
-    def show(self, seen: Motion) -> None:
-        """The motion of an orbit, with its walls and impacts."""
+    def show(self, seen: Motion, verdict: str) -> None:
+        """The motion of an orbit, with its walls and impacts, and what is said of it."""
+        self.figure.title.text = verdict
         colours = self._draw(seen.times, seen.by_site)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in seen.hits))
         self._bound(seen.walls)
@@ -423,8 +434,7 @@ class MultipliersView:
             "colour": np.where(out, self.theme.vermillion, self.theme.blue).tolist(),
             "size": np.where(seen.alone, 8.0, 2.5),
         }  # fmt: skip
-        arcs = [] if seen.edge is None else [np.linspace(0, s * np.pi * seen.edge) for s in (1, -1)]
-        _fill(self.band, ((np.cos(arc), np.sin(arc)) for arc in arcs))
+        _fill(self.band, ((part.real, part.imag) for part in seen.waves))
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
         self.figure.title.text = f"{seen.about}{beyond}"

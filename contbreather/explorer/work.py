@@ -14,7 +14,7 @@ from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Job, Progress
 from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
-from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.lattice.typed import as_code, lattice_by, walls_by
 from contbreather.orbits import symmetric
 from contbreather.simulation import Sample, simulate
 
@@ -33,9 +33,22 @@ class Work:
     setup: tuple[str, ...] = ()  # lines of the script that come before
 
 
-def breather(lattice: str = "", **values: Any) -> Chosen:
-    """A breather by its parameters, typed in or clicked at: what `symmetric` takes, lattice and
-    walls as at the command line; None, and text that is empty, for what was not given.
+@dataclass(frozen=True)
+class OnLattice:
+    """A lattice, and how the script makes it."""
+
+    lattice: Any
+    code: str
+
+    @classmethod
+    def typed(cls, text: str) -> OnLattice:
+        """By what is typed at the command line, too; the infinite chain for nothing."""
+        return cls(lattice_by(text or None), as_code(text) if text else "")
+
+
+def breather(on: OnLattice, **values: Any) -> Chosen:
+    """A breather by its parameters, typed in or clicked at: what `symmetric` takes, walls as at the
+    command line; None, and text that is empty, for what was not given.
 
     Raises
     ------
@@ -44,15 +57,13 @@ def breather(lattice: str = "", **values: Any) -> Chosen:
     """
     given = {name: value for name, value in values.items() if value not in (None, "")}
     codes = {name: repr(value) for name, value in given.items() if (name, value) != ("site", 0)}
-    if lattice:
-        given["lattice"] = on = lattice_by(lattice)
-        code = f"cb.lattice.lattice_by({lattice!r})"
-        codes["lattice"] = f"cb.{on!r}" if isinstance(on, Ring) else code
+    if on.code:
+        given["lattice"], codes["lattice"] = on.lattice, on.code
     if "walls" in given:
-        given["walls"] = walls_by(given["walls"].split(), lattice_by(lattice or None).sites)
+        given["walls"] = walls_by(given["walls"].split(), on.lattice.sites)
         codes["walls"] = repr(given["walls"])
     words = ", ".join(f"{name}={code}" for name, code in codes.items())
-    return Chosen(f"cb.symmetric({words})", symmetric(**given))
+    return Chosen(f"cb.symmetric({words})", symmetric(**given), typed=tuple(values.items()))
 
 
 def point_of(code: str, branch: Branch, index: int) -> Chosen:

@@ -82,6 +82,25 @@ def _of_graph(path: str) -> Lattice:
     return Lattice.from_graph(graph)
 
 
+def as_code(typed: str) -> str:
+    """Python that makes what `lattice_by` makes.
+
+    Examples
+    --------
+    >>> as_code("open:9"), as_code("grid:5x5:periodic")
+    ('cb.OpenChain(9)', 'cb.Grid(5, 5, periodic=True)')
+    """
+    name, *sizes = typed.lower().split(":")
+    match name, sizes:
+        case "ring", [size]:
+            return f"cb.Ring({size})"
+        case "open", [size, *ends]:
+            return f"cb.OpenChain({size}" + (f", ends={ends[0]!r})" if ends else ")")
+        case "grid", [size, *ends]:
+            return f"cb.Grid({size.replace('x', ', ')}" + (", periodic=True)" if ends else ")")
+    return f"cb.lattice.typed.lattice_by({typed!r})"
+
+
 def walls_by(typed: Sequence[str], sites: int | None) -> Any:
     """The walls of `--walls` as `symmetric` takes them; None where none were typed."""
     of_all = [_pair(text, text) for text in typed if ":" not in text]

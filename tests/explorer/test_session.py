@@ -206,7 +206,7 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
 def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one() -> None:
     left, right = cb.zones(k=[0.75, 0.8])
     explorer = Explorer(k=0.8)
-    explorer._planes |= {(0.75, ""): left, (0.8, ""): right}
+    explorer._planes |= {(0.75, "", ""): left, (0.8, "", ""): right}
     explorer.look_at(0.77)
     rough = explorer.state.preview
     assert rough is not None
@@ -239,8 +239,53 @@ def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
     assert arrived.wait(HUNG)
     assert explorer.state.plane is not None
     assert explorer.state.plane.fixed[1] == 0.81
-    assert next(iter(explorer._planes)) == (0.81, "")
+    assert next(iter(explorer._planes)) == (0.81, "", "")
     explorer._looks_ahead = False
+
+
+def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As arrow keys held on the slider have it: away, and back before the first has come."""
+    left, right = cb.zones(k=[0.6, 0.8])
+    may_come = threading.Event()
+
+    def slowly(k: float, **_: Any) -> Any:
+        assert may_come.wait(HUNG)
+        return left if k == 0.6 else right
+
+    monkeypatch.setattr(session, "zones", slowly)
+    explorer = Explorer(k=0.8)
+    explorer._planes[0.8, "", ""] = right
+    explorer.look_at(0.6)
+    explorer.look_at(0.8)
+    may_come.set()
+    assert explorer.wait(HUNG)
+    assert explorer.state.preview is not None
+    assert explorer.state.preview.k == explorer.state.k == 0.8
+    assert explorer.state.plane is right
+
+
+def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
+    explorer = Explorer()
+    here = {"k": 0.8, "forcing": "", "lattice": "open:9", "damping": 0.01, "spring": 0.1, "site": 4}
+    explorer.choose_typed(a=0.5, gamma=0.05, **here)
+    explorer.choose_at(a=0.6, gamma=0.06)
+    orbit = explorer.chosen.orbit
+    assert (orbit.a, orbit.gamma, orbit.damping, orbit.spring) == (0.6, 0.06, 0.01, 0.1)
+    assert orbit.lattice.describe() == cb.OpenChain(9).describe()
+    assert "cb.OpenChain(9)" in explorer.chosen.code
+    assert eval(explorer.chosen.code, {"cb": cb}).p == orbit.p
+    assert explorer.lattice_of(explorer.chosen) == "open:9"
+
+
+def test_zones_are_those_of_the_ring_that_is_set() -> None:
+    explorer = Explorer(k=0.8)
+    explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
+    assert explorer.wait(HUNG)
+    assert explorer.state.preview is not None
+    assert explorer.state.preview.lattice == "ring of 9"
+    assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
 
 
 def test_what_cannot_be_is_refused_with_a_sentence() -> None:
@@ -279,8 +324,8 @@ def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
         ((0.7, 0.755), (0.7, 0.755, 0.73)), ((0.7, 0.765), None), ((0.7, 0.72), None),
         ((0.68, 0.7, 0.73, 0.75, 0.76), (0.7, 0.75, 0.73)), ((0.74, 0.75), None),
     ):  # fmt: skip
-        explorer._planes = {(one, ""): one for one in known} | {(0.731, "cos(t)"): 0.0}
-        assert explorer._rough(0.73, "") == wanted
+        explorer._planes = {(one, "", ""): one for one in known} | {(0.731, "cos(t)", ""): 0.0}
+        assert explorer._rough(0.73, "", "") == wanted
 
 
 @pytest.mark.parametrize("turned", [1, -1])

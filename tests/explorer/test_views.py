@@ -175,9 +175,12 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
     view, coming = views.ZonesView(LIGHT), "; k = 0.8 is being computed"
     for preview, words in (
         (None, f"no diagram yet{coming}"),
-        ((0.7, True), f"k = 0.7{coming}"),
-        ((0.8, False), "k = 0.8, between its neighbours; the exact one is being computed"),
-        ((0.8, True), "k = 0.8"),
+        ((0.7, "ring of 9", True), f"ring of 9, k = 0.7{coming}"),
+        (
+            (0.8, "chain", False),
+            "chain, k = 0.8, between its neighbours; the exact one is being computed",
+        ),
+        ((0.8, "chain", True), "chain, k = 0.8"),
     ):
         view.title(State(k=0.8, preview=preview and Preview(*preview, {}, (), ())))
         assert view.figure.title.text == words
@@ -193,8 +196,9 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
     soft = cb.symmetric(0.5, 0.08, 0.8, spring=0.1)
     for orbit, off in ((B, 5e-10), (B, 2e-9), (None, 0), (B.on(cb.Ring(12)), 0), (damped, 0),
                        (soft, 0)):  # fmt: skip
-        view.choose(None if orbit is None else Chosen("b", orbit), 0.8 + off)
-        there = orbit not in (None, damped, soft) and off < 1e-9
+        chosen = None if orbit is None else Chosen("b", orbit)
+        view.choose(chosen, 0.8 + off, "infinite chain")
+        there = orbit is B and off < 1e-9
         assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
 
 
@@ -251,7 +255,8 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
     view, shown = views.MotionView(LIGHT, "t/2π"), summary.motion(B, (1, 0))
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
                       sample=cb.simulation.Sample((0, 3), 32))  # fmt: skip
-    view.show(shown)
+    view.show(shown, "stable")
+    assert view.figure.title.text == "stable"
     assert rows(view.lines, "site", "colour") == [("site 1", "#0072B2"), ("site 0", "#D55E00")]
     hits = [(time, wall, "#D55E00") for _, time, wall in shown.hits]
     assert rows(view.hits, "x", "y", "colour") == hits
@@ -270,7 +275,8 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
 def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, reach: float) -> None:
     mu, alone = np.array([1j, -1j, largest, 1.0 / largest]), np.array([False, False, True, True])
     view = views.MultipliersView(LIGHT)
-    view.show(summary.Multipliers(mu, alone, 0.25, "over a period"))
+    waves = np.exp(1j * np.linspace([0.0, 0.0], [np.pi / 4, -np.pi / 4]).T)
+    view.show(summary.Multipliers(mu, alone, waves, "over a period"))
     x, y, size = (np.asarray(view.dots.data[name]) for name in ("x", "y", "size"))
     same(x + 1j * y, mu)
     colours = [LIGHT.vermillion if mu == largest > 1.0 else LIGHT.blue for mu in mu]
@@ -287,8 +293,6 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, rea
         assert ends == pytest.approx((-reach, reach) * 2)
     frame = fig.width - fig.min_border_left - fig.min_border_right
     assert frame == fig.height - fig.min_border_top - fig.min_border_bottom == 240
-    view.show(summary.Multipliers(mu, alone, None, "damped"))
-    assert view.band.data == {"xs": [], "ys": []}
     view.nothing("too large")
     assert fig.title.text == "too large"
     assert not any(map(len, view.dots.data.values()))
