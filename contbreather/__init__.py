@@ -21,6 +21,10 @@ from .display import Shown
 __version__ = "0.1.0"
 _fetch, _, _names = attach_stub(__name__, __file__)
 __all__ = [*_names]
+_SUBPACKAGES = (
+    "certified", "continuation", "lattice", "orbits", "paper", "plotting", "simulation",
+    "stability", "studies",
+)  # fmt: skip
 _RENAMED = {"breathers": "orbits", "dynamics": "simulation"}
 
 
@@ -38,7 +42,7 @@ def __getattr__(name: str) -> object:
             raise
     raise AttributeError(
         f"module {__name__!r} has no attribute {name!r}; it has {', '.join(_names)}, and more in "
-        "its subpackages continuation, lattice, orbits, plotting and simulation"
+        f"its subpackages {', '.join(_SUBPACKAGES)}"
     )
 
 
@@ -51,4 +55,4 @@ Shown.painter = _card
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted([*__all__, *_SUBPACKAGES])
