@@ -24,7 +24,9 @@ HUNG = 600  # seconds, for what will never happen
 
 
 @contextmanager
-def begun(*arguments: str | Path, **options: Any) -> Iterator[subprocess.Popen[str]]:
+def begun(
+    *arguments: str | Path, hung: float = HUNG, **options: Any
+) -> Iterator[subprocess.Popen[str]]:
     """A fresh interpreter with these arguments, in a session of its own: it and what it began end
     with the block, and do so after a long time within it."""
     environment = {**os.environ, "PYTHONPATH": str(HOME), **options.pop("env", {})}
@@ -37,7 +39,7 @@ def begun(*arguments: str | Path, **options: Any) -> Iterator[subprocess.Popen[s
             if child.returncode is None:
                 os.killpg(child.pid, signal.SIGKILL)
 
-        late = threading.Timer(HUNG, end)
+        late = threading.Timer(hung, end)
         late.daemon = True
         late.start()
         try:

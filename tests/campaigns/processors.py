@@ -23,6 +23,7 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
+from numpy._core._multiarray_umath import __cpu_dispatch__
 
 import contbreather as cb
 from contbreather.errors import ContbreatherError
@@ -34,7 +35,7 @@ KINDS: dict[str, dict[str, str]] = {
     # the oldest also for numpy's own loops, which have sines and cosines of their own
     "Prescott": {
         "OPENBLAS_CORETYPE": "Prescott",
-        "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX2 FMA3",
+        "NPY_DISABLE_CPU_FEATURES": " ".join(__cpu_dispatch__),
     },
 }
 CLOSE = 1e-8
