@@ -14,7 +14,7 @@ from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Job, Progress
 from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
-from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits import symmetric
 from contbreather.simulation import Sample, simulate
 

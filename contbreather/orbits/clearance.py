@@ -191,7 +191,7 @@ def least_margin(orbit: SiteMotion) -> float:
     --------
     >>> from contbreather.orbits.symmetric import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> abs(least_margin(b.watch) - b.admissibility().margin) < 1e-14
+    >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
     True
     """
     measured = measure(orbit, orbit.idle, ceiling=orbit.far)
@@ -244,9 +244,9 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
 
 
 def _motion_of(orbit: Any) -> SiteMotion:
-    if not hasattr(orbit, "watch") or isinstance(orbit, type):
+    if not hasattr(orbit, "motion") or isinstance(orbit, type):
         raise BadInput(f"an orbit was expected, got {kind_of(orbit)}")
-    motion: SiteMotion = orbit.watch
+    motion: SiteMotion = orbit.motion
     return motion
 
 

@@ -1,8 +1,8 @@
 """The closed form of the symmetric breather: site 0 hits its walls in turn, at phi and phi + pi.
 
 Eqs. (3) to (13), for any antisymmetric forcing, on the infinite chain and on rings. Between
-impacts everything is in closed form in time (see `contbreather.lattice.green`); no Fourier series
-of (9) or (12) is summed anywhere.
+impacts everything is in closed form in time (see `contbreather.lattice.free_flight`): no
+Fourier series of (9) or (12) is summed anywhere.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.green import TERMS, Flight, flight
-from contbreather.lattice.held import Held
+from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
+from contbreather.lattice.on_site_spring import SpringResponse
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import ClosedFormMotion
@@ -35,28 +35,30 @@ HALF = Section(((0, 1),), sign=-1)
 
 
 @lru_cache(maxsize=4096)
-def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
+def flight_of(lattice: Lattice, gamma: float, distance: int) -> FreeFlight:
     """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
-    return flight(float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance))
+    return free_flight(
+        float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance)
+    )
 
 
 @lru_cache(maxsize=1024)
-def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamma") -> Flight:
+def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamma") -> FreeFlight:
     """Derivative of `flight_of` in gamma or the spring, at the same time since the impact."""
     if name == "spring":
         first, powers = lattice.first_by_spring, lattice.spring_powers
     else:
         first, powers = lattice.dfirst_harmonic, lattice.dpowers
-    return flight(float(first(gamma, distance)), powers(gamma, distance))
+    return free_flight(float(first(gamma, distance)), powers(gamma, distance))
 
 
-def _derivatives(own: Flight) -> tuple[Callable[[Any], Any], ...]:
+def _derivatives(own: FreeFlight) -> tuple[Callable[[Any], Any], ...]:
     """Displacement, velocity and acceleration as functions of time."""
     return own.value, own.slope, own.curvature
 
 
 @dataclass(frozen=True)
-class SymmetricFlight:
+class SymmetricBreather:
     """The motion of a symmetric breather, from the roots (p, phi) of (11).
 
     Attributes
@@ -66,7 +68,7 @@ class SymmetricFlight:
     p, phi : float
         Half the momentum of an impact, and its phase lag.
     forcing : Forcing
-        Where springs hold the sites to the ground, `Held`, the response to a forcing.
+        Where springs hold the sites to the ground, `SpringResponse`, the response to a forcing.
     lattice : InfiniteChain or Ring
     """
 
@@ -98,7 +100,7 @@ class SymmetricFlight:
     @property
     def conditions(self) -> Conditions:
         on, f = (self.a, self.gamma, self.k), self.forcing
-        if isinstance(f, Held):
+        if isinstance(f, SpringResponse):
             return Conditions(*on, spring=f.spring, forcing=f.of, lattice=InfiniteChain())
         return Conditions(*on, forcing=f, lattice=self.lattice)
 
@@ -155,7 +157,7 @@ class SymmetricFlight:
 
     # ------------------------------------------------------------------------------- profile
 
-    def flight(self, n: int) -> Flight:
+    def flight(self, n: int) -> FreeFlight:
         """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
         return flight_of(self.lattice, self.gamma, self.lattice.distance(int(n)))
 
@@ -165,7 +167,7 @@ class SymmetricFlight:
         y, sign = self._phase(t)
         # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
         first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
-        own = np.asarray(_derivatives(Flight(first, ()))[order](y))
+        own = np.asarray(_derivatives(FreeFlight(first, ()))[order](y))
         away = self.lattice.distance(n)
         for m in np.unique(away[away <= TERMS]):
             at = away == m
@@ -190,7 +192,7 @@ class SymmetricFlight:
         return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
 
     @property
-    def watch(self) -> ClosedFormMotion:
+    def motion(self) -> ClosedFormMotion:
         """What its clearance from the walls is measured on."""
         return ClosedFormMotion(self)
 

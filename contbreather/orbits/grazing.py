@@ -36,7 +36,7 @@ AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, i
 
 
 @dataclass(frozen=True)
-class Crest:
+class GrazingSite:
     """One site whose crest is followed: it is on a wall, without velocity, at an unknown time.
 
     The representation of an orbit knows how its motion depends on its unknowns.
@@ -61,7 +61,7 @@ class Crest:
         return Locus({"t": t}, conditions, self._derivative, loops=loops, **more)
 
     def _terms(self, orbit: Orbit, t: float) -> Terms:
-        return orbit.watch.at(self.site, t) if self.motion is None else self.motion(orbit, t)
+        return orbit.motion.at(self.site, t) if self.motion is None else self.motion(orbit, t)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
         u, v, _ = self._terms(solution_at(Point(curve, z)), float(extra[0]))
@@ -78,16 +78,16 @@ def grazing() -> Event:
 
 
 def _margin(point: Point) -> float:
-    return least_margin(solution_at(point).watch)
+    return least_margin(solution_at(point).motion)
 
 
 def _locus(point: Point) -> Locus:
     orbit = solution_at(point)
     if _vanishing(point):  # with it may be others, that move alike
         return shallow_impact(orbit)
-    worst = closest(orbit.watch)
+    worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    weakly = orbit.road.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
+    weakly = orbit.representation.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
     if weakly is not None:
         worst = closest_idle(weakly)
     return _follow(orbit, worst.site, worst.time)
@@ -96,10 +96,10 @@ def _locus(point: Point) -> Locus:
 def _follow(orbit: Orbit, site: int, t: float) -> Locus:
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
-    there = orbit.watch.at(site, t)[0]
+    there = orbit.motion.at(site, t)[0]
     place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
-    crest = orbit.road.crest(site)
-    other = _Rival(site, _is_mirrored(orbit, site, t), crest.scale)
+    crest = orbit.representation.crest(site)
+    other = _OtherContact(site, _is_mirrored(orbit, site, t), crest.scale)
     return crest.locus(place, t, events=(*crest.further, other.event()), meets=crest.meets)
 
 
@@ -127,12 +127,12 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
     if orbit.symmetric or orbit.section.turns % 2 == 0:
         return False
-    both = [orbit.watch.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
+    both = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
     return abs(sum(both)) < SAME
 
 
 @dataclass(frozen=True)
-class _Rival:
+class _OtherContact:
     """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
     of the same one. Where it does not, the limit of existence goes on with that."""
 
@@ -145,8 +145,8 @@ class _Rival:
         return Meeting("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
     def closest(self, point: Point) -> Clearance:
-        watch = solution_at(point).watch
-        return closest_other(watch, self.site, point["t"], mirrored=self.mirrored)
+        motion = solution_at(point).motion
+        return closest_other(motion, self.site, point["t"], mirrored=self.mirrored)
 
     def margin(self, point: Point) -> float:
         return self.closest(point).margin
@@ -175,7 +175,7 @@ def shallow_impact(orbit: Orbit) -> Locus:
         Where they do not, or with k = 0.
     """
     j = int(abs(orbit.incoming).argmin())
-    slope = orbit.road.speed_slope(j)
+    slope = orbit.representation.speed_slope(j)
     if slope is None:
         raise Undefined("an impact itself loses its velocity: no grazing to follow")
     if orbit.k == 0.0:

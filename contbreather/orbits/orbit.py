@@ -1,8 +1,9 @@
 """One periodic orbit with impacts, whichever way its motion between them is evaluated.
 
 What an orbit is, its impacts and the conditions it moves under, and what it answers are said here
-once. How a flight is evaluated is its `Road`, a value handed in: the closed form of one symmetric
-impact, the periodic Green's function of chain and ring, the exact modes of any finite lattice.
+once. How a flight is evaluated is its `Representation`, a value handed in: the closed form of one
+symmetric impact, the periodic Green's function of chain and ring, the exact modes of any finite
+lattice.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from contbreather.lattice import Forcing, InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance
-from contbreather.orbits.road import ROADS, Road
+from contbreather.orbits.representation import REPRESENTATIONS
 from contbreather.orbits.section import Impact, Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
@@ -62,7 +63,7 @@ class Orbit(Shown):
 
     Attributes
     ----------
-    road : Road
+    representation : Representation
         How its flights are evaluated.
     conditions : Conditions
         a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
@@ -83,30 +84,25 @@ class Orbit(Shown):
     (0.680056001966, -2.519293143359)
     """
 
-    road: Road
+    representation: Any  # with what it knows besides: p and b of a closed form, modes, ...
 
     # ------------------------------------------------------------------------------ what it is
 
-    @property
-    def flight(self) -> Any:
-        """Its road, with what that knows besides: p and b of a closed form, modes, ..."""
-        return self.road
-
     @cached_property
     def conditions(self) -> Conditions:
-        return self.road.conditions
+        return self.representation.conditions
 
     @property
     def section(self) -> Section:
-        return self.road.section
+        return self.representation.section
 
     @cached_property
     def impacts(self) -> tuple[Impact, ...]:
-        return self.road.impacts
+        return self.representation.impacts
 
     @property
     def offsets(self) -> tuple[float, ...]:
-        return self.road.offsets
+        return self.representation.offsets
 
     @property
     def a(self) -> float:
@@ -152,7 +148,7 @@ class Orbit(Shown):
     @property
     def residual(self) -> float:
         """Largest error of its equations: rounding, unless it was put together by hand."""
-        return self.road.error
+        return self.representation.error
 
     # ---------------------------------------------------------------------------- its impacts
 
@@ -174,7 +170,7 @@ class Orbit(Shown):
     @property
     def accelerations(self) -> FloatArray:
         """Acceleration of the site just before each impact."""
-        return self.road.accelerations
+        return self.representation.accelerations
 
     @cached_property
     def entries(self) -> FloatArray:
@@ -219,7 +215,7 @@ class Orbit(Shown):
         """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
         (11), ``p chi = wall - a f(phi)``."""
         self._need_one("chi")
-        return float(self.flight.chi)
+        return float(self.representation.chi)
 
     @property
     def b(self) -> float:
@@ -230,7 +226,7 @@ class Orbit(Shown):
     @property
     def c(self) -> float:
         """By how much the lattice as a whole sits off centre."""
-        return self.road.c
+        return self.representation.c
 
     @property
     def asymmetry(self) -> float:
@@ -277,7 +273,7 @@ class Orbit(Shown):
         return self._profile(n, t, 2)
 
     def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
-        found = self.road.profile(whole_sites(n), numbers("t", t), order)
+        found = self.representation.profile(whole_sites(n), numbers("t", t), order)
         return float(found) if np.ndim(found) == 0 else found
 
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -297,7 +293,7 @@ class Orbit(Shown):
         own = self._on_ring(sites)
         if own.lattice.sites is None:
             raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
-        return own.road.state(number("t", t, -math.inf, math.inf, "a time"))
+        return own.representation.state(number("t", t, -math.inf, math.inf, "a time"))
 
     # ------------------------------------------------------------------ what it is asked about
 
@@ -316,7 +312,7 @@ class Orbit(Shown):
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self
-        found = self.road.on(lattice) or self._guessed_on(lattice)
+        found = self.representation.on(lattice) or self._guessed_on(lattice)
         if found.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
@@ -350,7 +346,7 @@ class Orbit(Shown):
 
     def solved(self) -> Orbit:
         """The orbit that Newton's method finds from this one as a guess."""
-        return _settled(self.road.guess())
+        return _settled(self.representation.guess())
 
     def _on_ring(self, sites: int | None) -> Orbit:
         if sites is None:
@@ -370,17 +366,17 @@ class Orbit(Shown):
     @cached_property
     def _clearance(self) -> Admissibility:
         """Asked where a root is chosen, and by whoever has it."""
-        return clearance(self.watch)
+        return clearance(self.motion)
 
     @property
-    def watch(self) -> SiteMotion:
+    def motion(self) -> SiteMotion:
         """What that is measured on."""
-        return self.road.watch
+        return self.representation.motion
 
     @property
     def map(self) -> Any:
         """What small perturbations become over a section."""
-        return self.road.map
+        return self.representation.map
 
     def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
         """Is it stable? The verdict names the lattice it is about.
@@ -464,7 +460,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
     @property
     def problem(self) -> Problem:
         """The orbit as a start for `trace`: its equations with all its events."""
-        return self.road.problem(THRESHOLD)
+        return self.representation.problem(THRESHOLD)
 
     def unfolded(self) -> Orbit:
         """The whole period of a symmetric orbit, as one that need not be symmetric."""
@@ -486,8 +482,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         """One section and the next as one."""
         T, sign = self.section.length, self.section.sign
         later = (Impact(n, sign * wall, t + T, sign * J) for n, wall, t, J in self.impacts)
-        found = self.road.rewritten(longer, (*self.impacts, *later), self.offsets)
-        assert found is not None  # every road can be repeated
+        found = self.representation.rewritten(longer, (*self.impacts, *later), self.offsets)
+        assert found is not None  # every representation can be repeated
         return Orbit(found)
 
     def table(self) -> Sheet:
@@ -563,7 +559,7 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for _, kind in sorted(ROADS.items()):
+        for _, kind in sorted(REPRESENTATIONS.items()):
             if kind.suits(on, section):
                 return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:
@@ -618,12 +614,12 @@ def orbit_at(problem: Problem) -> Orbit:
 
 
 def with_parameters(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
-    """A problem of an orbit on another road, if it asks for what its own has no parameters for."""
+    """A problem of an orbit in another representation, where its own lacks these parameters."""
     orbit = orbit_at(problem)
     on, section = orbit.conditions, orbit.section
     wanted = [name for name in names if name in on.params]
-    for _, kind in sorted(ROADS.items()):
-        if wanted and kind.suits(on, section) and kind is not type(orbit.road):
+    for _, kind in sorted(REPRESENTATIONS.items()):
+        if wanted and kind.suits(on, section) and kind is not type(orbit.representation):
             motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
             return motion.problem(threshold)
     if wanted:

@@ -120,7 +120,7 @@ def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[flo
 def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
     """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
     these parameters among theirs."""
-    return orbit.road.problem(threshold).having(*names)
+    return orbit.representation.problem(threshold).having(*names)
 
 
 def find_event(

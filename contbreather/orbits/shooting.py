@@ -15,11 +15,11 @@ from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.orbits.clearance import LIMIT
-from contbreather.orbits.modal_road import Modes, modal_problem
+from contbreather.orbits.exact_modes import ExactModes, modal_problem
+from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
 from contbreather.orbits.orbit import Orbit, checked, orbit_at
 from contbreather.orbits.refusals import Inadmissible
 from contbreather.orbits.section import Section, check_possible, checked_impacts
-from contbreather.orbits.seeds import from_orbit, from_state, from_times
 from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
 
@@ -164,7 +164,7 @@ def _guess(
     turns: int,
     sign: int | None,
     t: float,
-) -> Modes:
+) -> ExactModes:
     """A first guess from any kind of seed."""
     if isinstance(seed, Problem):
         seed = orbit_at(seed)

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice import Forcing, Lattice
-from contbreather.lattice.green import POWERS, response_weights
-from contbreather.lattice.periodic import bounds, is_resonant, responses, wave
-from contbreather.lattice.responses import Responses
+from contbreather.lattice.free_flight import POWERS, response_weights
+from contbreather.lattice.periodic_green import bounds, is_resonant, responses, wave
+from contbreather.lattice.response import Responses
 from contbreather.orbits.margins import IMAGE
-from contbreather.orbits.motion import Forced, Modes, Motion, points_of
+from contbreather.orbits.motion import Forced, FreeModes, Motion, points_of
 from contbreather.orbits.section import Impact
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +35,7 @@ NO_WALLS = (-math.inf, math.inf)
 LOW = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
 _NO_VECTOR, _NO_MATRIX = np.empty(0), np.empty((0, 0))
-_NO_MODES = Modes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
+_NO_MODES = FreeModes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
 
 
 class SiteMotion:
@@ -106,7 +106,7 @@ class SiteMotion:
         return self._motion(sites, *self._parts(sites)), idle
 
     def _motion(
-        self, sites: tuple[int, ...], forced: Forced, responses: Responses, modes: Modes
+        self, sites: tuple[int, ...], forced: Forced, responses: Responses, modes: FreeModes
     ) -> Motion:
         index, late = self.hit.index, self.length
         rows = [(t, J, index(site), wall) for site, wall, t, J in self.orbit.impacts]
@@ -120,7 +120,7 @@ class SiteMotion:
             float(self.orbit.a), self.k, *section, *parts, impacts, *counts, self._places(sites)
         )
 
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         raise NotImplementedError
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
@@ -196,7 +196,7 @@ class ClosedFormMotion(ChainMotion):
         a, p = b.a, sign * b.p
         return a * f + p * u, a * df + p * v, a * d2f + p * w
 
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         b = self.orbit
         return _alike(b.forcing), _odd_responses(b.lattice, b.gamma, sites), _NO_MODES
 
@@ -233,16 +233,16 @@ class GreenMotion(ChainMotion):
 
     def at(self, site: int, t: float) -> Terms:
         u, v, w = moved(self.orbit, site, t)
-        return u + float(self.orbit.flight.offset(site)), v, w
+        return u + float(self.orbit.representation.offset(site)), v, w
 
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         orbit, hits = self.orbit, tuple(impact.site for impact in self.impacts)
         to_impacts = responses(orbit.lattice, orbit.gamma, sites, hits, orbit.section.turns)
         return _alike(orbit.forcing), to_impacts, _NO_MODES
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         places = super()._places(sites).copy()
-        places[:, 0] = self.orbit.flight.offset(sites)
+        places[:, 0] = self.orbit.representation.offset(sites)
         return places
 
 
@@ -280,16 +280,16 @@ class ModalMotion(SiteMotion):
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
     def at(self, site: int, t: float) -> Terms:
-        terms: Terms = self.orbit.flight.at(site, t)
+        terms: Terms = self.orbit.representation.at(site, t)
         return terms
 
     def of(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
     ) -> tuple[Motion, Sequence[int]]:
-        flight, few = self.orbit.flight, np.array(idle, dtype=int)
+        flight, few = self.orbit.representation, np.array(idle, dtype=int)
         size = points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
-        profiles = flight.motion(times)[:, few].T
+        profiles = flight.displacements(times)[:, few].T
         if few.size:
             low, high = self._places(few.tolist())[:, 1:].T[:, :, None]
             gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
@@ -308,11 +308,11 @@ class ModalMotion(SiteMotion):
         q, r = np.array([leg.q for leg in legs]), np.array([leg.r for leg in legs])
         shapes = np.ascontiguousarray(flight.basis.at(sites))
         z, damping = flight.z, float(flight.conditions.damping)
-        modes = Modes(starts, q, r, z, damping, shapes, np.ascontiguousarray(profiles))
+        modes = FreeModes(starts, q, r, z, damping, shapes, np.ascontiguousarray(profiles))
         return self._motion(sites, self._forced(sites), _no_responses(len(sites)), modes), idle
 
     def _forced(self, sites: tuple[int, ...]) -> Forced:
-        forced = self.orbit.flight.forced
+        forced = self.orbit.representation.forced
         if forced.alike:
             return _alike(self.orbit.forcing)
         series = np.array([forced.harmonics(site) for site in sites], dtype=float)

@@ -23,21 +23,21 @@ from contbreather.lattice import (
     lattice_of,
 )
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
-from contbreather.lattice.held import held
+from contbreather.lattice.on_site_spring import spring_response
 from contbreather.orbits import closed_slopes
+from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import LIMIT
-from contbreather.orbits.closed_form import HALF, SymmetricFlight
+from contbreather.orbits.closed_form import HALF, SymmetricBreather
 from contbreather.orbits.closure import Closure, roots, sprung
-from contbreather.orbits.grazing import ALIKE, Crest
-from contbreather.orbits.lifts import lift
+from contbreather.orbits.grazing import ALIKE, GrazingSite
+from contbreather.orbits.green_function import asymmetric_problem
 from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of, with_parameters
 from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.problem import on_ring, unstable_by
-from contbreather.orbits.road import Impacts, Offsets, Road, road
+from contbreather.orbits.orbit_problem import on_ring, unstable_by
+from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
 from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion
-from contbreather.orbits.wave_road import asymmetric_problem
 from contbreather.parameters import NEEDED, NUMBERS, parameter
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
@@ -47,9 +47,9 @@ from contbreather.storage.serialise import serialised
 DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
 
 
-@road(1)
+@representation(1)
 @dataclass(frozen=True)
-class ClosedForm(SymmetricFlight):
+class ClosedForm(SymmetricBreather):
     """One site of the infinite chain or of a ring that hits its walls in turn."""
 
     @staticmethod
@@ -63,17 +63,17 @@ class ClosedForm(SymmetricFlight):
         cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
     ) -> ClosedForm:
         p, phi = -0.5 * float(impulses[0]), float(times[0])
-        drive = held(on.forcing, on.spring) if on.spring else on.forcing
+        drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
         return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
 
     def weakly(self) -> SiteMotion:
-        watch: SiteMotion = replace(self, gamma=ALIKE).watch
-        return watch
+        motion: SiteMotion = replace(self, gamma=ALIKE).motion
+        return motion
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
         return closed_slopes.locus(of, point, nu, **more)
 
-    def crest(self, site: int) -> Crest:
+    def crest(self, site: int) -> GrazingSite:
         return closed_slopes.crest(self, site)
 
     def speed_slope(self, j: int) -> None:
@@ -83,9 +83,9 @@ class ClosedForm(SymmetricFlight):
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
         return asymmetric_problem(Orbit(self).unfolded())
 
-    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Road:
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Representation:
         times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
-        return orbit_of(self.conditions, section, times, impulses, offsets).road
+        return orbit_of(self.conditions, section, times, impulses, offsets).representation
 
     def problem(self, threshold: float) -> Problem:
         return symmetric_problem(Orbit(self), threshold)
@@ -114,9 +114,9 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
     when asked for.
     """
-    forcing, lattice = breather.flight.forcing, breather.lattice
+    forcing, lattice = breather.representation.forcing, breather.lattice
     closure = Closure(forcing, lattice)
-    flight = breather.flight
+    flight = breather.representation
     return Problem(
         closure.residual,
         {"p": flight.p, "phi": flight.phi},
@@ -167,13 +167,13 @@ def _wider(threshold: float, problem: Problem, names: tuple[str, ...]) -> Proble
     orbit = orbit_at(problem)
     if orbit.lattice.sites is not None or "spring" not in names:
         return with_parameters(threshold, problem, names)
-    soft = Orbit(replace(orbit.flight, forcing=held(orbit.forcing, 0.0)))
+    soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
     return symmetric_problem(soft, threshold).having(*names)
 
 
 def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
     """With springs as far as the band stays below the drive, along either parameter by itself."""
-    if "spring" not in breather.flight.forcing.params:
+    if "spring" not in breather.representation.forcing.params:
         return DOMAIN
     gamma = NUMBERS["gamma"]
     stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
@@ -305,7 +305,7 @@ def symmetric_roots(
             "finite lattice."
         )
     if spring is not None and chain.sites is None:
-        drive = held(drive, InfiniteChain(spring).spring)
+        drive = spring_response(drive, InfiniteChain(spring).spring)
     gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
     restitution_ratio(k)
     found = roots(a, gamma, float(k), drive, chain)

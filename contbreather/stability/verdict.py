@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.scattering import OverReflection
-from contbreather.stability.winding import RIM
 
 Array = NDArray[Any]
 
@@ -158,7 +158,7 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
 
     Examples
     --------
-    >>> from contbreather.stability.orbit import OrbitMap
+    >>> from contbreather.stability.chain_map import OrbitMap
     >>> verdict(OrbitMap(0.04, 0.8, [(0, 0.0, 0.5), (0, 3.0, 0.5)]))
     <infinite chain: stable, no multiplier of the orbit outside the unit circle>
     """

@@ -11,10 +11,16 @@ from scipy.optimize import brentq
 from contbreather.errors import BadInput, NotConverged
 from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability import D, neimark_sacker, orbit, unstable_count, unstable_multipliers
-from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.saltation import Kick
-from contbreather.stability.section_map import ring_map
+from contbreather.stability import (
+    D,
+    chain_map,
+    neimark_sacker,
+    unstable_count,
+    unstable_multipliers,
+)
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.modal_map import ring_map
+from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 from tests.stability.by_hand import flight, impact, pitchfork_b
 
@@ -29,7 +35,7 @@ def dense(sites, gamma, k, kicks, periods):
 
 
 def on_ring(sites, gamma, k, kicks, periods=1):
-    return ring_map(Ring(sites), gamma, k, tuple(Kick(*one) for one in kicks), TURN * periods)
+    return ring_map(Ring(sites), gamma, k, tuple(Saltation(*one) for one in kicks), TURN * periods)
 
 
 def paired(one, other):
@@ -130,7 +136,7 @@ MAPS = [
 @pytest.mark.parametrize("map", MAPS, ids=repr)
 def test_compiled_or_not_an_orbit_tells_the_same(map, monkeypatch):
     def told():
-        orbit._around.cache_clear()
+        chain_map._around.cache_clear()
         values = map.count(), map.crosses(-1.0), map.pairs(), map.nearest(), map.on_circle(0.3)
         return *values, map.D(0.2 - 0.3j)
 
@@ -381,7 +387,7 @@ def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolve
 @pytest.mark.parametrize("wrong", [-1, 1])
 def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wrong: int) -> None:
     """Newton's method that loses one, or finds one that is none, is not believed."""
-    find = orbit._zeros
+    find = chain_map._zeros
 
     def other(*args: object) -> np.ndarray:
         found = find(*args)
@@ -389,7 +395,7 @@ def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wro
 
     map = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)])
     assert map.unstable_multipliers().size == map.count().count == 2
-    monkeypatch.setattr(orbit, "_zeros", other)
+    monkeypatch.setattr(chain_map, "_zeros", other)
     with pytest.raises(NotConverged, match=f"says 2 multipliers .* found {2 + wrong}"):
         map.unstable_multipliers()
 

@@ -87,7 +87,7 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
 
     Examples
     --------
-    >>> from contbreather.orbits.arms import asymmetric
+    >>> from contbreather.orbits.constructors import asymmetric
     >>> one = asymmetric(0.82, 0.04, 0.8)
     >>> other = shifted(one, 1)
     >>> abs(other.displacement(0, 1.0) + one.displacement(0, 1.0 + math.pi)) < 1e-14
@@ -111,10 +111,12 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
     at = {places.get(n, n): sign * c for n, c in zip(section.hit, orbit.offsets, strict=False)}
     offsets = [at[n] for n in section.hit if at]
     try:
-        road = type(orbit.road).through(orbit.conditions, section, times, impulses, offsets)
+        representation = type(orbit.representation).through(
+            orbit.conditions, section, times, impulses, offsets
+        )
     except BadInput:  # two sites at once, in an order that no section has
         return None
-    return Orbit(road) if road.error < SAME + orbit.residual else None
+    return Orbit(representation) if representation.error < SAME + orbit.residual else None
 
 
 def _windows(impacts: list[Impact], section: Section) -> Iterator[list[Impact]]:
@@ -144,9 +146,11 @@ def simpler_than(orbit: Orbit) -> Orbit | None:
         if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:
             continue
         impacts = _first_of(orbit, section)
-        road = orbit.road.rewritten(section, impacts, orbit.offsets) if impacts else None
-        if road is not None and road.error < SAME:
-            return Orbit(road)
+        representation = (
+            orbit.representation.rewritten(section, impacts, orbit.offsets) if impacts else None
+        )
+        if representation is not None and representation.error < SAME:
+            return Orbit(representation)
     return None
 
 

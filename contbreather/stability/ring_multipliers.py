@@ -26,17 +26,17 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring, check_gamma
-from contbreather.stability.aliases import regular_slopes
 from contbreather.stability.characteristic import (
     MODES,
-    Modes,
+    RingModes,
     determinant,
     modes,
     near_slope,
     split,
 )
+from contbreather.stability.counting import resolved_arc
+from contbreather.stability.lattice_sums import regular_slopes
 from contbreather.stability.saltation import check_kb, saltation
-from contbreather.stability.winding import resolved_arc
 from contbreather.stability.zeros import newton
 
 Array = NDArray[Any]
@@ -147,7 +147,7 @@ def _waves(gamma: float, k: float, b: float, sites: int) -> Array:
 
 
 def _remainder(
-    waves: Array, all_modes: Modes, k: float, b: float, degree: int, count: int
+    waves: Array, all_modes: RingModes, k: float, b: float, degree: int, count: int
 ) -> Array:
     """Coefficients times RADIUS^j of ``D prod(mu - pole)/prod(mu - wave)``, by its values."""
     mu = RADIUS * np.exp(2j * math.pi * np.arange(count) / count)
@@ -168,7 +168,7 @@ def _near_step(gamma: float, k: float, b: float, sites: int, w: Array, nu: Array
     return value / (slope + value * poles)
 
 
-def _polish(gamma: float, k: float, b: float, all_modes: Modes, sites: int, mu: Array) -> Array:
+def _polish(gamma: float, k: float, b: float, all_modes: RingModes, sites: int, mu: Array) -> Array:
     """Newton's method for single roots: in nu next to the circle, in mu far from it."""
     mu = mu.astype(complex)
     far = np.abs(np.log(np.maximum(np.abs(mu), 1e-300))) > 3.0
@@ -185,7 +185,7 @@ def _polish(gamma: float, k: float, b: float, all_modes: Modes, sites: int, mu: 
     return np.where(real, mu.real, mu)
 
 
-def _defect(roots: Array, all_modes: Modes, k: float, b: float) -> float:
+def _defect(roots: Array, all_modes: RingModes, k: float, b: float) -> float:
     """How far D is from the product over all its zeros and poles, on a circle around them."""
     mu = 1.1 * RADIUS * np.exp(1j * math.pi * (np.arange(6) + 0.3) / 6.0)[:, None]
     value = determinant(mu[:, 0], all_modes, k, b)[0]
@@ -223,12 +223,15 @@ def _even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array | None:
 
 def _dense_even_roots(gamma: float, k: float, b: float, ring: Ring) -> Array:
     """The even sector in its modes, about N x N, by a dense eigenvalue solver."""
-    from contbreather.lattice.modal_flow import turn
-    from contbreather.stability.section_map import Blow, ModalMap
+    from contbreather.lattice.modal_flow import propagator
+    from contbreather.stability.modal_map import ModalMap, ModalSaltation
 
     basis = ring.basis((0,))
     z, (shape,) = gamma * basis.lam, basis.at(np.zeros(1, dtype=int))
-    turns, blow = (turn(z, 0.0), turn(z, math.pi)), Blow(shape, shape, saltation(k, b))
+    turns, blow = (
+        (propagator(z, 0.0), propagator(z, math.pi)),
+        ModalSaltation(shape, shape, saltation(k, b)),
+    )
     half = ModalMap(ring, gamma, 0.0, z, gamma * basis.unseen, turns, (blow,), math.pi, -1)
     return half.coupled
 

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain
-from contbreather.lattice.periodic import check_coupling
+from contbreather.lattice.periodic_green import check_coupling
 from contbreather.parameters import parameter
 from contbreather.stability.bordered import (
     APPROACH,
@@ -53,13 +53,13 @@ from contbreather.stability.bordered import (
     START,
     TURNING,
     WHERE,
+    CircleSamples,
     Impacts,
     Room,
-    Told,
 )
+from contbreather.stability.counting import Count
 from contbreather.stability.propagators import DEEP, deep, inverse, moments, series
-from contbreather.stability.saltation import Kick, saltation
-from contbreather.stability.winding import Count
+from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import distinct, multipliers_of, newton
 
 Array = NDArray[Any]
@@ -84,7 +84,7 @@ class OrbitMap:
     ------
     BadInput
         Without impacts, times out of order or beyond one period, gamma or k out of range, or a
-        resonance (see `contbreather.lattice.periodic.wave`).
+        resonance (see `contbreather.lattice.periodic_green.wave`).
 
     Examples
     --------
@@ -96,12 +96,12 @@ class OrbitMap:
 
     gamma: float
     k: float
-    kicks: tuple[Kick, ...]
+    kicks: tuple[Saltation, ...]
     periods: int = 1
     lattice: ClassVar[InfiniteChain] = InfiniteChain()
 
     def __post_init__(self) -> None:
-        kicks = tuple(Kick(int(site), float(time), float(b)) for site, time, b in self.kicks)
+        kicks = tuple(Saltation(int(site), float(time), float(b)) for site, time, b in self.kicks)
         object.__setattr__(self, "kicks", kicks)
         if not kicks:
             raise BadInput("an orbit without impacts is neutral: give at least one impact.")
@@ -254,7 +254,7 @@ class OrbitMap:
         return Count(1 - half_turns, bool(certain), float(found[LEAST]), nu, pairs)
 
     @property
-    def _circle(self) -> Told:
+    def _circle(self) -> CircleSamples:
         return _around(self)
 
     @cached_property
@@ -367,9 +367,9 @@ class OrbitMap:
 
 
 @lru_cache(maxsize=512)
-def _around(map: OrbitMap) -> Told:
+def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    told = Told(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    told = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
     AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, told)
     return told._replace(samples=told.samples[: told.used[0]].copy())
 

@@ -20,19 +20,19 @@ from contbreather.continuation.point import Always
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.periodic import Wave, wave, wave_slope
+from contbreather.lattice.periodic_green import Wave, wave, wave_slope
 from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
-from contbreather.orbits.grazing import Crest, solution_at
-from contbreather.orbits.images import simpler_than
-from contbreather.orbits.lifts import from_arms, lift
+from contbreather.orbits.branch_switching import from_arms, lift
+from contbreather.orbits.grazing import GrazingSite, solution_at
+from contbreather.orbits.green_equations import GreenFlight, OrbitEquations, Params
 from contbreather.orbits.on_circle import OnCircle, by_differences, off_the_edge
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_of
-from contbreather.orbits.problem import on_ring, orbit_problem, read_by, unstable_by
-from contbreather.orbits.road import Impacts, Offsets, Road, road
+from contbreather.orbits.orbit_problem import on_ring, orbit_problem, read_by, unstable_by
+from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
 from contbreather.orbits.section import Impact, Section, check_order
 from contbreather.orbits.site_motion import GreenMotion, Terms, moved
-from contbreather.orbits.waves import GreenFlight, OrbitEquations, Params
+from contbreather.orbits.symmetries import simpler_than
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 FloatArray = NDArray[np.float64]
@@ -42,9 +42,9 @@ LEAST = 1e-12  # an impulse smaller than this is none
 ACROSS = Section(((0, 1), (0, -1)))
 
 
-@road(2)
+@representation(2)
 @dataclass(frozen=True)
-class Waves(GreenFlight):
+class GreensFunction(GreenFlight):
     """Any impacts, by the waves they send along chain or ring."""
 
     @staticmethod
@@ -55,7 +55,7 @@ class Waves(GreenFlight):
     @classmethod
     def through(
         cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
-    ) -> Waves:
+    ) -> GreensFunction:
         if not section.count == len(times) == len(impulses):
             raise BadInput(
                 f"{section.count} impacts, {len(times)} times, {len(impulses)} impulses: one time "
@@ -66,7 +66,7 @@ class Waves(GreenFlight):
         return cls.of(on, section, [*times, *impulses, *offsets], on.params)
 
     @classmethod
-    def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> Waves:
+    def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
         """With these times, impulses and offsets."""
         m, values = section.count, np.asarray(x, dtype=float).tolist()
         named = zip(section.impacts, values[:m], values[m : 2 * m], strict=True)
@@ -74,7 +74,7 @@ class Waves(GreenFlight):
         return cls(on.at(params), section, impacts, tuple(values[2 * m :]))
 
     @classmethod
-    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> Waves:
+    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
         """With ``p, t1, t2, c`` of two impacts."""
         p, t1, t2, c = x
         return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
@@ -89,7 +89,7 @@ class Waves(GreenFlight):
         return impact_problem(Orbit(self))
 
     @property
-    def watch(self) -> GreenMotion:
+    def motion(self) -> GreenMotion:
         return GreenMotion(Orbit(self))
 
     def weakly(self) -> None:
@@ -99,7 +99,7 @@ class Waves(GreenFlight):
         endless = self.conditions.lattice.sites is None
         return of.locus(by_differences if nu is None or not endless else off_the_edge, nu, **more)
 
-    def crest(self, site: int) -> Crest:
+    def crest(self, site: int) -> GrazingSite:
         return _crest(Orbit(self), site)
 
     def speed_slope(self, j: int) -> None:
@@ -108,13 +108,15 @@ class Waves(GreenFlight):
     def lifted(self) -> Problem:
         return Orbit(self).doubled().problem
 
-    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Road | None:
+    def rewritten(
+        self, section: Section, impacts: Impacts, offsets: Offsets
+    ) -> Representation | None:
         if not section.symmetric:
             return replace(self, section=section, impacts=tuple(impacts), offsets=tuple(offsets))
         if section.count > 1 or section.impacts[0] != (0, 1):
             return None
         (one,) = impacts
-        return orbit_of(self.conditions, section, [one.time], [one.impulse]).road
+        return orbit_of(self.conditions, section, [one.time], [one.impulse]).representation
 
     def on(self, lattice: Any) -> None:
         """Its impacts are as good a guess as any."""
@@ -123,7 +125,7 @@ class Waves(GreenFlight):
 # --- any impacts ----------------------------------------------------------------------------------
 
 
-@read_by("orbit with impacts", Waves.of)
+@read_by("orbit with impacts", GreensFunction.of)
 def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
 
@@ -132,14 +134,14 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     ``p``, and ``asymmetry`` where half a symmetric orbit may do. Every branch point of the
     equations is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
     """
-    motion = orbit.flight
+    motion = orbit.representation
     equations: OrbitEquations = motion.equations
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
     own = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
     record |= {name: attrgetter(f"solution.{name}") for name, there in own.items() if there}
     return orbit_problem(
         "orbit with impacts",
-        partial(Waves.of, orbit.conditions, orbit.section),
+        partial(GreensFunction.of, orbit.conditions, orbit.section),
         orbit,
         threshold,
         residual=equations.residual,
@@ -182,7 +184,7 @@ def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
 # --- two impacts of one site ----------------------------------------------------------------------
 
 
-@read_by("asymmetric breather", Waves.arm)
+@read_by("asymmetric breather", GreensFunction.arm)
 def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The four equations with an orbit of two impacts as their start, and all its events.
 
@@ -194,7 +196,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
     return orbit_problem(
         "asymmetric breather",
-        partial(Waves.arm, orbit.conditions, orbit.section),
+        partial(GreensFunction.arm, orbit.conditions, orbit.section),
         orbit,
         threshold,
         residual=equations.residual,
@@ -284,7 +286,7 @@ def _fold_locus(point: Point) -> Locus:
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def _crest(orbit: Orbit, site: int) -> Crest:
+def _crest(orbit: Orbit, site: int) -> GrazingSite:
     """A site with its share of the offsets as it is where the curve sets out.
 
     The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
@@ -292,7 +294,9 @@ def _crest(orbit: Orbit, site: int) -> Crest:
     does not. So that this end is known by one name, margins are those per asymmetry.
     """
     share = _offset_share(orbit, site)
-    followed = Crest(site, partial(_motion_slopes, site, share), partial(_motion, site, share))
+    followed = GrazingSite(
+        site, partial(_motion_slopes, site, share), partial(_motion, site, share)
+    )
     asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
     if abs(asymmetry) <= EQUAL:
         return replace(followed, meets={"PF": ()})
@@ -316,7 +320,7 @@ def _offset_share(orbit: Orbit, site: int) -> FloatArray:
     size = len(orbit.offsets)
     if orbit.gamma == 0.0 and site not in orbit.section.hit:
         return np.zeros(size)
-    flight = orbit.flight
+    flight = orbit.representation
     unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
     return np.array(unit, dtype=float)
 

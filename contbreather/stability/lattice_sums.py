@@ -63,7 +63,7 @@ def tables() -> NDArray[np.float64]:
 def tail_coefficients(gamma: float, sites: int | None, spring: float = 0.0) -> tuple[Array, Array]:
     """Coefficients in nu^2 of the tails of (R/nu, B, C), ``[3, POWERS]``, and their derivatives
     with respect to gamma."""
-    lattice = InfiniteChain().held(spring) if sites is None else Ring(sites)
+    lattice = InfiniteChain().with_spring(spring) if sites is None else Ring(sites)
     powers, by_gamma = (
         tables() @ of(gamma, 0)[:ORDERS] for of in (lattice.powers, lattice.dpowers)
     )

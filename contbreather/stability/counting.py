@@ -12,8 +12,8 @@ the unit circle, by symmetry along its upper half. There, in turn,
 Summed up: ``count = [beta0 > 0] + [D(-1) < 0] + 2 pairs``, where ``pairs`` is how often F crosses
 the negative real axis upwards, less how often downwards. As F vanishes for at most two values of b,
 each in closed form, there is one pair between them (`contbreather.stability.arc.window`) and none
-elsewhere: a second road, and the only one at k = 1, where zeros between the band and -1, on the
-circle, are neutral. A count is certain where both roads agree.
+elsewhere: a second way, and the only one at k = 1, where zeros between the band and -1, on the
+circle, are neutral. A count is certain where both ways agree.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def _total(beta0: float, fold: float, pairs: int) -> int:
 
 
 def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
-    """The count of `unstable_count` on the infinite chain, by the second road alone."""
+    """The count of `unstable_count` on the infinite chain, by the second way alone."""
     gamma = check_gamma(gamma, chain.spring)
     k, b = check_kb(k, b)
     beta0, _, fold, _ = _cleared(gamma, k, b, chain)

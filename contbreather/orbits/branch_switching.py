@@ -28,7 +28,7 @@ ALONG = 1e-3  # by how much they change along an arm there, and not along symmet
 SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
 
 
-class OrbitLift(Lift):
+class OrbitSwitching(Lift):
     """An orbit at a pitchfork or a period doubling, as a problem that knows the orbits that
     branch off there: of the whole, or of the doubled, period. Along `direction` the first impact
     comes earlier; its negative leads to their mirror images, or to the same orbits a period later.
@@ -44,7 +44,7 @@ class OrbitLift(Lift):
         return problem
 
 
-def lift(point: Point) -> OrbitLift:
+def lift(point: Point) -> OrbitSwitching:
     """The orbit of a pitchfork or a period doubling with one section and the next as one.
 
     Parameters
@@ -68,9 +68,9 @@ def lift(point: Point) -> OrbitLift:
     >>> round(arm.asymmetry, 3)
     0.028
     """
-    problem, free = _orbit_at(point).road.lifted(), point.curve.free[-1]
+    problem, free = _orbit_at(point).representation.lifted(), point.curve.free[-1]
     times = [name for name in problem.start if name[0] == "t" and name[1:].isdigit()]
-    found = OrbitLift(problem, free, times, both=point.kind == "PF")
+    found = OrbitSwitching(problem, free, times, both=point.kind == "PF")
     curve, (tangent, _) = Curve(problem, (free,)), found.tangents
     off = max(float(abs(curve.equations(curve.start)).max()), abs(float(tangent[-1])))
     if off > SINGULAR:

@@ -5,10 +5,10 @@ times t_j, walls +-1 and with impulses J_j,
 
     ``u_n(t) = a f(t) + c_n + sum over j of J_j h_{n n_j}(t - t_j)``,
 
-h the periodic Green's function without its static part (`contbreather.lattice.periodic`) and c the
-static part: it balances the mean impulses N_s of the impacting sites, straight from one such site
-to the next and level beyond. With one impacting site c is the same everywhere, the free offset of
-a lattice without springs to the ground, and sum J = 0. The equations:
+h the periodic Green's function without its static part (`contbreather.lattice.periodic_green`) and
+c the static part: it balances the mean impulses N_s of the impacting sites, straight from one such
+site to the next and level beyond. With one impacting site c is the same everywhere, the free offset
+of a lattice without springs to the ground, and sum J = 0. The equations:
 
     ``u_{n_j}(t_j) = wall_j``,  ``J_j = -(1 + k) u'_{n_j}(t_j-)``,  ``N_s + T gamma (L c)_s = 0``.
 
@@ -29,8 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.periodic import check_coupling, responses, wave
-from contbreather.lattice.responses import MEETINGS
+from contbreather.lattice.periodic_green import check_coupling, responses, wave
+from contbreather.lattice.response import MEETINGS
 from contbreather.orbits.closure import EPS, forcing_with
 from contbreather.orbits.section import (
     Impact,
@@ -40,9 +40,9 @@ from contbreather.orbits.section import (
     told_apart_slopes,
 )
 from contbreather.parameters import parameter
-from contbreather.stability.orbit import OrbitMap
-from contbreather.stability.saltation import Kick
-from contbreather.stability.section_map import ModalMap, ring_map
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.modal_map import ModalMap, ring_map
+from contbreather.stability.saltation import Saltation
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -364,7 +364,7 @@ class GreenFlight:
         _, impulses, _ = self.equations.split(self.x)
         b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
         kicks = [
-            Kick(impact.site, first + (impact.time - first) % T, entry)
+            Saltation(impact.site, first + (impact.time - first) % T, entry)
             for impact, entry in zip(self.impacts, b.tolist(), strict=True)
         ]
         kicks.sort(key=lambda kick: kick.time)

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice import Ring
-from contbreather.lattice.modal_flow import Turn, free_multipliers, turn
+from contbreather.lattice.modal_flow import ModalPropagator, free_multipliers, propagator
 from contbreather.stability.pairs import REAL, beyond, farthest, outermost, upper
-from contbreather.stability.saltation import Kick, saltation
-from contbreather.stability.secular import Secular
+from contbreather.stability.reduced_determinant import ReducedDeterminant
+from contbreather.stability.saltation import Saltation, saltation
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -71,7 +71,7 @@ class Map(Protocol):
         """The same of maps and angles next to this one, exact to first order where it vanishes."""
 
 
-class Blow(NamedTuple):
+class ModalSaltation(NamedTuple):
     """An impact as a perturbation of the modes feels it."""
 
     shape: FloatArray  # the modes at its site
@@ -91,7 +91,7 @@ class ModalMap:
         Squared frequencies of the modes that some impact sees, and of all others.
     turns : sequence of Turn
         The flights, before the first impact, between them and after the last.
-    blows : sequence of Blow
+    blows : sequence of ModalSaltation
         The impacts in order of time.
     length : float
         Of the section, in time.
@@ -104,8 +104,8 @@ class ModalMap:
     damping: float
     z: FloatArray
     unseen: FloatArray
-    turns: tuple[Turn, ...]
-    blows: tuple[Blow, ...]
+    turns: tuple[ModalPropagator, ...]
+    blows: tuple[ModalSaltation, ...]
     length: float
     sign: int = 1
 
@@ -187,7 +187,7 @@ class ModalMap:
         much as free modes); NaN where there is none."""
         found = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
-            found = self._secular.outermost(radius)
+            found = self._reduced.outermost(radius)
         return outermost(upper(self.coupled), radius) if found is None else found
 
     def pairs(self, radius: float) -> tuple[float, int]:
@@ -208,11 +208,11 @@ class ModalMap:
         """How many real multipliers are farther out than 1 or -1, on its side."""
         if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
             return beyond(self.coupled, place * (1.0 + BESIDE))
-        return self._secular.beyond(place * (1.0 + BESIDE))
+        return self._reduced.beyond(place * (1.0 + BESIDE))
 
     @cached_property
-    def _secular(self) -> Secular:
-        return Secular(self.z, self.damping, self.length, self.turns, self.blows)
+    def _reduced(self) -> ReducedDeterminant:
+        return ReducedDeterminant(self.z, self.damping, self.length, self.turns, self.blows)
 
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """The least singular value of ``M - mu``, with the phase of the determinant: so it is
@@ -240,7 +240,7 @@ def _weakest(map: ModalMap, mu: complex) -> tuple[complex, Array, Array]:
 
 @lru_cache(maxsize=64)
 def ring_map(
-    ring: Ring, gamma: float, k: float, kicks: tuple[Kick, ...], period: float = 2.0 * math.pi
+    ring: Ring, gamma: float, k: float, kicks: tuple[Saltation, ...], period: float = 2.0 * math.pi
 ) -> ModalMap:
     """The map of a ring over one period of an orbit, from within a flight that is not short: next
     to an impact, others at the same time would move from one end of the period to the other.
@@ -249,7 +249,7 @@ def ring_map(
     --------
     The multipliers of m impacts multiply to ``k^(2m)``:
 
-    >>> kicks = Kick(0, 0.0, 0.3), Kick(0, 2.0, 0.5)
+    >>> kicks = Saltation(0, 0.0, 0.3), Saltation(0, 2.0, 0.5)
     >>> mu = ring_map(Ring(9), 0.1, 0.8, kicks).multipliers()
     >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
     (18, 0.4096)
@@ -265,9 +265,10 @@ def ring_map(
     )
     start = times[last] + 0.5 * float(free[last])
     times = [start, *(kick.time for kick in kicks), start + period]
-    turns = tuple(turn(z, later - time) for time, later in pairwise(times))
+    turns = tuple(propagator(z, later - time) for time, later in pairwise(times))
     shapes = basis.at(np.array([kick.site for kick in kicks]))
     blows = tuple(
-        Blow(shape, shape, saltation(k, kick.b)) for shape, kick in zip(shapes, kicks, strict=True)
+        ModalSaltation(shape, shape, saltation(k, kick.b))
+        for shape, kick in zip(shapes, kicks, strict=True)
     )
     return ModalMap(ring, gamma, 0.0, z, lam, turns, blows, period)

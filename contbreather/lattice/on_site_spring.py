@@ -12,7 +12,7 @@ from contbreather.lattice.forcing import Forcing, Harmonics, Periodic, Series
 
 
 @dataclass(frozen=True)
-class Held(Periodic):
+class SpringResponse(Periodic):
     """The response to a forcing, with the spring as one of its parameters.
 
     Attributes
@@ -24,7 +24,7 @@ class Held(Periodic):
     Examples
     --------
     >>> from contbreather.lattice import Harmonic
-    >>> held(Harmonic(), 0.2).f(0.0)
+    >>> spring_response(Harmonic(), 0.2).f(0.0)
     1.25
     """
 
@@ -46,9 +46,9 @@ class Held(Periodic):
     def params(self) -> dict[str, float]:
         return {**self.of.params, "spring": self.spring}
 
-    def _with(self, params: dict[str, float]) -> Held:
+    def _with(self, params: dict[str, float]) -> SpringResponse:
         spring = params.pop("spring")
-        return held(self.of.at(**params), spring)
+        return spring_response(self.of.at(**params), spring)
 
     def _slope(self, name: str) -> Series:
         """In a parameter of the forcing or in the spring."""
@@ -61,6 +61,6 @@ class Held(Periodic):
 
 
 @lru_cache(maxsize=256)
-def held(forcing: Forcing, spring: float) -> Held:
-    """`Held`, kept: residual, Jacobian and sensitivities ask for the same few in turn."""
-    return Held(forcing, spring)
+def spring_response(forcing: Forcing, spring: float) -> SpringResponse:
+    """`SpringResponse`, kept: residual, Jacobian and sensitivities ask for the same few in turn."""
+    return SpringResponse(forcing, spring)

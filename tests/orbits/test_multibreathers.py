@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.lifts import lift
-from contbreather.orbits.multi import _classes
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.multibreathers import _classes
 from contbreather.orbits.orbit import orbit_at
 
 AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}

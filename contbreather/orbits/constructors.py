@@ -9,8 +9,8 @@ from contbreather.checks import flag, one_of
 from contbreather.continuation import Problem, trace
 from contbreather.errors import NoSolution, keeping
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
+from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.clearance import LIMIT
-from contbreather.orbits.lifts import OrbitLift, lift
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
@@ -89,7 +89,7 @@ def asymmetric(
     )
 
 
-def beside(lifted: OrbitLift, asymmetry: float) -> Problem:
+def beside(lifted: OrbitSwitching, asymmetry: float) -> Problem:
     """The problem started on the arm where t2 - t1 - pi is about as given, small."""
     slots = lifted.problem.slots
     return lifted.arm(

@@ -23,8 +23,8 @@ from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
+from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.grazing import grazing
-from contbreather.orbits.modal_road import Modes
 from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.refusals import Inadmissible
@@ -168,7 +168,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     loose = not section.symmetric and on.spring == 0.0 and on.lattice.sites > 1
     first = min(LOOSE, on.gamma) if loose else 0.0
     try:
-        seed = Modes.from_times(replace(on, gamma=first), section, times)
+        seed = ExactModes.from_times(replace(on, gamma=first), section, times)
         start, _ = seed.problem().solve(tolerance=1e-11)
     except NotConverged:
         return None

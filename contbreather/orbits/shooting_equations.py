@@ -23,12 +23,12 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
 from contbreather.lattice.modal_flow import (
     Driven,
-    Turn,
+    ModalPropagator,
     driven,
     free_multipliers,
-    turn,
-    turn_slope,
-    turn_slope_in_damping,
+    propagator,
+    propagator_slope,
+    propagator_slope_in_damping,
 )
 from contbreather.orbits.section import (
     Impact,
@@ -37,8 +37,8 @@ from contbreather.orbits.section import (
     told_apart,
     told_apart_slopes,
 )
+from contbreather.stability.modal_map import ModalMap, ModalSaltation
 from contbreather.stability.saltation import saltation, saltation_entry
-from contbreather.stability.section_map import Blow, ModalMap
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
@@ -65,7 +65,7 @@ class Leg(NamedTuple):
     stop: int
     since: float
     flight: float  # how long; backwards where an impact overtakes the first one
-    turn: Turn
+    propagator: ModalPropagator
     q: FloatArray  # the modes at its start
     r: FloatArray
     q_end: FloatArray
@@ -92,7 +92,7 @@ class Tangents(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ModalFlight:
+class SectionFlight:
     """One section flown, from before its first impact to before that impact's return.
 
     Parameters
@@ -158,7 +158,7 @@ class ModalFlight:
         legs: list[Leg] = []
         at, now, q, r = 0, 0.0, self.q, self.r
         for lag, j in [*lags, (self.section.length, 0)]:
-            fly = turn(self.z, lag - now, self.conditions.damping)
+            fly = propagator(self.z, lag - now, self.conditions.damping)
             end = fly(q, r)
             one = self._arrival(j, start + lag, *end) if len(legs) < len(lags) else None
             legs.append(Leg(at, j, start + now, lag - now, fly, q, r, *end, one))
@@ -218,7 +218,7 @@ class ModalFlight:
         shift = 0.0
         for leg in self.legs:
             times = 0.5 * leg.flight * (1.0 + nodes)[:, None]
-            fly = turn(self.z, times, self.conditions.damping)
+            fly = propagator(self.z, times, self.conditions.damping)
             path = fly.cosine * leg.q + fly.reach * leg.r
             shift += 0.5 * leg.flight * float(weights @ (path @ share))
         return shift / self.section.length
@@ -239,7 +239,7 @@ class ModalFlight:
         bend = float(e.dot(self.pulled(q, r)))
         return float(e.dot(q)) + a * u, float(e.dot(r)) + a * v, bend + a * w
 
-    def motion(self, times: FloatArray) -> FloatArray:
+    def displacements(self, times: FloatArray) -> FloatArray:
         """Displacements of all sites at many times, shape (times, sites)."""
         free = self.basis.to_sites(self.modes(times)[0])
         return free + self.conditions.a * self.forced.everywhere(times, 0)
@@ -262,7 +262,7 @@ class ModalFlight:
         sections, since = np.where(late, sections + 1.0, sections), np.where(late, 0.0, since)
         flight = np.searchsorted(starts - first, since + slack, side="right") - 1
         ahead = np.maximum(since - (starts - first)[flight], 0.0)[..., None]
-        flown = turn(self.z, ahead, self.conditions.damping)
+        flown = propagator(self.z, ahead, self.conditions.damping)
         sign = np.where(sections % 2.0 == 0.0, 1.0, self.section.sign)[..., None]
         now, fast = q[flight], r[flight]
         return (
@@ -283,7 +283,7 @@ class ModalFlight:
             i -= 1
         leg = self.legs[i]
         ahead = max(since - (leg.since - first), 0.0)
-        fly = turn(self.z, ahead, self.conditions.damping)
+        fly = propagator(self.z, ahead, self.conditions.damping)
         q, r = fly(leg.q, leg.r)
         cut = Leg(leg.start, NOWHERE, leg.since, ahead, fly, leg.q, leg.r, q, r, None)
         return i, cut, 1 if sections % 2 == 0 else self.section.sign
@@ -319,7 +319,7 @@ class ModalFlight:
         leg = next(leg for leg in self.legs[1:] if leg.start == i)
         if leg.stop != j:
             return None
-        fly = turn(self.z, since[:, None], self.conditions.damping)
+        fly = propagator(self.z, since[:, None], self.conditions.damping)
         forced = self.forced.everywhere(leg.since + since, 1)  # of all sites alike, or of each
         own = forced[:, self.section.impacts[i][0] if forced.shape[-1] > 1 else 0]
         free = fly.swing * leg.r - fly.pull * leg.q
@@ -370,7 +370,7 @@ class ModalFlight:
         """Derivatives at the end of a leg from those at its start; its ends in time move."""
         if not leg.flight and leg.start == leg.stop:  # from the first impact to itself
             return Y, R
-        Y, R = leg.turn(Y, R)
+        Y, R = leg.propagator(Y, R)
         pull = self.pulled(leg.q_end, leg.r_end)
         for j, side in ((leg.stop, 1.0), (leg.start, -1.0)):
             if j != NOWHERE:
@@ -379,9 +379,9 @@ class ModalFlight:
         damping = self.conditions.damping
         for column, name in enumerate(names, start=Y.shape[1] - len(names)):
             if name == "damping":
-                slope = turn_slope_in_damping(self.z, leg.flight, leg.turn, damping)
+                slope = propagator_slope_in_damping(self.z, leg.flight, leg.propagator, damping)
             elif name in ("gamma", "spring"):
-                slope = turn_slope(self.z, leg.flight, leg.turn, damping)
+                slope = propagator_slope(self.z, leg.flight, leg.propagator, damping)
             else:
                 continue
             rise = self.basis.lam if name == "gamma" else 1.0
@@ -429,7 +429,7 @@ class ModalFlight:
         Y, R = np.eye(2 * self.q.size).reshape(2, self.q.size, -1)
         rows = []
         for leg, one in zip(self.legs, self.arrivals, strict=False):
-            Y, R = leg.turn(Y, R)
+            Y, R = leg.propagator(Y, R)
             e = self.shapes[one.which]
             speed = e @ R
             rows += [speed, -(e * self.z) @ Y - self.conditions.damping * speed]
@@ -445,8 +445,11 @@ class ModalFlight:
             # than before, a site turns round faster by damping (1 + k) v
             b = saltation_entry(one.acceleration, one.velocity, on.k) + (1.0 + on.k) * on.damping
             shape, kick = self.shapes[one.which], self.kicks[one.which]
-            blows.append(Blow(shape, kick, saltation(on.k, b)))
-        unseen, turns = on.gamma * self.basis.unseen + on.spring, tuple(x.turn for x in self.legs)
+            blows.append(ModalSaltation(shape, kick, saltation(on.k, b)))
+        unseen, turns = (
+            on.gamma * self.basis.unseen + on.spring,
+            tuple(x.propagator for x in self.legs),
+        )
         own = self.z, unseen, turns, tuple(blows), self.section.length, self.section.sign
         return ModalMap(on.lattice, on.gamma, on.damping, *own)
 

@@ -11,25 +11,30 @@ from scipy.optimize import brentq
 
 from contbreather.lattice import Ring
 from contbreather.lattice.finite import Grid
-from contbreather.stability import section_map
+from contbreather.stability import modal_map
+from contbreather.stability.modal_map import ModalMap, ring_map
 from contbreather.stability.pairs import REAL, beyond, outermost
-from contbreather.stability.saltation import Kick
-from contbreather.stability.section_map import ModalMap, ring_map
-from contbreather.stability.secular import Secular
+from contbreather.stability.reduced_determinant import ReducedDeterminant
+from contbreather.stability.saltation import Saltation
 
-ONE = (Kick(0, 0.0, 0.3),)
-ARM = (Kick(0, 0.0, 0.5), Kick(0, 2.9, 0.2))
-PAIR = (Kick(0, 0.0, 0.9), Kick(5, 1.2, -0.4), Kick(0, 3.1, 0.8), Kick(5, 4.4, 0.1))
+ONE = (Saltation(0, 0.0, 0.3),)
+ARM = (Saltation(0, 0.0, 0.5), Saltation(0, 2.9, 0.2))
+PAIR = (
+    Saltation(0, 0.0, 0.9),
+    Saltation(5, 1.2, -0.4),
+    Saltation(0, 3.1, 0.8),
+    Saltation(5, 4.4, 0.1),
+)
 
 
 def grid_map(damping: float) -> ModalMap:
     import contbreather as cb
 
     on = {"a": 0.6, "gamma": 0.03, "k": 0.8, "spring": 0.2, "damping": damping}
-    return cb.symmetric(**on, lattice=Grid(6, 6), site=14).flight.map
+    return cb.symmetric(**on, lattice=Grid(6, 6), site=14).representation.map
 
 
-FAR = (Kick(3, 3.2, -2.2),)  # a pair of modulus 2, and eight more just outside
+FAR = (Saltation(3, 3.2, -2.2),)  # a pair of modulus 2, and eight more just outside
 MAPS = {
     "far outside": ring_map(Ring(109), 0.0916, 0.378, FAR),
     "one impact": ring_map(Ring(40), 0.04, 0.8, ONE),
@@ -41,8 +46,8 @@ MAPS = {
 }
 
 
-def reduced(map: ModalMap) -> Secular:
-    return Secular(map.z, map.damping, map.length, map.turns, map.blows)
+def reduced(map: ModalMap) -> ReducedDeterminant:
+    return ReducedDeterminant(map.z, map.damping, map.length, map.turns, map.blows)
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -57,15 +62,15 @@ def test_the_reduced_determinant_is_the_product_over_all_multipliers(name: str) 
 @pytest.mark.parametrize("threshold", [1.005, 1.05, 1.2])
 @pytest.mark.parametrize("name", MAPS)
 def test_the_first_pair_to_leave_is_that_of_all_multipliers(name: str, threshold: float) -> None:
-    map, secular = MAPS[name], reduced(MAPS[name])
+    map, determinant = MAPS[name], reduced(MAPS[name])
     mu = map.coupled
-    found, wanted = secular.outermost(threshold), outermost(mu[mu.imag > 1e-8], threshold)
-    floor = abs(secular.poles).max() / threshold - 1.0
+    found, wanted = determinant.outermost(threshold), outermost(mu[mu.imag > 1e-8], threshold)
+    floor = abs(determinant.poles).max() / threshold - 1.0
     assert found is not None
     if wanted > -1e-3 * (threshold - 1.0) or found > floor:
         assert found == pytest.approx(wanted, abs=1e-9)
     assert (found > 0.0) == (wanted > 0.0)
-    around = secular.around(threshold)
+    around = determinant.around(threshold)
     assert around is not None
     assert around.outside == np.count_nonzero(abs(mu) > threshold)
 
@@ -78,8 +83,18 @@ def test_real_multipliers_beyond_a_place_are_counted(name: str, place: float) ->
 
 # rings with two real multipliers on one side, 0.04 and 0.02 apart
 TWINS = {
-    "next to the circle": (132, 0.18, 0.613, (Kick(0, 0.45, -0.625), Kick(0, 8.625, -0.439))),
-    "next to another": (61, 0.081, 0.586, (Kick(0, 6.474, 1.012), Kick(32, 10.127, 5.37))),
+    "next to the circle": (
+        132,
+        0.18,
+        0.613,
+        (Saltation(0, 0.45, -0.625), Saltation(0, 8.625, -0.439)),
+    ),
+    "next to another": (
+        61,
+        0.081,
+        0.586,
+        (Saltation(0, 6.474, 1.012), Saltation(32, 10.127, 5.37)),
+    ),
 }
 
 
@@ -96,7 +111,7 @@ def test_two_real_multipliers_close_to_each_other_are_two(name: str) -> None:
 def test_a_large_lattice_is_asked_for_what_is_next_to_the_circle_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(section_map, "LARGE", 20)
+    monkeypatch.setattr(modal_map, "LARGE", 20)
     map = ring_map(Ring(40), 0.13, 0.8, ARM)
     first, count = map.outermost(1.005), (map.beyond(1.0), map.beyond(-1.0))
     assert "coupled" not in vars(map)
@@ -110,15 +125,15 @@ def test_a_large_lattice_is_asked_for_what_is_next_to_the_circle_alone(
 def test_a_real_multiplier_next_to_the_circle_is_on_its_side(
     side: float, within: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(section_map, "LARGE", 20)
+    monkeypatch.setattr(modal_map, "LARGE", 20)
 
     def largest(b: float) -> float:
-        mu = ring_map(Ring(40), 0.04, 0.8, (Kick(0, 0.0, b),)).coupled
+        mu = ring_map(Ring(40), 0.04, 0.8, (Saltation(0, 0.0, b),)).coupled
         return float((side * mu.real[mu.imag == 0.0]).max(initial=0.0))
 
     for size in (1.004, 0.996):
         b = brentq(lambda b, size=size: largest(b) - size, *within)
-        map = replace(ring_map(Ring(40), 0.04, 0.8, (Kick(0, 0.0, b),)))  # knows nothing yet
+        map = replace(ring_map(Ring(40), 0.04, 0.8, (Saltation(0, 0.0, b),)))  # knows nothing yet
         assert map.beyond(side) == (size > 1.0)
         assert map.beyond(-side) == 0
         assert map.beyond(side * 1.003) == (size > 1.003)
@@ -132,10 +147,10 @@ def test_all_multipliers_are_computed_where_they_are_few_known_or_on_the_unit_ci
         raise AssertionError("asked for what is next to the circle")
 
     known = replace(ring_map(Ring(200), 0.13, 0.8, ARM))
-    assert len(known.coupled) > section_map.LARGE
-    monkeypatch.setattr(Secular, "outermost", never)
-    monkeypatch.setattr(Secular, "beyond", never)
-    few = ring_map(Ring(section_map.LARGE // 2), 0.13, 0.8, ARM)
+    assert len(known.coupled) > modal_map.LARGE
+    monkeypatch.setattr(ReducedDeterminant, "outermost", never)
+    monkeypatch.setattr(ReducedDeterminant, "beyond", never)
+    few = ring_map(Ring(modal_map.LARGE // 2), 0.13, 0.8, ARM)
     for map, radius in ((few, 1.005), (known, 1.005), (ring_map(Ring(100), 0.13, 0.8, ARM), 1.0)):
         mu = np.linalg.eigvals(map.matrix)
         wanted = outermost(mu[mu.imag > REAL], radius)

@@ -1,4 +1,4 @@
-"""How the flights of an orbit are evaluated: what every road answers, and which roads there are."""
+"""Representations of the motion between impacts: what each of them answers, and which there are."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ Impacts = Sequence[Impact]
 Offsets = Sequence[float]
 
 
-class Road(Protocol):
+class Representation(Protocol):
     """How the flights of one orbit are evaluated, with the equations and events that belong to it.
 
-    Not all roads lead everywhere: `suits` says where one does, and what it cannot do is None.
+    A representation supports some lattices and sections only: see `suits`; what it cannot do is
+    None.
     """
 
     @property
@@ -67,7 +68,7 @@ class Road(Protocol):
     @classmethod
     def through(
         cls, on: Conditions, impacts: Section, times: Any, impulses: Any, offsets: Offsets
-    ) -> Road:
+    ) -> Representation:
         """The motion with these impacts, or the one that comes closest to them."""
 
     def problem(self, threshold: float) -> Problem: ...
@@ -75,7 +76,7 @@ class Road(Protocol):
         """The problem for what need not be a solution yet."""
 
     @property
-    def watch(self) -> SiteMotion:
+    def motion(self) -> SiteMotion:
         """What the clearance from the walls is measured on."""
 
     def weakly(self) -> SiteMotion | None:
@@ -85,7 +86,7 @@ class Road(Protocol):
         """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
 
     def crest(self, site: int) -> Any:
-        """How the motion of a site is followed, `grazing.Crest`."""
+        """How the motion of a site is followed, `grazing.GrazingSite`."""
 
     def speed_slope(self, j: int) -> Any:
         """The derivative, as that of a `Locus`, of the velocity of the site before an impact; None
@@ -94,22 +95,24 @@ class Road(Protocol):
     def lifted(self) -> Problem:
         """The problem of orbits that leave this one where its symmetry or its period breaks."""
 
-    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Road | None:
-        """The same motion from the same start in other words; None if this road cannot."""
+    def rewritten(
+        self, section: Section, impacts: Impacts, offsets: Offsets
+    ) -> Representation | None:
+        """The same motion from the same start in other words; None if that cannot be."""
 
     def on(self, lattice: Any) -> Any:
-        """The `Orbit` of another lattice by means of its own; None where another road has to do."""
+        """The `Orbit` of another lattice by means of its own; None where that needs another."""
 
 
-ROADS: dict[int, type[Road]] = {}
-R = TypeVar("R", bound=type[Any])
+REPRESENTATIONS: dict[int, type[Representation]] = {}
+R = TypeVar("R", bound=type[Representation])
 
 
-def road(rank: int) -> Callable[[R], R]:
-    """Enter a road; of several that suit an orbit the one with the lowest rank takes it."""
+def representation(rank: int) -> Callable[[R], R]:
+    """Enter a representation; of several that suit an orbit the lowest rank takes it."""
 
     def entered(kind: R) -> R:
-        ROADS[rank] = kind
+        REPRESENTATIONS[rank] = kind
         return kind
 
     return entered

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
-from contbreather.lattice.green import TERMS, flight
+from contbreather.lattice.free_flight import TERMS, free_flight
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.parameters import NUMBERS
 
@@ -243,7 +243,7 @@ class Lattice:
         -------
         tuple of three ndarrays, the shape of ``s``
         """
-        answer = flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
+        answer = free_flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
         y = np.asarray(s, dtype=float) - 0.5 * math.pi
         return answer.value(y), answer.slope(y), answer.curvature(y)
 

@@ -1,4 +1,4 @@
-"""An orbit as a problem to trace: what that has on every road, besides its equations."""
+"""An orbit as a problem to trace: what that has on every representation, besides its equations."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from contbreather.continuation.point import Counting
 from contbreather.continuation.points import Points
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.closed_form import SymmetricFlight
-from contbreather.orbits.images import images_of, simpler_than
-from contbreather.orbits.lifts import lift
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.closed_form import SymmetricBreather
 from contbreather.orbits.orbit import Orbit, with_parameters
-from contbreather.orbits.road import Road
+from contbreather.orbits.representation import Representation
 from contbreather.orbits.section import Section
+from contbreather.orbits.symmetries import images_of, simpler_than
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.counting import many_outside
 from contbreather.stability.half_period import HalfMap
-from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.verdict import beyond
-from contbreather.stability.winding import many_outside
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
-At = Callable[[FloatArray, Params], Road]
+At = Callable[[FloatArray, Params], Representation]
 Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
@@ -40,7 +40,7 @@ def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations
     kind : str
         By which files make it again, see `read_by`.
     at : callable
-        The road with given unknowns and parameters.
+        The representation with given unknowns and parameters.
     orbit : Orbit
     threshold : float
         Of its events, on finite lattices.
@@ -69,9 +69,9 @@ def on_ring(lattice: Any, threshold: float) -> str:
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
 
 
-def read_by(kind: str, of: Callable[..., Road]) -> Callable[[Make], Make]:
+def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
     """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
-    parameters are a road by `of`, and that is a problem."""
+    parameters are a representation by `of`, and that is a problem."""
 
     def entered(problem: Make) -> Make:
         serialised(kind)(partial(_from_dict, of, problem))
@@ -81,7 +81,7 @@ def read_by(kind: str, of: Callable[..., Road]) -> Callable[[Make], Make]:
 
 
 def _from_dict(
-    of: Callable[..., Road],
+    of: Callable[..., Representation],
     problem: Callable[..., Problem],
     *,
     conditions: Conditions,
@@ -99,7 +99,7 @@ def _interpreted(at: At, point: Point) -> Orbit:
 
 
 def _images(at: At, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
-    return tuple(image.flight.x for image in images_of(Orbit(at(x, params))))
+    return tuple(image.representation.x for image in images_of(Orbit(at(x, params))))
 
 
 def _simpler(point: Point) -> Problem | None:
@@ -125,8 +125,8 @@ def _unstable(threshold: float, lattice: Any, point: Point) -> float:
 def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     """Of all points of a branch at once, -1 where each has to be asked; None where none can be: but
     for symmetric breathers of the infinite chain without springs."""
-    curve, on = points.curve, points[0].solution.flight
-    closed = isinstance(on, SymmetricFlight) and isinstance(on.lattice, InfiniteChain)
+    curve, on = points.curve, points[0].solution.representation
+    closed = isinstance(on, SymmetricBreather) and isinstance(on.lattice, InfiniteChain)
     if not closed or on.lattice.spring or not isinstance(lattice, InfiniteChain | None):
         return None
     if not {*curve.free} <= {"a", "gamma", "k"}:

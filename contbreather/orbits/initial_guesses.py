@@ -2,7 +2,7 @@
 
 A seed is an orbit, a simulated state, or impact times alone. A state is followed exactly until its
 impacts are known; where only times are given, the state is the one that suits them best, which is a
-linear problem (`Modes.from_times`).
+linear problem (`ExactModes.from_times`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
-from contbreather.lattice.modal_flow import Turn, driven, turn
-from contbreather.orbits.modal_road import Modes
+from contbreather.lattice.modal_flow import ModalPropagator, driven, propagator
+from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.refusals import ImpossibleSequence
 from contbreather.orbits.section import Section, Sequenced, checked_impacts
@@ -64,9 +64,9 @@ class Motion:
         self.r = self.basis.from_sites(v - on.a * self.forced.everywhere(self.time, 1))
         self.z = on.gamma * self.basis.lam + on.spring
 
-    def turned(self, ahead: Any) -> Turn:
+    def turned(self, ahead: Any) -> ModalPropagator:
         """The free flight over some time."""
-        return turn(self.z, ahead, self.on.damping)
+        return propagator(self.z, ahead, self.on.damping)
 
     def gap(self, site: int, wall: int, ahead: float) -> float:
         """Distance of a site from a wall some time ahead."""
@@ -132,7 +132,7 @@ def from_state(
     *,
     turns: int = 1,
     sign: int = 1,
-) -> Modes:
+) -> ExactModes:
     """A state of the lattice, followed over one section: its impacts in order, and the state before
     the first of them."""
     motion = Motion(on, state, time)
@@ -163,7 +163,7 @@ def from_state(
     q, r = (sign ** (first // m) * basis.from_sites(row) for row in states[first % m])
     times = np.array([one.time for one in own])
     times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
-    return Modes(section, times, q, r, on)
+    return ExactModes(section, times, q, r, on)
 
 
 def _again(contact: Contact, earlier: Contact, length: float) -> bool:
@@ -202,7 +202,7 @@ def _start(
     )
 
 
-def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> Modes:
+def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> ExactModes:
     """From impact times alone, ``{"t1": ..., "t2": ...}``."""
     names = [f"t{j + 1}" for j in range(section.count)]
     unknown, missing = sorted(set(times) - set(names)), sorted(set(names) - set(times))
@@ -217,12 +217,12 @@ def from_times(on: Conditions, section: Section, times: Mapping[str, float]) -> 
         t = np.array([math.nan])
     if not np.isfinite(t).all():
         raise BadInput(f"impact times {dict(times)}: finite numbers were expected.")
-    return Modes.from_times(on, section, t)
+    return ExactModes.from_times(on, section, t)
 
 
 def from_orbit(
     orbit: Orbit, on: Conditions, sequence: Sequence[Any] | None, sign: int | None
-) -> Modes:
+) -> ExactModes:
     """An orbit, however it was found, under conditions of a finite lattice; opened up, or shot as
     half of a symmetric one, if asked for.
 
@@ -233,7 +233,7 @@ def from_orbit(
         raise BadInput("this orbit was not shot as a symmetric one; start from a breather.")
     if sign == 1:
         orbit = orbit.unfolded()
-    if sequence is not None and not isinstance(orbit.road, Modes):
+    if sequence is not None and not isinstance(orbit.representation, ExactModes):
         return _otherwise(orbit, on, sequence)
     if sequence is not None:
         wanted = Section(checked_impacts(sequence)).placed(orbit.lattice).impacts
@@ -242,15 +242,15 @@ def from_orbit(
                 f"this orbit has the impacts {orbit.section.impacts}, not {wanted}; give a state "
                 "or times for another sequence."
             )
-    if isinstance(orbit.road, Modes):
+    if isinstance(orbit.representation, ExactModes):
         if orbit.lattice == on.lattice:
-            return replace(orbit.road, conditions=on)
+            return replace(orbit.representation, conditions=on)
         if isinstance(on.lattice, Ring) and isinstance(orbit.lattice, Ring) and orbit.section.local:
-            return replace(orbit.road.resized(on.lattice), conditions=on)
-    return Modes.from_times(on, orbit.section.moved(on.lattice), orbit.times)
+            return replace(orbit.representation.resized(on.lattice), conditions=on)
+    return ExactModes.from_times(on, orbit.section.moved(on.lattice), orbit.times)
 
 
-def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> Modes:
+def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactModes:
     """With another impact first; or with the same times at other sites."""
     section = replace(orbit.section, impacts=checked_impacts(sequence)).placed(on.lattice)
     m = orbit.section.count
@@ -263,4 +263,4 @@ def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> Modes:
     contacts = [Contact(*hit, t) for hit, t in zip(own, orbit.times.tolist(), strict=True)]
     course = _course(contacts, orbit.section.length, orbit.section.sign)
     first = _beginning(course, section.impacts) or 0
-    return Modes.from_times(on, section, [one.time for one in course[first : first + m]])
+    return ExactModes.from_times(on, section, [one.time for one in course[first : first + m]])

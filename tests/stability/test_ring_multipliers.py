@@ -15,9 +15,9 @@ from contbreather.stability import (
     dense_half_map,
     eigenvector,
     even_multipliers,
-    half_map,
     half_multipliers,
     neimark_sacker,
+    ring_multipliers,
     stability,
 )
 from contbreather.stability.pairs import beyond, outermost
@@ -55,7 +55,7 @@ def test_random_maps_agree_with_dense_matrices_and_need_no_fallback(monkeypatch)
     def refuse(*args: object) -> None:
         raise AssertionError(f"fell back to a dense matrix at {args}")
 
-    monkeypatch.setattr(half_map, "_dense_even_roots", refuse)
+    monkeypatch.setattr(ring_multipliers, "_dense_even_roots", refuse)
     rng = np.random.default_rng(1)
     for _ in range(300):
         gamma = rng.choice(
@@ -125,20 +125,20 @@ def test_on_long_rings_trace_determinant_and_eigenvectors_vouch_for_them(sites):
 def test_a_wrong_missing_or_doubled_zero_does_not_pass_the_check():
     gamma, k, b, ring = 0.11, 0.8, -0.28, Ring(120)
     right = even_multipliers(ring, gamma, k, b)
-    modes = half_map.modes(gamma, 120)
-    assert half_map._defect(right, modes, k, b) < 1e-12
+    modes = ring_multipliers.modes(gamma, 120)
+    assert ring_multipliers._defect(right, modes, k, b) < 1e-12
     for i in range(0, right.size, 7):
         wrong = right.copy()
         wrong[i] += 1e-6
-        assert half_map._defect(wrong, modes, k, b) > half_map.SOUND
+        assert ring_multipliers._defect(wrong, modes, k, b) > ring_multipliers.SOUND
         wrong[i] = right[i - 1]
-        assert half_map._defect(wrong, modes, k, b) > half_map.SOUND
+        assert ring_multipliers._defect(wrong, modes, k, b) > ring_multipliers.SOUND
 
 
 def test_if_the_zeros_fail_their_check_the_even_sector_is_solved_dense(monkeypatch):
     args = (Ring(30), 0.11, 0.8, -0.28)
     fast = half_multipliers(*args)
-    monkeypatch.setattr(half_map, "_defect", lambda *_: 1.0)
+    monkeypatch.setattr(ring_multipliers, "_defect", lambda *_: 1.0)
     assert apart(half_multipliers(*args), fast) < 1e-12
 
 

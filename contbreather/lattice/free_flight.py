@@ -47,7 +47,7 @@ def response_weights() -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class FreeFlight:
     """One site between two impacts of site 0, per unit p, as a function of ``y = s - pi/2``.
 
     ``first`` is the amplitude of -sin y, ``powers`` the coefficients of y, y^3, ... Values
@@ -97,9 +97,9 @@ def _cos(y: Any) -> Any:
     return math.cos(y) if isinstance(y, float) else np.cos(y)
 
 
-def flight(first_harmonic: float, powers: FloatArray) -> Flight:
-    """The `Flight` of a site from what its lattice says of it, or its slope in any parameter from
-    the slopes of both.
+def free_flight(first_harmonic: float, powers: FloatArray) -> FreeFlight:
+    """The `FreeFlight` of a site from what its lattice says of it, or its slope in any parameter
+    from the slopes of both.
 
     Parameters
     ----------
@@ -110,13 +110,13 @@ def flight(first_harmonic: float, powers: FloatArray) -> Flight:
 
     Examples
     --------
-    >>> from contbreather.lattice.modes import InfiniteChain
+    >>> from contbreather.lattice.chain import InfiniteChain
     >>> chain = InfiniteChain()
-    >>> answer = flight(float(chain.first_harmonic(0.12, 0)), chain.powers(0.12, 0))
+    >>> answer = free_flight(float(chain.first_harmonic(0.12, 0)), chain.powers(0.12, 0))
     >>> round(answer.value(-math.pi / 2) - chain.chi(0.12), 14)
     0.0
-    >>> slope = flight(float(chain.dfirst_harmonic(0.12, 0)), chain.dpowers(0.12, 0))
+    >>> slope = free_flight(float(chain.dfirst_harmonic(0.12, 0)), chain.dpowers(0.12, 0))
     >>> round(slope.value(-math.pi / 2) - chain.dchi(0.12), 13)
     0.0
     """
-    return Flight(4.0 / math.pi * first_harmonic, tuple((response_weights() @ powers).tolist()))
+    return FreeFlight(4.0 / math.pi * first_harmonic, tuple((response_weights() @ powers).tolist()))

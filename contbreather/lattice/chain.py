@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
-from contbreather.lattice.finite import Waves, waves
-from contbreather.lattice.means import Lattice, check_gamma, means, q_moments
+from contbreather.lattice.band_averages import Lattice, check_gamma, means, q_moments
+from contbreather.lattice.finite import PlaneWaves, plane_waves
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -47,9 +47,9 @@ class InfiniteChain(Lattice):
         """No end: there is a far field."""
         return
 
-    def held(self, spring: float) -> InfiniteChain:
+    def with_spring(self, spring: float) -> InfiniteChain:
         """The same chain with springs to the ground."""
-        return self if spring == self.spring else _held(spring)
+        return self if spring == self.spring else _with_spring(spring)
 
     def __repr__(self) -> str:
         return f"InfiniteChain({self.spring or ''})"
@@ -173,7 +173,7 @@ class InfiniteChain(Lattice):
 
 
 @lru_cache(maxsize=64)
-def _held(spring: float) -> InfiniteChain:
+def _with_spring(spring: float) -> InfiniteChain:
     return InfiniteChain(spring)
 
 
@@ -250,9 +250,9 @@ class Ring(Lattice):
         """At 1/4 the band of the chain reaches the forcing frequency."""
         return 0.25
 
-    def basis(self, hit: tuple[int, ...]) -> Waves:
+    def basis(self, hit: tuple[int, ...]) -> PlaneWaves:
         """The modes that impacts at the sites `hit` can excite."""
-        return waves(self.sites, hit)
+        return plane_waves(self.sites, hit)
 
     def beside(self, n: int) -> tuple[int, ...]:
         """The sites coupled to site n."""

@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.green import TERMS
-from contbreather.lattice.means import Lattice, check_gamma, moments_of
-from contbreather.lattice.modes import Ring
-from contbreather.lattice.responses import Responses
+from contbreather.lattice.band_averages import Lattice, check_gamma, moments_of
+from contbreather.lattice.chain import Ring
+from contbreather.lattice.free_flight import TERMS
+from contbreather.lattice.response import Responses
 from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +44,7 @@ LOW = 0.5  # modes of a resonant ring below this, in units of 1/n, go by the pol
 APART = 1e-9  # a mode this close to a harmonic is in resonance with it
 
 
-class Modes(NamedTuple):
+class ModeSums(NamedTuple):
     """Modes summed one by one: ``alpha cos(W y) + beta y sin(W y)``, and a constant for all."""
 
     W: FloatArray
@@ -65,7 +65,7 @@ class Wave:
     powers: Table
     first: float
     second: float
-    modes: Modes | None = None
+    modes: ModeSums | None = None
     tables: tuple[Table, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -151,7 +151,7 @@ def sinc(y: float) -> tuple[float, float]:
     return value, (math.cos(y) - value) / y
 
 
-def _mode_by_mode(modes: Modes, y: Any) -> Four:
+def _mode_by_mode(modes: ModeSums, y: Any) -> Four:
     W, alpha, beta, constant = modes
     angle = np.multiply.outer(y, W)
     c, s = np.cos(angle), np.sin(angle)
@@ -192,7 +192,7 @@ def wave(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wav
     --------
     An impulse changes the velocity of its own site by 1, and of no other:
 
-    >>> from contbreather.lattice.modes import InfiniteChain
+    >>> from contbreather.lattice.chain import InfiniteChain
     >>> after = [wave(InfiniteChain(), 0.12, d).at(0.0)[1] for d in (0, 1)]
     >>> [abs(round(2 * slope, 12)) for slope in after]
     [1.0, 0.0]
@@ -212,7 +212,7 @@ def wave_slope(lattice: Lattice, gamma: float, distance: int, periods: int = 1) 
 
     Examples
     --------
-    >>> from contbreather.lattice.modes import InfiniteChain
+    >>> from contbreather.lattice.chain import InfiniteChain
     >>> chain, h = InfiniteChain(), 1e-5
     >>> low, high = (wave(chain, 0.12 + x, 2).at(1.0)[0] for x in (-h, h))
     >>> round((high - low) / (2 * h) - wave_slope(chain, 0.12, 2).at(1.0)[0], 6) + 0.0
@@ -298,14 +298,14 @@ def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tu
     return replace(smooth, modes=value), replace(steep, modes=slope)
 
 
-def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[Modes, Modes]:
+def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[ModeSums, ModeSums]:
     sine, cosine = np.sin(math.pi * W), np.cos(math.pi * W)
     alpha = a / (2.0 * W * sine)
-    value = Modes(W, alpha, np.zeros_like(W), -float(np.sum(a / (2.0 * math.pi * W * W))))
+    value = ModeSums(W, alpha, np.zeros_like(W), -float(np.sum(a / (2.0 * math.pi * W * W))))
     speed = W / (2.0 * gamma)  # dW/dgamma
     alpha_slope = -alpha * (1.0 / W + math.pi * cosine / sine) * speed
     constant = float(np.sum(a / (math.pi * W**3) * speed))
-    return value, Modes(W, alpha_slope, -alpha * speed, constant)
+    return value, ModeSums(W, alpha_slope, -alpha * speed, constant)
 
 
 def is_resonant(lattice: Lattice, gamma: float, periods: int) -> bool:
@@ -375,7 +375,7 @@ def responses(
         [[*answer.powers, answer.first, answer.second] for answer in answers]
     )
     none = np.empty(0)
-    no_modes = Modes(none, none, none, 0.0)
+    no_modes = ModeSums(none, none, none, 0.0)
     W, even, odd, constant = zip(*(answer.modes or no_modes for answer in answers), strict=True)
     table[:, 0] += periods * np.array(constant)
     modes = W[0], periods * np.array(even), periods * np.array(odd)

@@ -10,7 +10,7 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.lattice.periodic import (
+from contbreather.lattice.periodic_green import (
     check_coupling,
     is_resonant,
     responses,
@@ -20,7 +20,7 @@ from contbreather.lattice.periodic import (
     wave_slope,
     wave_table,
 )
-from contbreather.lattice.responses import MEETINGS
+from contbreather.lattice.response import MEETINGS
 from tests.lattice.by_hand import ring_mean
 
 CHAIN = InfiniteChain()

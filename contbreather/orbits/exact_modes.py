@@ -21,14 +21,14 @@ from contbreather.continuation import Locus, Point, Problem, fold
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.grazing import Crest
-from contbreather.orbits.modal_flight import ModalFlight
+from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle, by_impacts
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import branching, events_of
-from contbreather.orbits.problem import orbit_problem, read_by, unstable_by
-from contbreather.orbits.road import Impacts, Offsets, road
+from contbreather.orbits.orbit_problem import orbit_problem, read_by, unstable_by
+from contbreather.orbits.representation import Impacts, Offsets, representation
 from contbreather.orbits.section import WEAK, Section, check_order, check_possible
+from contbreather.orbits.shooting_equations import SectionFlight
 from contbreather.orbits.site_motion import ModalMotion
 from contbreather.parameters import NUMBERS
 from contbreather.stability.verdict import THRESHOLD
@@ -37,9 +37,9 @@ FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
 
-@road(3)
+@representation(3)
 @dataclass(frozen=True, eq=False)
-class Modes(ModalFlight):
+class ExactModes(SectionFlight):
     """Any impacts on any finite lattice, with losses, springs, masses and walls of its own."""
 
     @staticmethod
@@ -49,19 +49,19 @@ class Modes(ModalFlight):
     @classmethod
     def through(
         cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
-    ) -> Modes:
+    ) -> ExactModes:
         check_possible(section, on)
         return cls.from_times(on, section, times)
 
     @classmethod
-    def of(cls, on: Conditions, section: Section, x: FloatArray, params: Params) -> Modes:
+    def of(cls, on: Conditions, section: Section, x: FloatArray, params: Params) -> ExactModes:
         """With these unknowns."""
         m = section.count
         q, r = np.split(x[m:], 2)
         return cls(section, x[:m], q, r, on.at(params))
 
     @classmethod
-    def from_times(cls, on: Conditions, section: Section, times: Any) -> Modes:
+    def from_times(cls, on: Conditions, section: Section, times: Any) -> ExactModes:
         """With the state that comes closest to all equations, which are linear in it."""
         check_order(section, times)
         still = np.zeros(on.lattice.basis(section.hit).lam.size)
@@ -70,7 +70,7 @@ class Modes(ModalFlight):
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
-    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Modes:
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
         return replace(self, section=section, t=np.array([one.time for one in impacts]))
 
     def weakly(self) -> None:
@@ -79,8 +79,8 @@ class Modes(ModalFlight):
     def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
         return of.locus(by_impacts, nu, **more)
 
-    def crest(self, site: int) -> Crest:
-        return Crest(site, partial(_slopes_at, site))
+    def crest(self, site: int) -> GrazingSite:
+        return GrazingSite(site, partial(_slopes_at, site))
 
     def speed_slope(self, j: int) -> Any:
         return partial(_speed_slope, j)
@@ -97,7 +97,7 @@ class Modes(ModalFlight):
     guess = problem
 
     @property
-    def watch(self) -> ModalMotion:
+    def motion(self) -> ModalMotion:
         return ModalMotion(Orbit(self))
 
     def on(self, lattice: Any) -> Orbit | None:
@@ -108,7 +108,7 @@ class Modes(ModalFlight):
             return None
         return Orbit(self.resized(lattice)).solved()
 
-    def resized(self, ring: Ring) -> Modes:
+    def resized(self, ring: Ring) -> ExactModes:
         section, apart = self.section.around(ring.sites), np.arange(ring.sites)
         apart = np.minimum(apart, ring.sites - apart)
         nearest = np.minimum(apart, self.conditions.lattice.sites // 2)
@@ -117,7 +117,7 @@ class Modes(ModalFlight):
             own = np.roll(self.basis.to_sites(modes), -self.section.hit[0])[nearest]
             rows.append(ring.basis(section.hit).from_sites(np.roll(own, section.hit[0])))
         q, r = rows
-        return Modes(section, self.t, q, r, replace(self.conditions, lattice=ring))
+        return ExactModes(section, self.t, q, r, replace(self.conditions, lattice=ring))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class ShootingEquations:
     section: Section
     conditions: Conditions
 
-    def flight(self, x: FloatArray, params: Params) -> Modes:
+    def flight(self, x: FloatArray, params: Params) -> ExactModes:
         """The section flown from these unknowns."""
         return _flown(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
 
@@ -143,25 +143,27 @@ class ShootingEquations:
 
 
 @lru_cache(maxsize=64)
-def _flown(of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Modes:
-    return Modes.of(of.conditions, of.section, np.frombuffer(unknowns), dict(params))
+def _flown(
+    of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]
+) -> ExactModes:
+    return ExactModes.of(of.conditions, of.section, np.frombuffer(unknowns), dict(params))
 
 
 @lru_cache(maxsize=64)
-def _left(flight: Modes) -> FloatArray:
+def _left(flight: ExactModes) -> FloatArray:
     found = flight.residual()
     found.flags.writeable = False
     return found
 
 
 @lru_cache(maxsize=8)  # they are large
-def _derived(flight: Modes, names: tuple[str, ...]) -> FloatArray:
+def _derived(flight: ExactModes, names: tuple[str, ...]) -> FloatArray:
     found = flight.jacobian(names)
     found.flags.writeable = False
     return found
 
 
-@read_by("shooting", Modes.of)
+@read_by("shooting", ExactModes.of)
 def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The shooting equations with an orbit as their start, and all its events.
 
@@ -171,7 +173,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     ``asymmetry``; ``unstable``, the number of multipliers beyond the threshold over the whole
     period, and the condition number ``condition``: computed when asked for.
     """
-    flight = orbit.flight
+    flight = orbit.representation
     section, on = orbit.section, orbit.conditions
     shooting = ShootingEquations(section, on)
     times = {f"t{j + 1}": float(time) for j, time in enumerate(flight.t)}
@@ -212,7 +214,7 @@ def _columns(section: Section, threshold: float) -> dict[str, Any]:
     if section.mirrored:
         columns["asymmetry"] = attrgetter("solution.asymmetry")
     columns["unstable"] = unstable_by(threshold)
-    return {**columns, "condition": attrgetter("solution.flight.condition")}
+    return {**columns, "condition": attrgetter("solution.representation.condition")}
 
 
 def _momentum(j: int, point: Point) -> float:
@@ -220,10 +222,10 @@ def _momentum(j: int, point: Point) -> float:
 
 
 def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-    found: FloatArray = orbit.flight.slopes_at(site, t, curve.free)
+    found: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
     return found
 
 
 def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    flight: Modes = Point(curve, z).solution.flight
+    flight: ExactModes = Point(curve, z).solution.representation
     return flight.tangents(curve.free).speeds[j : j + 1]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.lattice.green import flight
+from contbreather.lattice.free_flight import free_flight
 from tests.lattice.by_hand import MEANS, ring_mean
 
 CHAIN = InfiniteChain()
@@ -75,7 +75,7 @@ def test_response_turns_over_after_half_a_period_and_the_impact_takes_two(lattic
 
 
 def test_a_flight_gives_the_same_for_floats_and_arrays():
-    answer = flight(float(CHAIN.first_harmonic(0.2, 1)), CHAIN.powers(0.2, 1))
+    answer = free_flight(float(CHAIN.first_harmonic(0.2, 1)), CHAIN.powers(0.2, 1))
     y = np.linspace(-1.5, 1.5, 7)
     for function in (answer.value, answer.slope, answer.curvature):
         single = [function(float(x)) for x in y]
@@ -95,7 +95,7 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
             h = mp.mpf(10) ** -12
             ends = [ring_mean(MEANS["chi"], gamma + x, size, n) for x in (h, -h)]
             exact = (ends[0] - ends[1]) / (2 * h)
-        slope = flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
+        slope = free_flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
         scale = lattice.dchi(gamma) + 1.0
         assert abs(slope.value(-math.pi / 2) - float(exact)) < 5e-15 * scale
 
@@ -104,12 +104,12 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
 @pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(9), Ring(60)])
 def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, lattice):
     def at(g, n):
-        return flight(float(lattice.first_harmonic(g, n)), lattice.powers(g, n))
+        return free_flight(float(lattice.first_harmonic(g, n)), lattice.powers(g, n))
 
     h = 1e-4 * min(gamma, 0.25 - gamma)
     scale = lattice.dchi(gamma) + 1.0
     for n in (0, 1, 4):
-        slope = flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
+        slope = free_flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
         more, less = at(gamma + h, n), at(gamma - h, n)
         for y in (-1.0, 0.7):
             for pick in ("value", "slope", "curvature"):

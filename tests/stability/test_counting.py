@@ -20,7 +20,7 @@ from contbreather.stability import (
     unstable_count,
     unstable_multipliers,
 )
-from contbreather.stability.winding import many_outside, outside, resolved_arc
+from contbreather.stability.counting import many_outside, outside, resolved_arc
 from tests.stability.by_hand import b_of, fold_b, pitchfork_b
 
 CHAIN = InfiniteChain()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from contbreather.errors import BadInput
 from contbreather.files import read_text
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Walls
-from contbreather.lattice.modes import InfiniteChain, Ring
 
 if TYPE_CHECKING:
     from contbreather.lattice.finite import Lattice

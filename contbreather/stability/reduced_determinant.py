@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.modal_flow import Turn, free_multipliers
+from contbreather.lattice.modal_flow import ModalPropagator, free_multipliers
 from contbreather.stability.pairs import REAL
 from contbreather.stability.zeros import distinct, newton, refined
 
@@ -45,18 +45,23 @@ FOURTHS = np.array([0.25, 0.5, 0.75])
 FLAT = 2.0  # a dip from this many times its depth has been seen to the bottom
 
 
-class Near(NamedTuple):
+class NearestMultipliers(NamedTuple):
     """What is known of multipliers next to a circle."""
 
     zeros: Array  # in the upper half plane, as many as were found
     outside: int  # how many are outside, pairs and real ones
 
 
-class Secular:
+class ReducedDeterminant:
     """D of a section, from its flights (one more than impacts) and its impacts."""
 
     def __init__(
-        self, z: Array, damping: float, length: float, turns: tuple[Turn, ...], blows: Any
+        self,
+        z: Array,
+        damping: float,
+        length: float,
+        turns: tuple[ModalPropagator, ...],
+        blows: Any,
     ) -> None:
         self.loss = math.exp(-damping * length)
         self.poles = free_multipliers(z, damping, length)[0]
@@ -131,7 +136,7 @@ class Secular:
             gap = math.sqrt(low * high) if high else 2.0 * gap
         return None
 
-    def around(self, radius: float) -> Near | None:
+    def around(self, radius: float) -> NearestMultipliers | None:
         """What is next to a circle around all poles."""
         x, D, enough = refined(
             self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=MOST
@@ -144,7 +149,7 @@ class Secular:
             step = abs(0.5 * (D[1:] + D[:-1]) * np.diff(mu) / np.diff(D))
         dips = np.flatnonzero((step[1:-1] <= step[:-2]) & (step[1:-1] <= step[2:])) + 1
         starts = mu[dips[np.argsort(step[dips])[:STARTS]]]
-        return Near(self._zeros(starts), round(-turning / math.pi))
+        return NearestMultipliers(self._zeros(starts), round(-turning / math.pi))
 
     @cached_property
     def places(self) -> Array:
@@ -173,7 +178,7 @@ def _dips(D: Array) -> Array:
     return np.flatnonzero(alike & (size[1:-1] <= low) & (high > FLAT * size[1:-1])) + 1
 
 
-def _matrix(turn: Turn) -> Array:
+def _matrix(turn: ModalPropagator) -> Array:
     return np.array([[turn.cosine, turn.reach], [-turn.pull, turn.swing]])
 
 
