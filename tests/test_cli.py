@@ -23,7 +23,7 @@ from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.orbits import neighbour_peak, smallest_amplitude
-from contbreather.orbits.closed_form import SymmetricBreather
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability.arc import on_arc
 
 from .apart import ended

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.closed_form import SymmetricBreather
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 
 HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
 NO_NUMBERS: tuple[Any, ...] = (

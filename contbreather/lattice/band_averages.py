@@ -244,8 +244,7 @@ class Lattice:
         tuple of three ndarrays, the shape of ``s``
         """
         answer = free_flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
-        y = np.asarray(s, dtype=float) - 0.5 * math.pi
-        return answer.value(y), answer.slope(y), answer.curvature(y)
+        return answer.at(np.asarray(s, dtype=float) - 0.5 * math.pi)
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""

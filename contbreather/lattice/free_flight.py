@@ -57,44 +57,29 @@ class FreeFlight:
     first: Any  # a float, or one for each of many sites with the same powers
     powers: tuple[float, ...]
 
-    def value(self, y: Any) -> Any:
-        """Displacement."""
-        z, total = y * y, 0.0
-        for c in self.powers[::-1]:
-            total = total * z + c
-        return total * y - self.first * _sin(y)
-
-    def slope(self, y: Any) -> Any:
-        """Velocity; at y = -pi/2 the one just after the impact, at pi/2 just before the next."""
-        z, total = y * y, 0.0
-        for i in range(len(self.powers) - 1, -1, -1):
-            total = total * z + (2 * i + 1) * self.powers[i]
-        return total - self.first * _cos(y)
-
-    def curvature(self, y: Any) -> Any:
-        """Acceleration."""
-        z, total = y * y, 0.0
-        for i in range(len(self.powers) - 1, 0, -1):
-            total = total * z + (2 * i + 1) * (2 * i) * self.powers[i]
-        return total * y + self.first * _sin(y)
-
-    def at(self, y: float) -> tuple[float, float, float]:
-        """All three, in one pass."""
-        z, c, s = y * y, self.first * math.cos(y), self.first * math.sin(y)
-        total = slope = bend = 0.0  # of a polynomial in z, with half its second derivative
-        for power in self.powers[::-1]:
-            bend = bend * z + slope
-            slope = slope * z + total
-            total = total * z + power
-        return total * y - s, total + 2.0 * z * slope - c, (6.0 * slope + 8.0 * z * bend) * y + s
+    def at(self, y: Any) -> tuple[Any, Any, Any]:
+        """Displacement, velocity and acceleration; at y = -pi/2 the velocity just after the impact,
+        at pi/2 just before the next."""
+        z, (c, s) = y * y, cosine_and_sine(y)
+        P, dP, bend, _ = polynomial(self.powers, z)
+        c, s = self.first * c, self.first * s
+        return P * y - s, P + 2.0 * z * dP - c, (6.0 * dP + 8.0 * z * bend) * y + s
 
 
-def _sin(y: Any) -> Any:
-    return math.sin(y) if isinstance(y, float) else np.sin(y)
+def polynomial(powers: tuple[float, ...], z: Any) -> tuple[Any, Any, Any, Any]:
+    """A polynomial and its first three derivatives, the second over 2, the third over 6; its
+    coefficients by rising powers."""
+    P = dP = bend = jerk = 0.0
+    for c in reversed(powers):
+        jerk = jerk * z + bend
+        bend = bend * z + dP
+        dP = dP * z + P
+        P = P * z + c
+    return P, dP, bend, jerk
 
 
-def _cos(y: Any) -> Any:
-    return math.cos(y) if isinstance(y, float) else np.cos(y)
+def cosine_and_sine(y: Any) -> tuple[Any, Any]:
+    return (math.cos(y), math.sin(y)) if isinstance(y, float) else (np.cos(y), np.sin(y))
 
 
 def free_flight(first_harmonic: float, powers: FloatArray) -> FreeFlight:
@@ -113,10 +98,10 @@ def free_flight(first_harmonic: float, powers: FloatArray) -> FreeFlight:
     >>> from contbreather.lattice.chain import InfiniteChain
     >>> chain = InfiniteChain()
     >>> answer = free_flight(float(chain.first_harmonic(0.12, 0)), chain.powers(0.12, 0))
-    >>> round(answer.value(-math.pi / 2) - chain.chi(0.12), 14)
+    >>> round(answer.at(-math.pi / 2)[0] - chain.chi(0.12), 14)
     0.0
     >>> slope = free_flight(float(chain.dfirst_harmonic(0.12, 0)), chain.dpowers(0.12, 0))
-    >>> round(slope.value(-math.pi / 2) - chain.dchi(0.12), 13)
+    >>> round(slope.at(-math.pi / 2)[0] - chain.dchi(0.12), 13)
     0.0
     """
     return FreeFlight(4.0 / math.pi * first_harmonic, tuple((response_weights() @ powers).tolist()))

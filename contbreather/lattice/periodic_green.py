@@ -21,7 +21,7 @@ summed one by one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -31,12 +31,11 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import Lattice, check_gamma, moments_of
 from contbreather.lattice.chain import Ring
-from contbreather.lattice.free_flight import TERMS
+from contbreather.lattice.free_flight import TERMS, cosine_and_sine, polynomial
 from contbreather.lattice.response import Responses
 from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]
-Table = tuple[float, ...]
 Four = tuple[Any, Any, Any, Any]
 
 POWERS = 16  # even powers of y: pi^32/32! < 1e-19
@@ -62,22 +61,10 @@ class Wave:
     """
 
     periods: int
-    powers: Table
+    powers: tuple[float, ...]
     first: float
     second: float
     modes: ModeSums | None = None
-    tables: tuple[Table, ...] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        even = [(2 * i, c) for i, c in enumerate(self.powers)]
-        tables = (
-            [c for _, c in even],
-            [m * c for m, c in even[1:]],  # slope/y
-            [m * (m - 1) * c for m, c in even[1:]],  # curvature
-            [m * (m - 1) * (m - 2) * c for m, c in even[2:]],  # jerk/y
-            [m * (m - 2) * c for m, c in even[2:]],  # slope of slope/y, over y
-        )
-        object.__setattr__(self, "tables", tuple(tuple(table[::-1]) for table in tables))
 
     def at(self, s: Any) -> Four:
         """Value and first three derivatives at any time s since an impulse; at the impulse
@@ -86,36 +73,16 @@ class Wave:
         value, slope, curvature, jerk = self.about(math.pi - (s / n) % (2.0 * math.pi))
         return n * value, -slope, curvature / n, -jerk / (n * n)
 
-    def motion(self, s: float) -> tuple[float, float, float]:
-        """Value and first two derivatives at one time, in one pass."""
-        if self.modes is not None:
-            return self.at(s)[:3]
-        n = self.periods
-        y = math.pi - (s / n) % (2.0 * math.pi)
-        z, total, slope, bend = y * y, 0.0, 0.0, 0.0
-        for c in self.tables[0]:  # a polynomial in z, with half its second derivative
-            bend = bend * z + slope
-            slope = slope * z + total
-            total = total * z + c
-        a, b, c, s = self.first, self.second, math.cos(y), math.sin(y)
-        c2, s2 = c * c - s * s, 2.0 * c * s
-        return (
-            n * (total + a * c + b * c2),
-            a * s + 2.0 * b * s2 - 2.0 * slope * y,
-            (2.0 * slope + 8.0 * z * bend - a * c - 4.0 * b * c2) / n,
-        )
-
     def about(self, y: Any) -> Four:
         """The same for n = 1 as a function of ``y = pi - s`` in [-pi, pi], derivatives in y."""
-        z = y * y
-        t = self.tables
-        c, s = (math.cos(y), math.sin(y)) if isinstance(y, float) else (np.cos(y), np.sin(y))
+        z, (c, s) = y * y, cosine_and_sine(y)
+        P, dP, bend, jerk = polynomial(self.powers, z)
         a, b, c2, s2 = self.first, self.second, c * c - s * s, 2.0 * c * s
         four = (
-            _horner(t[0], z) + a * c + b * c2,
-            _horner(t[1], z) * y - a * s - 2.0 * b * s2,
-            _horner(t[2], z) - a * c - 4.0 * b * c2,
-            _horner(t[3], z) * y + a * s + 8.0 * b * s2,
+            P + a * c + b * c2,
+            2.0 * y * dP - a * s - 2.0 * b * s2,
+            2.0 * dP + 8.0 * z * bend - a * c - 4.0 * b * c2,
+            24.0 * y * bend + 48.0 * z * y * jerk + a * s + 8.0 * b * s2,
         )
         if self.modes is None:
             return four
@@ -124,18 +91,10 @@ class Wave:
 
     def slope_ratio(self, y: float) -> tuple[float, float]:
         """``slope/y`` and its derivative in y for n = 1, smooth through mid period y = 0."""
-        z = y * y
+        _, dP, bend, _ = polynomial(self.powers, y * y)
         (s1, d1), (s2, d2) = sinc(y), sinc(2.0 * y)
-        value = _horner(self.tables[1], z) - self.first * s1 - 4.0 * self.second * s2
-        bend = y * _horner(self.tables[4], z) - self.first * d1 - 8.0 * self.second * d2
-        return value, bend
-
-
-def _horner(table: Table, z: Any) -> Any:
-    total = 0.0
-    for c in table:
-        total = total * z + c
-    return total
+        value = 2.0 * dP - self.first * s1 - 4.0 * self.second * s2
+        return value, 8.0 * y * bend - self.first * d1 - 8.0 * self.second * d2
 
 
 def sinc(y: float) -> tuple[float, float]:
@@ -197,13 +156,7 @@ def wave(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wav
     >>> [abs(round(2 * slope, 12)) for slope in after]
     [1.0, 0.0]
     """
-    scaled = check_coupling(lattice, gamma, periods)
-    if scaled >= 0.25:
-        return _resonant(lattice, gamma, distance, periods)[0]
-    moments = lattice.moments(distance) * (4.0 * scaled) ** _ORDERS
-    first = float(lattice.first_harmonic(scaled, distance))
-    second = float(lattice.first_harmonic(0.25 * scaled, distance))
-    return _from_moments(moments, first, 0.25 * second, periods)
+    return _wave(lattice, gamma, distance, periods, slope=False)
 
 
 @lru_cache(maxsize=4096)
@@ -218,15 +171,19 @@ def wave_slope(lattice: Lattice, gamma: float, distance: int, periods: int = 1) 
     >>> round((high - low) / (2 * h) - wave_slope(chain, 0.12, 2).at(1.0)[0], 6) + 0.0
     0.0
     """
-    scaled = check_coupling(lattice, gamma, periods)
-    if scaled >= 0.25:
-        return _resonant(lattice, gamma, distance, periods)[1]
-    n2 = periods * periods
-    powers = (4.0 * scaled) ** np.maximum(_ORDERS - 1, 0)
-    moments = lattice.moments(distance) * 4.0 * _ORDERS * powers
-    first = float(lattice.dfirst_harmonic(scaled, distance))
-    second = float(lattice.dfirst_harmonic(0.25 * scaled, distance))
-    return _from_moments(n2 * moments, n2 * first, 0.0625 * n2 * second, periods)
+    return _wave(lattice, gamma, distance, periods, slope=True)
+
+
+def _wave(lattice: Lattice, gamma: float, distance: int, periods: int, *, slope: bool) -> Wave:
+    rows = wave_table(lattice, gamma, (distance,), periods, slope=slope)
+    if rows is None:
+        return _resonant(lattice, gamma, distance, periods)[slope]
+    return _wave_of(periods, rows[0] / periods)
+
+
+def _wave_of(periods: int, row: FloatArray) -> Wave:
+    *powers, first, second = row.tolist()
+    return Wave(periods, tuple(powers), first, second)
 
 
 def check_coupling(lattice: Lattice, gamma: float, periods: int) -> float:
@@ -248,15 +205,16 @@ _ORDERS = np.arange(TERMS + 1)
 _QUARTERS = 0.25 ** (_ORDERS + 1.0)
 
 
-def _from_moments(moments: FloatArray, first: float, second: float, periods: int) -> Wave:
-    """`Wave` from ``<w^2l cos>`` and the whole harmonics ``<cos/(j^2 - w^2)>``, j = 1, 2."""
-    # what the polynomial already holds of both harmonics
-    first -= float(moments.sum())
-    second -= float(moments @ _QUARTERS)
-    # -(1/pi) cos s = (1/pi) cos y, -(1/pi) cos 2s = -(1/pi) cos 2y
-    return Wave(
-        periods, tuple((_bernoulli() @ moments).tolist()), first / math.pi, -second / math.pi
-    )
+def _rows(moments: FloatArray, first: Any, second: Any) -> FloatArray:
+    """Rows of coefficients of `Wave` from ``<w^2l cos>`` and the whole harmonics
+    ``<cos/(j^2 - w^2)>``, j = 1, 2."""
+    rows = np.empty((len(moments), POWERS + 2))
+    np.matmul(moments, _bernoulli().T, out=rows[:, :POWERS])
+    # less what the polynomial already holds of both harmonics; -(1/pi) cos s = (1/pi) cos y, and
+    # -(1/pi) cos 2s = -(1/pi) cos 2y
+    rows[:, POWERS] = (first - moments.sum(axis=1)) / math.pi
+    rows[:, POWERS + 1] = (second - moments @ _QUARTERS) / -math.pi
+    return rows
 
 
 @lru_cache(maxsize=1)
@@ -292,10 +250,12 @@ def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tu
     moments, slopes = a @ powers, (a @ (powers * _ORDERS)) / gamma
     whole = [a @ (1.0 / (j * j - x)) for j in (1, 2)]
     bent = [a @ (x / (j * j - x) ** 2) / gamma for j in (1, 2)]
-    smooth = _from_moments(moments, float(whole[0]), float(whole[1]), periods)
-    steep = _from_moments(slopes, float(bent[0]), float(bent[1]), periods)
+    rows = _rows(np.stack([moments, slopes]), *np.array([whole, bent]).T)
     value, slope = _high_modes(W[~low], amplitude[~low], gamma)
-    return replace(smooth, modes=value), replace(steep, modes=slope)
+    return (
+        replace(_wave_of(periods, rows[0]), modes=value),
+        replace(_wave_of(periods, rows[1]), modes=slope),
+    )
 
 
 def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[ModeSums, ModeSums]:
@@ -318,25 +278,31 @@ def is_resonant(lattice: Lattice, gamma: float, periods: int) -> bool:
 
 @lru_cache(maxsize=64)
 def wave_table(
-    lattice: Lattice, gamma: float, distances: tuple[int, ...], periods: int = 1
+    lattice: Lattice,
+    gamma: float,
+    distances: tuple[int, ...],
+    periods: int = 1,
+    *,
+    slope: bool = False,
 ) -> FloatArray | None:
-    """The numbers of `wave` for several distances at once: rows to multiply `wave_basis` with.
+    """The coefficients of `wave`, or `wave_slope`, for several distances at once: rows to multiply
+    `wave_basis` with.
 
     None on a ring whose modes are summed one by one.
     """
     scaled = check_coupling(lattice, gamma, periods)
     if scaled >= 0.25:
         return None
-    moments = moments_of(lattice, distances) * (4.0 * scaled) ** _ORDERS
-    n = np.array(distances)
-    first = np.asarray(lattice.first_harmonic(scaled, n)) - moments.sum(axis=1)
-    second = 0.25 * np.asarray(lattice.first_harmonic(0.25 * scaled, n)) - moments @ _QUARTERS
-    table = np.empty((len(distances), POWERS + 2))
-    np.matmul(moments, _bernoulli().T, out=table[:, :POWERS])
-    table[:, POWERS] = first / math.pi
-    table[:, POWERS + 1] = second / -math.pi
-    table *= periods
-    return table
+    n, x = np.array(distances), 4.0 * scaled
+    if slope:  # of a function of n^2 gamma
+        harmonic, n2, quarter = lattice.dfirst_harmonic, periods * periods, 0.0625
+        powers = 4.0 * _ORDERS * x ** np.maximum(_ORDERS - 1, 0)
+    else:
+        harmonic, n2, quarter = lattice.first_harmonic, 1, 0.25
+        powers = np.asarray(x**_ORDERS)
+    moments = n2 * moments_of(lattice, distances) * powers
+    first, second = n2 * harmonic(scaled, n), n2 * quarter * harmonic(0.25 * scaled, n)
+    return periods * _rows(moments, first, second)
 
 
 def wave_basis(s: FloatArray, periods: int = 1) -> FloatArray:
@@ -364,19 +330,15 @@ def responses(
     apart = [[lattice.distance(site - hit) for hit in hits] for site in sites]
     distances, places = np.unique(apart, return_inverse=True)
     which = places.reshape(len(sites), len(hits))
-    table = None if slope else wave_table(lattice, gamma, tuple(distances.tolist()), periods)
+    table = wave_table(lattice, gamma, tuple(distances.tolist()), periods, slope=slope)
     if table is not None:
         no_waves, largest = np.empty((len(table), 0)), bounds(table, _basis())
         modes = no_waves[0], no_waves, no_waves
         return Responses(which, falling(table), *modes, largest, float(periods), False)
-    make = wave_slope if slope else wave
-    answers = [make(lattice, gamma, distance, periods) for distance in distances.tolist()]
-    table = periods * np.array(
-        [[*answer.powers, answer.first, answer.second] for answer in answers]
-    )
-    none = np.empty(0)
-    no_modes = ModeSums(none, none, none, 0.0)
-    W, even, odd, constant = zip(*(answer.modes or no_modes for answer in answers), strict=True)
+    answers = [_resonant(lattice, gamma, d, periods)[slope] for d in distances.tolist()]
+    rows = [[*answer.powers, answer.first, answer.second] for answer in answers]
+    table = periods * np.array(rows, dtype=float)
+    W, even, odd, constant = zip(*(answer.modes for answer in answers if answer.modes), strict=True)
     table[:, 0] += periods * np.array(constant)
     modes = W[0], periods * np.array(even), periods * np.array(odd)
     largest = np.full(len(table), math.inf)

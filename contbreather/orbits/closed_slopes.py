@@ -23,10 +23,10 @@ from contbreather.continuation.strider import Loops
 from contbreather.lattice import Lattice
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closed_loops, pair_loops
-from contbreather.orbits.closed_form import SymmetricBreather, flight_slope_of
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.site_motion import phase
+from contbreather.orbits.symmetric_breather import SymmetricBreather, flight_slope_of
 from contbreather.stability.arc import arc_table
 
 Array = NDArray[np.float64]

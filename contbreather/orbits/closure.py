@@ -52,7 +52,7 @@ class Closure:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
     >>> here = {"a": 0.5, "gamma": 0.12, "k": 0.4}
     >>> bool(abs(Closure().residual([b.p, b.phi], here)).max() < 1e-15)

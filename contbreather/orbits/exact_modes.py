@@ -98,7 +98,7 @@ class ExactModes(SectionFlight):
 
     @property
     def motion(self) -> ModalMotion:
-        return ModalMotion(Orbit(self))
+        return ModalMotion(self)
 
     def on(self, lattice: Any) -> Orbit | None:
         """From ring to ring the sites around the one that impacts keep their motion, new ones move

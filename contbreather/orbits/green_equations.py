@@ -24,25 +24,20 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.periodic_green import check_coupling, responses, wave
+from contbreather.lattice.periodic_green import responses, wave
 from contbreather.lattice.response import MEETINGS
-from contbreather.orbits.closure import EPS, forcing_with
+from contbreather.orbits.closure import forcing_with
 from contbreather.orbits.section import (
-    Impact,
     Section,
     check_both_walls,
     told_apart,
     told_apart_slopes,
 )
-from contbreather.parameters import parameter
-from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.modal_map import ModalMap, ring_map
-from contbreather.stability.saltation import Saltation
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -63,7 +58,7 @@ class OrbitEquations:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
     >>> x = np.array([b.phi, b.phi + math.pi, -2 * b.p, 2 * b.p, 0.0])
     >>> same = OrbitEquations(Section(((0, 1), (0, -1))))
@@ -235,139 +230,3 @@ def forcing_at(forcing: Forcing, params: Params) -> Forcing:
 def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitEquations:
     """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
     return OrbitEquations(section, forcing, lattice)
-
-
-# --- the motion ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class GreenFlight:
-    """The motion that solutions of `OrbitEquations` are.
-
-    Attributes
-    ----------
-    conditions : Conditions
-        Of the infinite chain or a ring, without damping and springs.
-    section : Section
-    impacts : tuple of Impact
-        Those of one period; times count modulo the period.
-    offsets : tuple of float
-        Static displacement of each impacting site, from left to right.
-
-    Raises
-    ------
-    BadInput
-        For impulses that push a site into its wall, or parameters out of range.
-    """
-
-    conditions: Conditions
-    section: Section
-    impacts: tuple[Impact, ...]
-    offsets: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        on = self.conditions
-        parameter("a", on.a)
-        restitution_ratio(on.k)
-        check_coupling(on.lattice, on.gamma, self.section.turns)
-        sites = self.equations.section.hit  # or a sentence why there are no equations
-        if len(self.offsets) != len(sites):
-            raise BadInput(
-                f"{len(self.offsets)} offsets for {len(sites)} impacting sites {list(sites)}: one "
-                "for each is expected."
-            )
-        if not np.isfinite(self.x).all():
-            raise BadInput(
-                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are expected."
-            )
-        for i, impact in enumerate(self.impacts):
-            if impact.wall * impact.impulse >= 0.0:
-                raise BadInput(
-                    f"impact {i + 1} has the impulse {impact.impulse:.6g} at the wall "
-                    f"{impact.wall:+d}: a wall pushes away from itself, so the sign must be "
-                    f"{-impact.wall:+d}."
-                )
-
-    @cached_property
-    def equations(self) -> OrbitEquations:
-        """The equations it solves, as functions of all unknowns and parameters."""
-        return equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
-
-    @cached_property
-    def x(self) -> FloatArray:
-        """All unknowns of `equations`."""
-        times, impulses = zip(*((one.time, one.impulse) for one in self.impacts), strict=True)
-        return np.array([*times, *impulses, *self.offsets], dtype=float)
-
-    @property
-    def error(self) -> float:
-        return float(np.abs(self.equations.residual(self.x, self.conditions.params)).max())
-
-    @property
-    def c(self) -> float:
-        if len(self.offsets) > 1:
-            raise BadInput(f"this orbit has an offset for each of {len(self.offsets)} sites.")
-        return self.offsets[0]
-
-    @property
-    def accelerations(self) -> FloatArray:
-        times, impulses, _ = self.equations.split(self.x)
-        on = self.conditions
-        h = self.equations.meetings(on.gamma, times)
-        return np.asarray(on.a * on.forcing.d2f(times) + h[2] @ impulses)
-
-    def offset(self, n: ArrayLike) -> FloatArray:
-        """Static displacement of sites: straight lines between the impacting ones, level beyond.
-
-        At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
-        """
-        sites = np.asarray(n, dtype=float)
-        places, values = list(self.section.hit), list(self.offsets)
-        ring = self.conditions.lattice.sites
-        if self.conditions.gamma == 0.0:
-            return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
-        if ring is None or len(places) == 1:
-            return np.asarray(np.interp(sites, places, values))
-        return np.asarray(np.interp(sites % ring, places, values, period=ring))
-
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        n, t = np.broadcast_arrays(n, t)
-        on = self.conditions
-        f = on.forcing
-        total = np.array(on.a * (f.f, f.df, f.d2f)[order](t), dtype=float)
-        if order == 0:
-            total += self.offset(n)
-        for impact in self.impacts:
-            since = self._since(t, impact.time)
-            for m in np.unique(np.abs(n - impact.site)):
-                at = np.abs(n - impact.site) == m
-                distance = on.lattice.distance(int(m))
-                answer = wave(on.lattice, on.gamma, distance, self.section.turns)
-                total[at] += impact.impulse * answer.at(since[at])[order]
-        return total
-
-    def _since(self, t: FloatArray, impact: float) -> FloatArray:
-        """Time since the last occurrence of an impact; within rounding of one it counts as one."""
-        T = self.section.period
-        s = (t - impact) % T
-        return np.where(T - s <= 4.0 * EPS * (T + np.abs(t) + abs(impact)), 0.0, s)
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a ring at one time."""
-        sites, time = np.arange(self.conditions.lattice.sites), np.array(t)
-        return self.profile(sites, time, 0), self.profile(sites, time, 1)
-
-    @cached_property
-    def map(self) -> OrbitMap | ModalMap:
-        """The map of small perturbations over one period, of a ring by its modes."""
-        on, first, T = self.conditions, self.impacts[0].time, self.section.period
-        _, impulses, _ = self.equations.split(self.x)
-        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
-        kicks = [
-            Saltation(impact.site, first + (impact.time - first) % T, entry)
-            for impact, entry in zip(self.impacts, b.tolist(), strict=True)
-        ]
-        kicks.sort(key=lambda kick: kick.time)
-        if on.lattice.sites is not None:
-            return ring_map(on.lattice, on.gamma, on.k, tuple(kicks), T)
-        return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)

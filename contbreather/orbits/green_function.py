@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from contbreather.continuation import Event, Lift, Locus, Point, Problem, branch_point, fold
 from contbreather.continuation.boundary import meeting
@@ -19,20 +19,25 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Always
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.periodic_green import Wave, wave, wave_slope
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
+from contbreather.lattice.periodic_green import Wave, check_coupling, wave, wave_slope
 from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
 from contbreather.orbits.branch_switching import from_arms, lift
+from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
-from contbreather.orbits.green_equations import GreenFlight, OrbitEquations, Params
+from contbreather.orbits.green_equations import OrbitEquations, Params, equations_of
 from contbreather.orbits.on_circle import OnCircle, by_differences, off_the_edge
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_of
 from contbreather.orbits.orbit_problem import on_ring, orbit_problem, read_by, unstable_by
 from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
 from contbreather.orbits.section import Impact, Section, check_order
-from contbreather.orbits.site_motion import GreenMotion, Terms, moved
+from contbreather.orbits.site_motion import GreenMotion, Terms
 from contbreather.orbits.symmetries import simpler_than
+from contbreather.parameters import parameter
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.modal_map import ModalMap, ring_map
+from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 FloatArray = NDArray[np.float64]
@@ -44,8 +49,156 @@ ACROSS = Section(((0, 1), (0, -1)))
 
 @representation(2)
 @dataclass(frozen=True)
-class GreensFunction(GreenFlight):
-    """Any impacts, by the waves they send along chain or ring."""
+class GreensFunction:
+    """Any impacts, by the periodic Green's function: what solves `OrbitEquations`.
+
+    Attributes
+    ----------
+    conditions : Conditions
+        Of the infinite chain or a ring, without damping and springs.
+    section : Section
+    impacts : tuple of Impact
+        Those of one period; times count modulo the period.
+    offsets : tuple of float
+        Static displacement of each impacting site, from left to right.
+
+    Raises
+    ------
+    BadInput
+        For impulses that push a site into its wall, or parameters out of range.
+    """
+
+    conditions: Conditions
+    section: Section
+    impacts: tuple[Impact, ...]
+    offsets: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        on = self.conditions
+        parameter("a", on.a)
+        restitution_ratio(on.k)
+        check_coupling(on.lattice, on.gamma, self.section.turns)
+        sites = self.equations.section.hit  # or a sentence why there are no equations
+        if len(self.offsets) != len(sites):
+            raise BadInput(
+                f"{len(self.offsets)} offsets for {len(sites)} impacting sites {list(sites)}: one "
+                "for each is expected."
+            )
+        if not np.isfinite(self.x).all():
+            raise BadInput(
+                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are expected."
+            )
+        for i, impact in enumerate(self.impacts):
+            if impact.wall * impact.impulse >= 0.0:
+                raise BadInput(
+                    f"impact {i + 1} has the impulse {impact.impulse:.6g} at the wall "
+                    f"{impact.wall:+d}: a wall pushes away from itself, so the sign must be "
+                    f"{-impact.wall:+d}."
+                )
+
+    @cached_property
+    def equations(self) -> OrbitEquations:
+        """The equations it solves, as functions of all unknowns and parameters."""
+        return equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """All unknowns of `equations`."""
+        times, impulses = zip(*((one.time, one.impulse) for one in self.impacts), strict=True)
+        return np.array([*times, *impulses, *self.offsets], dtype=float)
+
+    @property
+    def error(self) -> float:
+        return float(np.abs(self.equations.residual(self.x, self.conditions.params)).max())
+
+    @property
+    def c(self) -> float:
+        if len(self.offsets) > 1:
+            raise BadInput(f"this orbit has an offset for each of {len(self.offsets)} sites.")
+        return self.offsets[0]
+
+    @property
+    def accelerations(self) -> FloatArray:
+        times, impulses, _ = self.equations.split(self.x)
+        on = self.conditions
+        h = self.equations.meetings(on.gamma, times)
+        return np.asarray(on.a * on.forcing.d2f(times) + h[2] @ impulses)
+
+    def offset(self, n: ArrayLike) -> FloatArray:
+        """Static displacement of sites: straight lines between the impacting ones, level beyond.
+
+        At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
+        """
+        sites = np.asarray(n, dtype=float)
+        places, values = list(self.section.hit), list(self.offsets)
+        ring = self.conditions.lattice.sites
+        if self.conditions.gamma == 0.0:
+            return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
+        if ring is None or len(places) == 1:
+            return np.asarray(np.interp(sites, places, values))
+        return np.asarray(np.interp(sites % ring, places, values, period=ring))
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        n, t = np.broadcast_arrays(n, t)
+        on = self.conditions
+        f = on.forcing
+        total = np.array(on.a * (f.f, f.df, f.d2f)[order](t), dtype=float)
+        if order == 0:
+            total += self.offset(n)
+        for impact in self.impacts:
+            since = self._since(t, impact.time)
+            for m in np.unique(np.abs(n - impact.site)):
+                at = np.abs(n - impact.site) == m
+                distance = on.lattice.distance(int(m))
+                answer = wave(on.lattice, on.gamma, distance, self.section.turns)
+                total[at] += impact.impulse * answer.at(since[at])[order]
+        return total
+
+    def answers(self, site: int, t: float, make: Callable[..., Wave] = wave) -> FloatArray:
+        """What a unit impulse of each impact does to a site: value, slope, curvature."""
+        on, rows = self.conditions, []
+        for impact in self.impacts:
+            distance = on.lattice.distance(site - impact.site)
+            answer = make(on.lattice, on.gamma, distance, self.section.turns)
+            rows.append(answer.at(t - impact.time)[:3])
+        return np.array(rows)
+
+    def without_offset(self, site: int, t: float) -> FloatArray:
+        """Displacement, velocity and acceleration but for the static part."""
+        on, impulses = self.conditions, self.equations.split(self.x)[1]
+        return on.a * np.array(on.forcing.motion(t)) + impulses @ self.answers(site, t)
+
+    def at(self, site: int, t: float) -> Terms:
+        u, v, w = self.without_offset(site, t).tolist()
+        return u + float(self.offset(site)), v, w
+
+    def _since(self, t: FloatArray, impact: float) -> FloatArray:
+        """Time since the last occurrence of an impact; within rounding of one it counts as one."""
+        T = self.section.period
+        s = (t - impact) % T
+        return np.where(T - s <= 4.0 * EPS * (T + np.abs(t) + abs(impact)), 0.0, s)
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a ring at one time."""
+        sites, time = np.arange(self.conditions.lattice.sites), np.array(t)
+        return self.profile(sites, time, 0), self.profile(sites, time, 1)
+
+    @cached_property
+    def map(self) -> OrbitMap | ModalMap:
+        """The map of small perturbations over one period, of a ring by its modes."""
+        on, first, T = self.conditions, self.impacts[0].time, self.section.period
+        _, impulses, _ = self.equations.split(self.x)
+        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
+        kicks = [
+            Saltation(impact.site, first + (impact.time - first) % T, entry)
+            for impact, entry in zip(self.impacts, b.tolist(), strict=True)
+        ]
+        kicks.sort(key=lambda kick: kick.time)
+        if on.lattice.sites is not None:
+            return ring_map(on.lattice, on.gamma, on.k, tuple(kicks), T)
+        return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
+
+    # --------------------------------------------------------------------- as a representation
 
     @staticmethod
     def suits(on: Conditions, section: Section) -> bool:
@@ -90,7 +243,7 @@ class GreensFunction(GreenFlight):
 
     @property
     def motion(self) -> GreenMotion:
-        return GreenMotion(Orbit(self))
+        return GreenMotion(self)
 
     def weakly(self) -> None:
         """Where there is no coupling, the closest site is meant."""
@@ -308,7 +461,7 @@ def _crest(orbit: Orbit, site: int) -> GrazingSite:
 
 
 def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
-    u, v, w = moved(orbit, site, t)
+    u, v, w = orbit.representation.without_offset(site, t)
     return u + float(share @ orbit.offsets), v, w
 
 
@@ -330,27 +483,17 @@ def _motion_slopes(
 ) -> FloatArray:
     """Of displacement and velocity at a fixed time."""
     f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
-    answers = _answers(orbit, site, t, wave)
+    answers = orbit.representation.answers(site, t)
     slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
     slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
     for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
         slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
     slopes |= {f"c{i}": (own, 0.0) for i, own in enumerate(share, start=1)}
     if "gamma" in curve.free:
-        slopes["gamma"] = impulses @ _answers(orbit, site, t, wave_slope)[:, :2]
+        slopes["gamma"] = impulses @ orbit.representation.answers(site, t, wave_slope)[:, :2]
     for name in {*f.params} & {*curve.free}:
         slopes[name] = a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
     return np.array([slopes[name] for name in (*curve.problem.start, *curve.free)]).T
-
-
-def _answers(orbit: Orbit, site: int, t: float, make: Callable[..., Wave]) -> FloatArray:
-    """What a unit impulse of each impact does to a site: value, slope, curvature."""
-    lattice, found = orbit.lattice, []
-    for one in orbit.impacts:
-        distance = lattice.distance(site - one.site)
-        answer = make(lattice, orbit.gamma, distance, orbit.section.turns)
-        found.append(answer.at(t - one.time)[:3])
-    return np.array(found)
 
 
 def _towards(side: float, point: Point) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,13 @@ from contbreather.lattice.finite import Basis, Finite
 from contbreather.lattice.modal_flow import ModalPropagator, driven, propagator
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.refusals import ImpossibleSequence
-from contbreather.orbits.section import Section, Sequenced, checked_impacts
+from contbreather.orbits.section import (
+    Impact,
+    ImpossibleSequence,
+    Section,
+    Sequenced,
+    checked_impacts,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -33,14 +38,6 @@ MOST = 200  # impacts in one section
 TOGETHER = 8  # digits to which the times of impacts are compared
 OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
 MEETS = 1e-9  # a site on its wall and faster than this on its way out meets it
-
-
-class Contact(NamedTuple):
-    """One impact of a seed in free motion."""
-
-    site: int
-    wall: int
-    time: float
 
 
 class Motion:
@@ -75,7 +72,7 @@ class Motion:
         place = self.on.walls.position(site, wall)
         return wall * (place - float(self.basis.at(site).dot(q)) - forced)
 
-    def next(self, limit: float) -> Contact | None:
+    def next(self, limit: float) -> Impact | None:
         """Fly to the first contact of any site within a time ahead."""
         step = math.pi / GRID / max(1, self.on.forcing.highest // 4)
         ahead = np.append(np.arange(0.0, limit, step), limit)
@@ -99,7 +96,7 @@ class Motion:
         moment, site, wall = min(found)
         self.q, self.r = self.turned(moment)(self.q, self.r)
         self.time += moment
-        return Contact(site, wall, self.time)
+        return Impact(site, wall, self.time, math.nan)
 
     def _meets(self, u: FloatArray) -> NDArray[np.bool_]:
         """Whether sites on their walls or past them are on their way out."""
@@ -137,7 +134,7 @@ def from_state(
     the first of them."""
     motion = Motion(on, state, time)
     T = math.pi * turns * (1.0 if sign < 0 else 2.0)
-    seen: list[Contact] = []
+    seen: list[Impact] = []
     states: list[tuple[FloatArray, FloatArray]] = []
     while len(seen) < MOST:
         contact = motion.next(time + T - motion.time)
@@ -155,7 +152,9 @@ def from_state(
             "or its impact times by hand."
         )
     seen.sort(key=lambda one: (round(one.time, TOGETHER), one.site))
-    m, course = len(seen), _course(seen, T, sign)
+    # three sections hold every start there is: it goes on as it was, or turned over
+    m, walls = len(seen), tuple((one.site, one.wall) for one in seen)
+    course = Section(walls, turns, sign).course(seen, 3)
     first = _start(course, sequence, on.lattice, words)
     own = course[first : first + m]
     section = Section(tuple((c.site, c.wall) for c in own), turns, sign)
@@ -166,27 +165,20 @@ def from_state(
     return ExactModes(section, times, q, r, on)
 
 
-def _again(contact: Contact, earlier: Contact, length: float) -> bool:
+def _again(contact: Impact, earlier: Impact, length: float) -> bool:
     """Whether a section that begins at an impact ends at it, too."""
     apart = contact.time - earlier.time - length
     return contact.site == earlier.site and abs(apart) < 10.0**-TOGETHER
 
 
-def _course(contacts: Sequence[Contact], length: float, sign: int) -> list[Contact]:
-    """Three sections, which hold every start there is: it goes on as it was, or turned over."""
-    turned = (one._replace(wall=sign**i * one.wall) for i in range(3) for one in contacts)
-    m = len(contacts)
-    return [one._replace(time=one.time + j // m * length) for j, one in enumerate(turned)]
-
-
-def _beginning(course: list[Contact], wanted: Sequenced) -> int | None:
+def _beginning(course: Sequence[Impact], wanted: Sequenced) -> int | None:
     """Which of the impacts of three sections comes first in a sequence of one."""
     m, impacts = len(course) // 3, [(one.site, one.wall) for one in course]
     return next((i for i in range(2 * m) if tuple(impacts[i : i + m]) == wanted), None)
 
 
 def _start(
-    course: list[Contact], sequence: Sequence[Any] | None, lattice: Finite, words: str
+    course: Sequence[Impact], sequence: Sequence[Any] | None, lattice: Finite, words: str
 ) -> int:
     if sequence is None:  # the first on the wall at +1, by choice
         return next((i for i, one in enumerate(course) if one.wall > 0), 0)
@@ -259,8 +251,8 @@ def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactMo
             f"the seed has {m} impacts in a section, the sequence {section.impacts} "
             f"{section.count}: give impact times by hand."
         )
-    own = orbit.section.placed(on.lattice).impacts
-    contacts = [Contact(*hit, t) for hit, t in zip(own, orbit.times.tolist(), strict=True)]
-    course = _course(contacts, orbit.section.length, orbit.section.sign)
+    own = orbit.section.placed(on.lattice)
+    impacts = [Impact(*hit, *one[2:]) for hit, one in zip(own.impacts, orbit.impacts, strict=True)]
+    course = own.course(impacts, 3)
     first = _beginning(course, section.impacts) or 0
     return ExactModes.from_times(on, section, [one.time for one in course[first : first + m]])

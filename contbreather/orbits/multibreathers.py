@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -23,11 +23,11 @@ from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
+from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.grazing import grazing
 from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.refusals import Inadmissible
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
 
@@ -146,19 +146,17 @@ def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     symmetric = turns % 2 == 1 and all(one.section.symmetric for _, one in singles)
     length = math.pi * turns * (1 if symmetric else 2)
     impacts = sorted(
-        ((time, site, wall) for site, one in singles for time, wall in _unrolled(one, length)),
+        (
+            (time, site, wall)
+            for site, one in singles
+            for _, wall, time, _ in one.section.course(
+                one.impacts, round(length / one.section.length)
+            )
+        ),
         key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
     )
     sequence = tuple((n, wall) for _, n, wall in impacts)
     return Section(sequence, turns, -1 if symmetric else 1), [time for time, _, _ in impacts]
-
-
-def _unrolled(orbit: Orbit, length: float) -> Iterator[tuple[float, int]]:
-    """Times and walls over a section of that length, which is a whole number of its own."""
-    own = orbit.section
-    for lap in range(round(length / own.length)):
-        for one in orbit.impacts:
-            yield one.time + lap * own.length, own.sign**lap * one.wall
 
 
 def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:

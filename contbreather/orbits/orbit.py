@@ -76,7 +76,7 @@ class Orbit(Shown):
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
     >>> b.section
     Section(impacts=((0, 1),), turns=1, sign=-1)
@@ -393,7 +393,7 @@ class Orbit(Shown):
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> b = symmetric(a=0.2, gamma=0.11, k=0.8)
         >>> b.stability().unstable, b.stability(sites=400).stable
         (2, False)
@@ -415,7 +415,7 @@ class Orbit(Shown):
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> symmetric(a=0.5, gamma=0.08, k=0.8).certify()
         <Certificate: Proved: a breather exists, the only one within 0.3. It keeps off all walls \
 except at its impacts. No isolated multiplier of the half map outside the unit circle.>
@@ -441,7 +441,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
         >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
         1.129438
@@ -471,7 +471,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> two = symmetric(0.5, 0.05, 0.8).unfolded().doubled()
         >>> two.section.turns, len(two.impacts), two.residual < 1e-14
         (2, 4, True)
@@ -480,9 +480,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def _again(self, longer: Section) -> Orbit:
         """One section and the next as one."""
-        T, sign = self.section.length, self.section.sign
-        later = (Impact(n, sign * wall, t + T, sign * J) for n, wall, t, J in self.impacts)
-        found = self.representation.rewritten(longer, (*self.impacts, *later), self.offsets)
+        impacts = self.section.course(self.impacts, 2)
+        found = self.representation.rewritten(longer, impacts, self.offsets)
         assert found is not None  # every representation can be repeated
         return Orbit(found)
 

@@ -35,7 +35,6 @@ from contbreather.continuation.point import Examined, Judged, Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.orbits.branch_switching import from_arms
-from contbreather.orbits.closed_form import SymmetricBreather
 from contbreather.orbits.grazing import grazing as grazed
 from contbreather.orbits.grazing import merging, solution_at
 from contbreather.orbits.normal_form import bends
@@ -43,6 +42,7 @@ from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import unstable_by
 from contbreather.orbits.section import WEAK, Section
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap

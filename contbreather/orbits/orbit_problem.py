@@ -15,10 +15,10 @@ from contbreather.continuation.points import Points
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.closed_form import SymmetricBreather
 from contbreather.orbits.orbit import Orbit, with_parameters
 from contbreather.orbits.representation import Representation
 from contbreather.orbits.section import Section
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.counting import many_outside

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contbreather.continuation import Locus, Point, Problem
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import SiteMotion
+from contbreather.orbits.site_motion import SiteMotion, Terms
 
 FloatArray = NDArray[np.float64]
 Impacts = Sequence[Impact]
@@ -52,6 +52,9 @@ class Representation(Protocol):
     def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
         """Displacement, velocity or acceleration of sites at times, broadcast against each other;
         at an impact the value just after it."""
+
+    def at(self, site: int, t: float) -> Terms:
+        """Displacement, velocity and acceleration of one site at one time."""
 
     def state(self, t: float) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites of a finite lattice."""

@@ -119,13 +119,10 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
     return Orbit(representation) if representation.error < SAME + orbit.residual else None
 
 
-def _windows(impacts: list[Impact], section: Section) -> Iterator[list[Impact]]:
+def _windows(impacts: Sequence[Impact], section: Section) -> Iterator[Sequence[Impact]]:
     """Sections of a motion, begun with each impact of a period in turn."""
-    m, T, s = len(impacts), section.length, section.sign
-    course = [
-        Impact(n, s**i * wall, t + i * T, s**i * J) for i in range(3) for n, wall, t, J in impacts
-    ]
-    for start in range(m if s > 0 else 2 * m):
+    m, course = len(impacts), section.course(impacts, 3)
+    for start in range(m if section.sign > 0 else 2 * m):
         yield course[start : start + m]
 
 

@@ -26,10 +26,11 @@ from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 from contbreather.orbits.clearance import least_margin
+from contbreather.orbits.closed_form import events_on, symmetric_problem
 from contbreather.orbits.closure import folds
+from contbreather.orbits.constructors import symmetric_roots
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
-from contbreather.orbits.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.parameters import parameter, window_of
 from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import THRESHOLD

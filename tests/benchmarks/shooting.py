@@ -77,7 +77,7 @@ class Baseline:
 def guess(sites: int) -> Any:
     """A point of the asymmetric branch beside the one that is expected."""
     import contbreather as cb
-    from contbreather.orbits.shooting import shooting
+    from contbreather.orbits.constructors import shooting
 
     times = {"t1": -3.28, "t2": 0.45}
     walls = ((0, 1), (0, -1))
@@ -182,9 +182,9 @@ def arm_row(points: int = 200) -> Row:
 
 
 def shooting_row(sites: int) -> Row:
+    from contbreather.orbits.constructors import shooting
     from contbreather.orbits.exact_modes import _flown
     from contbreather.orbits.orbit import orbit_at
-    from contbreather.orbits.shooting import shooting
 
     seed = guess(sites)
 

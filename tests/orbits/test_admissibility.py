@@ -25,9 +25,9 @@ from contbreather.orbits import (
     symmetric_roots,
 )
 from contbreather.orbits.clearance import Clearance
+from contbreather.orbits.constructors import shooting
+from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.orbit import orbit_at
-from contbreather.orbits.other_contacts import other_contacts
-from contbreather.orbits.shooting import shooting
 from contbreather.orbits.site_motion import phase
 
 from .by_hand import touching

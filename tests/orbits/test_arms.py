@@ -17,13 +17,12 @@ from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
 from contbreather.orbits.asymmetric import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.constructors import asymmetric, beside
+from contbreather.orbits.clearance import Inadmissible
+from contbreather.orbits.constructors import asymmetric, beside, shooting
 from contbreather.orbits.green_equations import OrbitEquations
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.refusals import Inadmissible
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
 from contbreather.orbits.symmetries import shifted, simpler_than
 from contbreather.runs import load, save
 

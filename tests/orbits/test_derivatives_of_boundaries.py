@@ -19,12 +19,11 @@ from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import meeting as meeting_of
 from contbreather.continuation.curve import Curve
 from contbreather.orbits import pitchfork
-from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.constructors import asymmetric, shooting
+from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_of
-from contbreather.orbits.other_contacts import other_contacts
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
 
 LETTERS = cb.Symbolic("-cos(t) - c*cos(3*t)", c=0.2)
 

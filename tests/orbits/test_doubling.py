@@ -8,8 +8,7 @@ import pytest
 from contbreather.continuation import trace
 from contbreather.continuation.switching import switch
 from contbreather.lattice import Ring
-from contbreather.orbits.constructors import asymmetric
-from contbreather.orbits.shooting import shooting
+from contbreather.orbits.constructors import asymmetric, shooting
 
 from .by_hand import repeats
 

@@ -14,8 +14,8 @@ from contbreather.kernels import Kernel
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.clearance import highest_neighbour, least_margin, neighbour_peak
 from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.grazing import closest_other, other_contacts
 from contbreather.orbits.orbit import Orbit, orbit_of
-from contbreather.orbits.other_contacts import closest_other, other_contacts
 
 from .by_hand import orbit_from
 

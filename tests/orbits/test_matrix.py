@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.green_function import GreensFunction
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.symmetric import ClosedForm
 
 from .field import FieldOf, farthest
 

@@ -15,13 +15,12 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import symmetric
-from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.green_equations import OrbitEquations
 from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
 from contbreather.orbits.symmetries import SAME, images_of, shifted, simpler_than
 
 from .by_hand import derivatives, orbit_from, repeats

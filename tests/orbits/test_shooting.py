@@ -23,12 +23,11 @@ from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import centre_margin
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.clearance import Inadmissible
+from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.exact_modes import ExactModes, ShootingEquations
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.refusals import ImpossibleSequence, Inadmissible
-from contbreather.orbits.section import Section, check_possible
-from contbreather.orbits.shooting import shooting
+from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
 from contbreather.orbits.shooting_equations import SectionFlight
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability import dense_half_map

@@ -16,8 +16,8 @@ from scipy.linalg import expm
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
 from contbreather.orbits import Closure, smallest_amplitude, symmetric, symmetric_roots
-from contbreather.orbits.closed_form import SymmetricBreather, flight_of
 from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.symmetric_breather import SymmetricBreather, flight_of
 
 CHAIN = InfiniteChain()
 upper = partial(symmetric, root=1)  # admissible or not

@@ -15,9 +15,8 @@ from contbreather import kernels
 from contbreather.continuation import Steps, strider
 from contbreather.continuation.curve import Curve
 from contbreather.orbits import margins
-from contbreather.orbits.closed_form import SymmetricBreather
-from contbreather.orbits.grazing import solution_at
-from contbreather.orbits.other_contacts import other_contacts
+from contbreather.orbits.grazing import other_contacts, solution_at
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import half_period
 from contbreather.stability.arc import neimark_sacker, window
 

@@ -90,7 +90,7 @@ def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) ->
     )
     for one, more, of in zip(first, powers, moved, strict=True):
         if spring > 0.01:
-            answer = free_flight(float(one), more).value(s - 0.5 * math.pi)
+            answer = free_flight(float(one), more).at(s - 0.5 * math.pi)[0]
             assert answer == pytest.approx(slope(of, 1e-4), rel=2e-5, abs=1e-7)
 
 
