@@ -24,6 +24,7 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.closure import Closure, roots, sprung
 from contbreather.orbits.grazing import ALIKE, GrazingSite
 from contbreather.orbits.green_function import asymmetric_problem
+from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of, with_parameters
 from contbreather.orbits.orbit_events import events_of, saddle_node
 from contbreather.orbits.orbit_problem import on_ring, unstable_by
@@ -91,9 +92,13 @@ class ClosedForm(SymmetricBreather):
         if not isinstance(lattice, InfiniteChain | Ring):
             return None
         on = self.conditions
-        drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
+        if on.spring and lattice.sites is not None:
+            found = symmetric_orbits(0, replace(on, lattice=lattice))
+        else:
+            drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
+            found = closed_forms(on.a, on.gamma, on.k, drive, lattice)
         return min(
-            closed_forms(on.a, on.gamma, on.k, drive, lattice),
+            found,
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
         )
 
