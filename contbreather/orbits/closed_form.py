@@ -20,14 +20,13 @@ from contbreather.lattice import (
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.on_site_spring import spring_response
 from contbreather.orbits import closed_slopes
-from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.closure import Closure, roots, sprung
 from contbreather.orbits.grazing import ALIKE, GrazingSite
 from contbreather.orbits.green_function import asymmetric_problem
 from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of, with_parameters
 from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.orbit_problem import on_ring, unstable_by
+from contbreather.orbits.orbit_problem import on_ring, orbit_problem, unstable_by
 from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
 from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion
@@ -59,6 +58,16 @@ class ClosedForm(SymmetricBreather):
         p, phi = -0.5 * float(impulses[0]), float(times[0])
         drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
         return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
+
+    @classmethod
+    def of(
+        cls, forcing: Forcing, lattice: Lattice, x: Any, params: Mapping[str, float]
+    ) -> ClosedForm:
+        """With these roots p and phi."""
+        p, phi = map(float, x)
+        if forcing.params:
+            forcing = forcing.at(**{name: params[name] for name in forcing.params})
+        return cls(params["a"], params["gamma"], params["k"], p, phi, forcing, lattice)
 
     def weakly(self) -> SiteMotion:
         motion: SiteMotion = replace(self, gamma=ALIKE).motion
@@ -126,29 +135,28 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
     when asked for.
     """
-    forcing, lattice = breather.representation.forcing, breather.lattice
-    closure = Closure(forcing, lattice)
-    flight = breather.representation
-    return Problem(
-        closure.residual,
-        {"p": flight.p, "phi": flight.phi},
-        {"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
+    motion = breather.representation
+    forcing, lattice = motion.forcing, breather.lattice
+    closure, form = Closure(forcing, lattice), {"forcing": forcing, "lattice": lattice}
+    return orbit_problem(
+        "symmetric breather",
+        partial(ClosedForm.of, forcing, lattice),
+        breather,
+        threshold,
+        residual=closure.residual,
+        start={"p": motion.p, "phi": motion.phi},
+        params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
         loops=closure.loops,
         events=events_on(lattice, threshold),
         record={"unstable": unstable_by(threshold)},
         domain=_domain(breather),
-        interpret=partial(_interpreted, forcing, lattice),
-        lifts={"PF": lift},
+        images=None,  # half a symmetric orbit is its own
+        simpler=None,
         wider=partial(_wider, threshold),
         label=f"symmetric breather{on_ring(lattice, threshold)}",
-        serialised={
-            "kind": "symmetric breather",
-            "forcing": forcing,
-            "lattice": lattice,
-            "threshold": threshold,
-        },
+        serialised={"kind": "symmetric breather", **form, "threshold": threshold},
     )
 
 
@@ -161,17 +169,8 @@ def _from_dict(
     start: Mapping[str, Any],
     params: Mapping[str, float],
 ) -> Problem:
-    drive = forcing.at(**{name: params[name] for name in forcing.params})
-    a, gamma, k = (params[name] for name in ("a", "gamma", "k"))
-    breather = ClosedForm(a, gamma, k, start["p"], start["phi"], drive, lattice)
-    return symmetric_problem(Orbit(breather), threshold)
-
-
-def _interpreted(forcing: Forcing, lattice: Lattice, point: Point) -> Orbit:
-    values, own = point.params, forcing.params
-    driven = forcing.at(**{name: values[name] for name in own}) if own else forcing
-    p, phi = float(point.z[0]), float(point.z[1])
-    return Orbit(ClosedForm(values["a"], values["gamma"], values["k"], p, phi, driven, lattice))
+    motion = ClosedForm.of(forcing, lattice, (start["p"], start["phi"]), params)
+    return symmetric_problem(Orbit(motion), threshold)
 
 
 def _wider(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:

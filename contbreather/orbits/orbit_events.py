@@ -42,7 +42,6 @@ from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import unstable_by
 from contbreather.orbits.section import WEAK, Section
-from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
@@ -117,9 +116,7 @@ def _drifts(mu: float, orbit: Orbit) -> bool:
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
     map = solution_at(point).map
-    if _is_blurred(map):
-        return math.nan
-    return map.count().count if isinstance(map, OrbitMap) else int(map.beyond(mu))
+    return math.nan if _is_blurred(map) else int(map.beyond(mu))
 
 
 def _real_locus(mu: float, point: Point) -> Locus:
@@ -452,7 +449,7 @@ def _pair_leaves(on: InfiniteChain | Ring | None, threshold: float, problem: Pro
     orbit: Any = orbit_at(problem)
     if not isinstance(orbit, Orbit):
         raise BadInput(f"a threshold, or a lattice to ask about, is for orbits; got {orbit!r}.")
-    closed = isinstance(orbit.representation, SymmetricBreather)
+    closed = isinstance(orbit.map, HalfMap)
     if on is None and orbit.lattice.sites is None:
         raise BadInput(
             f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "

@@ -18,12 +18,8 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.orbit import Orbit, with_parameters
 from contbreather.orbits.representation import Representation
 from contbreather.orbits.section import Section
-from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.orbits.symmetries import images_of, simpler_than
-from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.counting import many_outside
-from contbreather.stability.half_period import HalfMap
-from contbreather.stability.verdict import beyond
 from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
@@ -117,17 +113,16 @@ def unstable_by(threshold: float, lattice: Any = None) -> Counting:
 
 def _unstable(threshold: float, lattice: Any, point: Point) -> float:
     map = point.solution.map
-    if isinstance(map, HalfMap):
-        return (map if lattice is None else map.on(lattice)).unstable(threshold)
-    return map.count().count if isinstance(map, OrbitMap) else beyond(map, threshold)
+    count: float = (map if lattice is None else map.on(lattice)).unstable(threshold)
+    return count
 
 
 def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     """Of all points of a branch at once, -1 where each has to be asked; None where none can be: but
     for symmetric breathers of the infinite chain without springs."""
-    curve, on = points.curve, points[0].solution.representation
-    closed = isinstance(on, SymmetricBreather) and isinstance(on.lattice, InfiniteChain)
-    if not closed or on.lattice.spring or not isinstance(lattice, InfiniteChain | None):
+    curve, on = points.curve, points[0].solution
+    closed = on.symmetric and isinstance(on.lattice, InfiniteChain) and not on.spring
+    if not closed or not isinstance(lattice, InfiniteChain | None):
         return None
     if not {*curve.free} <= {"a", "gamma", "k"}:
         return None

@@ -252,7 +252,19 @@ class SectionFlight:
 
     def modes(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Free part of displacements and velocities of the modes, shape (..., K)."""
-        starts, q, r = self._flights
+        flight, ahead, sign = self._places(times)
+        sign, (_, starts_q, starts_r) = sign[..., None], self._flights
+        now, fast = starts_q[flight], starts_r[flight]
+        flown = propagator(self.z, ahead[..., None], self.conditions.damping)
+        return (
+            sign * (flown.cosine * now + flown.reach * fast),
+            sign * (flown.swing * fast - flown.pull * now),
+        )
+
+    def _places(self, times: FloatArray) -> tuple[Array, FloatArray, Array]:
+        """In which flight after the first impact times fall, how far ahead of its start, and with
+        which sign the section repeats there."""
+        starts = self._flights[0]
         T, first = self.section.length, starts[0]
         sections = np.floor((times - first) / T)
         since = times - first - sections * T
@@ -261,32 +273,17 @@ class SectionFlight:
         late = T - since <= slack
         sections, since = np.where(late, sections + 1.0, sections), np.where(late, 0.0, since)
         flight = np.searchsorted(starts - first, since + slack, side="right") - 1
-        ahead = np.maximum(since - (starts - first)[flight], 0.0)[..., None]
-        flown = propagator(self.z, ahead, self.conditions.damping)
-        sign = np.where(sections % 2.0 == 0.0, 1.0, self.section.sign)[..., None]
-        now, fast = q[flight], r[flight]
-        return (
-            sign * (flown.cosine * now + flown.reach * fast),
-            sign * (flown.swing * fast - flown.pull * now),
-        )
+        ahead = np.maximum(since - (starts - first)[flight], 0.0)
+        return flight, ahead, np.where(sections % 2.0 == 0.0, 1, self.section.sign)
 
     def _cut(self, t: float) -> tuple[int, Leg, int]:
         """The same at one time: which leg it falls on, that leg up to there, and its sign."""
-        T, first = self.section.length, self.legs[1].since
-        sections = math.floor((t - first) / T)
-        since = t - first - sections * T
-        slack = 4.0 * EPS * (T + abs(t) + abs(first))
-        if T - since <= slack:
-            sections, since = sections + 1, 0.0
-        i = len(self.legs) - 1
-        while self.legs[i].since - first > since + slack:
-            i -= 1
+        flight, ahead, sign = self._places(np.array(t))
+        i, time = int(flight) + 1, float(ahead)
         leg = self.legs[i]
-        ahead = max(since - (leg.since - first), 0.0)
-        fly = propagator(self.z, ahead, self.conditions.damping)
+        fly = propagator(self.z, time, self.conditions.damping)
         q, r = fly(leg.q, leg.r)
-        cut = Leg(leg.start, NOWHERE, leg.since, ahead, fly, leg.q, leg.r, q, r, None)
-        return i, cut, 1 if sections % 2 == 0 else self.section.sign
+        return i, Leg(leg.start, NOWHERE, leg.since, time, fly, leg.q, leg.r, q, r, None), int(sign)
 
     @cached_property
     def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:

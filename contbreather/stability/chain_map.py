@@ -253,6 +253,14 @@ class OrbitMap:
         nu = 2.0 * float(found[WHERE])
         return Count(1 - half_turns, bool(certain), float(found[LEAST]), nu, pairs)
 
+    def unstable(self, threshold: float) -> int:
+        """How many multipliers are outside the unit circle: exact, without a threshold."""
+        return self.count().count
+
+    def beyond(self, place: float) -> int:
+        """The same, of which those beyond 1 or -1 are some: it changes where one passes there."""
+        return self.count().count
+
     @property
     def _circle(self) -> CircleSamples:
         return _around(self)

@@ -22,12 +22,9 @@ from numpy.typing import NDArray
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
+from contbreather.stability.band_pairs import EXACT, ORDERS, POWERS
 
 Array = NDArray[Any]  # real on the real axis, complex off it
-
-EXACT = 3  # aliases m = -3..3 are exact
-ORDERS = 11  # of 4 gamma/s^2 <= 1/49: 49^-11 is below rounding
-POWERS = 13  # of (nu/7)^2 <= 2/49 for |nu|^2 <= 2
 
 _SHIFTS = 2.0 * np.array([m for m in range(-EXACT, EXACT + 1) if m != 0])
 

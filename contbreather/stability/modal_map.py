@@ -56,6 +56,13 @@ class Map(Protocol):
     def crosses(self, mu: float) -> float:
         """A smooth scalar that changes sign where a multiplier over the section is mu, 1 or -1."""
 
+    def unstable(self, threshold: float) -> float:
+        """How many multipliers are outside: on the infinite chain of the unit circle, on a finite
+        lattice of that of a threshold over the period."""
+
+    def beyond(self, place: float) -> int:
+        """A count that changes where a real multiplier passes 1 or -1."""
+
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """Of complex pairs: a float that changes sign where one leaves a circle, negative outside,
         and on the infinite chain a number that changes wherever one does."""
@@ -209,6 +216,13 @@ class ModalMap:
         if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
             return beyond(self.coupled, place * (1.0 + BESIDE))
         return self._reduced.beyond(place * (1.0 + BESIDE))
+
+    def unstable(self, threshold: float) -> float:
+        """How many multipliers over the period are beyond a threshold; NaN where damping ends, and
+        free modes are on it."""
+        if threshold == 1.0 and self.idle == 1.0:
+            return math.nan
+        return int(np.count_nonzero(abs(self.over_period) > threshold))
 
     @cached_property
     def _reduced(self) -> ReducedDeterminant:
