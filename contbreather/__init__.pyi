@@ -38,9 +38,9 @@ from .orbits import pitchfork as pitchfork
 from .orbits import symmetric as symmetric
 from .orbits import zones as zones
 from .orbits.atlas import atlas as atlas
-from .orbits.multi import multibreather as multibreather
-from .orbits.multi import multibreathers as multibreathers
-from .orbits.shooting import shooting as shooting
+from .orbits.constructors import shooting as shooting
+from .orbits.multibreathers import multibreather as multibreather
+from .orbits.multibreathers import multibreathers as multibreathers
 from .orbits.zones_many import zones_many as zones_many
 from .plotting import plot as plot
 from .plotting import save_figure as save_figure

@@ -47,7 +47,7 @@ OBJECTS = Path(__file__).parent / "_objects"  # what was compiled when the packa
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.stride",
-    "contbreather.lattice.responses",
+    "contbreather.lattice.response",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
     "contbreather.orbits.closed_loops",

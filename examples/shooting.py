@@ -17,7 +17,7 @@ import numpy as np
 import contbreather as cb
 from contbreather.continuation import refined
 from contbreather.continuation.switching import switch
-from contbreather.orbits.shooting import shooting
+from contbreather.orbits.constructors import shooting
 from contbreather.plotting import new_figure, save_figure
 from contbreather.plotting.canvas import style
 

@@ -23,7 +23,7 @@ from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from contbreather.cli.output import to_csv
 from contbreather.errors import NotConverged
 from contbreather.orbits import neighbour_peak, smallest_amplitude
-from contbreather.orbits.closed_form import SymmetricFlight
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability.arc import on_arc
 
 from .apart import ended
@@ -456,7 +456,7 @@ def pitchfork(row: dict[str, float]) -> bool:
 
 def neimark(row: dict[str, float]) -> bool:
     # next to a fold p is worth more than a: b from p and phi as they were written
-    breather = SymmetricFlight(*(row[name] for name in ("a", "gamma", "k", "p", "phi")))
+    breather = SymmetricBreather(*(row[name] for name in ("a", "gamma", "k", "p", "phi")))
     F = on_arc(row["gamma"], row["nu"], row["k"], breather.b).value
     return breather.error < 1e-10 and bool(np.abs(F).max() < 1e-9)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.constructors import asymmetric
 
 SHORT = cb.Steps(most=4)
 

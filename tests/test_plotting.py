@@ -15,8 +15,8 @@ import pytest
 import contbreather as cb
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
+from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
-from contbreather.orbits.shooting import shooting
 from contbreather.orbits.zones import Zones, zones
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size

@@ -21,9 +21,9 @@ from contbreather.continuation import Event
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.typed import lattice_by, walls_by
+from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits import find_symmetric, neighbour_peak
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_of
 from contbreather.simulation import judge, open_recording, periodic, simulate_smooth
 
@@ -170,7 +170,7 @@ CASES += [
     (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was expected"),
     (lambda: pair().c, "this orbit has an offset for each of 2 sites"),
     (
-        lambda: alone().unfolded().road.equations.sensitivity(np.ones(5), HERE, "nu"),
+        lambda: alone().unfolded().representation.equations.sensitivity(np.ones(5), HERE, "nu"),
         "unknown forcing parameter 'nu': this forcing",
     ),
     (

@@ -136,7 +136,7 @@ class ModelOptions:
 
     def on(self, *free: str) -> ModelParameters:
         """What it lives on, and is judged by."""
-        from contbreather.lattice.typed import lattice_by, walls_by
+        from contbreather.lattice.parse import lattice_by, walls_by
         from contbreather.stability.verdict import THRESHOLD
 
         lattice = lattice_by(self.lattice, self.sites)

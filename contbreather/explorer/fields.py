@@ -14,7 +14,7 @@ from bokeh.models.widgets import Div
 from contbreather.checks import number
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.style import WORDS
-from contbreather.lattice.typed import lattice_by
+from contbreather.lattice.parse import lattice_by
 from contbreather.parameters import CHOICES, NUMBERS, OPTIONAL, parameter
 
 Read = Callable[[str], Any]

@@ -27,7 +27,7 @@ from contbreather.explorer.fields import (
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.style import CARD, FORMS, WORDS
-from contbreather.lattice.typed import as_typed
+from contbreather.lattice.parse import as_typed
 from contbreather.parameters import NEEDED, window_of
 
 # where walks go unless a window is typed

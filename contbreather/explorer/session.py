@@ -18,7 +18,7 @@ from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import OnLattice, Work, breather, point_of
 from contbreather.files import writable
 from contbreather.lattice import Ring
-from contbreather.lattice.typed import lattice_by
+from contbreather.lattice.parse import lattice_by
 from contbreather.orbits import zones
 from contbreather.orbits.zones import Zones
 from contbreather.parameters import NEEDED, parameter

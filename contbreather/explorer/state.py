@@ -10,7 +10,7 @@ from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
 from contbreather.explorer.preview import Preview, preview_of
-from contbreather.lattice.typed import as_code
+from contbreather.lattice.parse import as_code
 from contbreather.orbits.zones import Zones
 from contbreather.simulation import Run
 

@@ -14,7 +14,7 @@ from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Job, Progress
 from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
-from contbreather.lattice.typed import as_code, lattice_by, walls_by
+from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits import symmetric
 from contbreather.simulation import Sample, simulate
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from contbreather.checks import whole
 from contbreather.errors import BadInput
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.modes import InfiniteChain
 from contbreather.parameters import NAMES, parameter
 
 

@@ -58,7 +58,7 @@ class Finite(Protocol):
     def describe(self) -> str: ...
 
 
-class Modes(NamedTuple):
+class NormalModes(NamedTuple):
     """Normal modes of a matrix that impacts at some sites excite, orthonormal over the masses."""
 
     lam: FloatArray  # ``w^2 = gamma lam + spring``
@@ -229,7 +229,7 @@ class Lattice:
         """All sites that are not in `hit`."""
         return np.setdiff1d(np.arange(self.sites), hit)
 
-    def basis(self, hit: tuple[int, ...]) -> Modes:
+    def basis(self, hit: tuple[int, ...]) -> NormalModes:
         """The modes that impacts at the sites `hit` can excite.
 
         Of an eigenspace of any dimension these are as many as its values at those sites have
@@ -253,7 +253,7 @@ def _upright(shapes: FloatArray, hit: list[int]) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
+def _seen(lattice: Lattice, hit: tuple[int, ...]) -> NormalModes:
     lam, vectors = lattice.spectrum
     apart = np.flatnonzero(np.diff(lam) > ALIKE * max(float(lam[-1]), 1.0)) + 1
     values, shapes, unseen = [], [], []
@@ -264,7 +264,7 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> Modes:
         values += [lam[space].mean()] * seen
         unseen += [lam[space].mean()] * (space.size - seen)
         shapes.append(_upright(own @ turned[:seen].T, list(hit)))
-    return Modes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
+    return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
 
 
 def _matrix(given: Any) -> FloatArray:
@@ -324,8 +324,8 @@ def finite(given: Any) -> Finite:
 # --- rings --------------------------------------------------------------------------------------
 
 
-class Waves(NamedTuple):
-    """`Modes` of a ring.
+class PlaneWaves(NamedTuple):
+    """`NormalModes` of a ring.
 
     Mode j is ``sqrt(weight) cos(2 pi order (n - origin)/N)``, or the sine. Impacts of one site
     alone see its even modes only, half of all.
@@ -357,11 +357,11 @@ class Waves(NamedTuple):
         return np.asarray(np.sqrt(self.weight) * np.where(self.sine, -spectrum.imag, spectrum.real))
 
 
-Basis = Modes | Waves
+Basis = NormalModes | PlaneWaves
 
 
 @lru_cache(maxsize=128)
-def waves(sites: int, hit: tuple[int, ...]) -> Waves:
+def plane_waves(sites: int, hit: tuple[int, ...]) -> PlaneWaves:
     """The modes of a ring that impacts at the sites ``hit`` can excite."""
     half = sites // 2
     order, sine = np.arange(half + 1), np.zeros(half + 1, dtype=bool)
@@ -371,7 +371,7 @@ def waves(sites: int, hit: tuple[int, ...]) -> Waves:
         sine = np.concatenate([sine, np.ones(waves.size, dtype=bool)])
     alone = (order == 0) | (2 * order == sites)
     rest = np.arange(1, (sites + 1) // 2) if len(set(hit)) == 1 else np.arange(0)
-    return Waves(
+    return PlaneWaves(
         sites,
         hit[0],
         order,

@@ -33,7 +33,7 @@ RESONANT = 1e-12
 _SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
 
 
-class Turn(NamedTuple):
+class ModalPropagator(NamedTuple):
     """One free flight of every mode, as a matrix ``[[cosine, reach], [-pull, swing]]``."""
 
     cosine: FloatArray  # C
@@ -47,12 +47,12 @@ class Turn(NamedTuple):
         return c * q + s * r, d * r - p * q
 
 
-def turn(z: FloatArray, time: Any, damping: float = 0.0) -> Turn:
+def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagator:
     """The flight over a time (or times, shape ``(..., 1)``) of modes with stiffness z.
 
     Examples
     --------
-    >>> quarter = turn(np.array([0.0, 1.0]), 0.5 * math.pi)
+    >>> quarter = propagator(np.array([0.0, 1.0]), 0.5 * math.pi)
     >>> quarter(np.ones(2), np.zeros(2))[0].round(12) + 0.0
     array([1., 0.])
     """
@@ -66,14 +66,14 @@ def turn(z: FloatArray, time: Any, damping: float = 0.0) -> Turn:
     reach[...] = time
     np.divide(sine, w, out=reach, where=w > 0.0)
     cosine = np.cos(angle)
-    return Turn(cosine, reach, w * sine, cosine)
+    return ModalPropagator(cosine, reach, w * sine, cosine)
 
 
-def _damped(z: FloatArray, time: Any, damping: float) -> Turn:
+def _damped(z: FloatArray, time: Any, damping: float) -> ModalPropagator:
     c, s = _waves((z - 0.25 * damping * damping) * time * time, 0.5 * damping * time)
     reach = time * s
     lag = 0.5 * damping * reach
-    return Turn(c + lag, reach, z * reach, c - lag)
+    return ModalPropagator(c + lag, reach, z * reach, c - lag)
 
 
 def _waves(x: FloatArray, lost: Any) -> tuple[FloatArray, FloatArray]:
@@ -90,24 +90,28 @@ def _waves(x: FloatArray, lost: Any) -> tuple[FloatArray, FloatArray]:
     return c, np.where(root > 0.0, s, decay)
 
 
-def turn_slope(z: FloatArray, time: float, at: Turn, damping: float = 0.0) -> Turn:
+def propagator_slope(
+    z: FloatArray, time: float, at: ModalPropagator, damping: float = 0.0
+) -> ModalPropagator:
     """Derivative of `turn` in z, exact for w -> 0 as well."""
     c_slope, s_slope = -0.5 * time * at.reach, _reach_slope(z, time, at, damping)
     lag = 0.5 * damping * s_slope
-    return Turn(c_slope + lag, s_slope, at.reach + z * s_slope, c_slope - lag)
+    return ModalPropagator(c_slope + lag, s_slope, at.reach + z * s_slope, c_slope - lag)
 
 
-def turn_slope_in_damping(z: FloatArray, time: float, at: Turn, damping: float) -> Turn:
+def propagator_slope_in_damping(
+    z: FloatArray, time: float, at: ModalPropagator, damping: float
+) -> ModalPropagator:
     """Derivative of `turn` in the damping."""
     half = 0.5 * damping
     core = at.cosine - half * at.reach  # e^(-damping t/2) c(x)
     c_slope = -0.5 * time * core + 0.5 * half * time * at.reach
     s_slope = -0.5 * time * at.reach - half * _reach_slope(z, time, at, damping)
     lag = 0.5 * at.reach + half * s_slope
-    return Turn(c_slope + lag, s_slope, z * s_slope, c_slope - lag)
+    return ModalPropagator(c_slope + lag, s_slope, z * s_slope, c_slope - lag)
 
 
-def _reach_slope(z: FloatArray, time: float, at: Turn, damping: float) -> FloatArray:
+def _reach_slope(z: FloatArray, time: float, at: ModalPropagator, damping: float) -> FloatArray:
     """dS/dz = ``e^(-damping t/2) t^3 (c - s)/(2 x)``."""
     y = z - 0.25 * damping * damping
     x = y * time * time

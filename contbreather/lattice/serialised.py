@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Pair, Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.lattice.forcing import Fourier, Harmonic, Samples
 from contbreather.lattice.formula import Symbolic
-from contbreather.lattice.held import Held, held
-from contbreather.lattice.modes import InfiniteChain, Ring
+from contbreather.lattice.on_site_spring import SpringResponse, spring_response
 from contbreather.parameters import NAMES
 from contbreather.storage.serialise import serialised, to_dict
 
@@ -36,9 +36,11 @@ def _formula(formula: str, values: dict[str, float]) -> Symbolic:
     return Symbolic(formula, **values)
 
 
-@serialised("held", Held, lambda forcing: {"of": to_dict(forcing.of), "spring": forcing.spring})
-def _held(of: Any, spring: float) -> Held:
-    return held(of, spring)
+@serialised(
+    "held", SpringResponse, lambda forcing: {"of": to_dict(forcing.of), "spring": forcing.spring}
+)
+def _held(of: Any, spring: float) -> SpringResponse:
+    return spring_response(of, spring)
 
 
 def _lattice_to_dict(lattice: Lattice) -> dict[str, Any]:

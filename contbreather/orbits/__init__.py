@@ -9,6 +9,7 @@ from contbreather.orbits.clearance import (
     neighbour_peak,
 )
 from contbreather.orbits.closure import Closure, smallest_amplitude
+from contbreather.orbits.constructors import symmetric, symmetric_roots
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import (
     grazing,
@@ -19,7 +20,6 @@ from contbreather.orbits.orbit_events import (
 )
 from contbreather.orbits.regions import Region
 from contbreather.orbits.search import find_event, find_symmetric
-from contbreather.orbits.symmetric import symmetric, symmetric_roots
 from contbreather.orbits.zones import Zones, zones
 
 __all__ = [

@@ -1,9 +1,9 @@
 """Asymmetric breathers: one site hits both walls once in 2 pi, after flights of unequal length.
 
-Two impacts of the general problem (`contbreather.orbits.waves`), on the wall +1 at t1 with the
-impulse -2p and on -1 at t2 with +2p. With ``s2 = t2 - pi``, ``delta = s2 - t1`` (0 for a symmetric
-breather) and h the periodic Green's function as a function of the time ``delta`` off mid period,
-sums and differences of its equations are
+Two impacts of the general problem (`contbreather.orbits.green_equations`), on the wall +1 at
+t1 with the impulse -2p and on -1 at t2 with +2p. With ``s2 = t2 - pi``, ``delta = s2 - t1`` (0 for
+a symmetric breather) and h the periodic Green's function as a function of the time ``delta`` off
+mid period, sums and differences of its equations are
 
     ``a [f(t1) + f(s2)]/2 + 2p [h(delta) - h(pi)] = 1``,
     ``a [f'(t1) + f'(s2)]/2 = p q``,
@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import restitution_ratio
-from contbreather.lattice.periodic import sinc, wave, wave_slope
-from contbreather.orbits.waves import forcing_at
+from contbreather.lattice.periodic_green import sinc, wave, wave_slope
+from contbreather.orbits.green_equations import forcing_at
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, whole
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import (
     FOUND,
     LENGTH,
@@ -82,6 +82,18 @@ class Admissibility:
         return f"<Admissibility {verdict}, margin {self.margin:.6g}: {self.reason.rstrip('.')}>"
 
 
+class Inadmissible(NoSolution):
+    """What solves the equations is no orbit: `orbit` is that solution, and `site` (None: the far
+    field) is at or behind a wall at `time` without an impact."""
+
+    def __init__(self, message: str, *, orbit: Any = None) -> None:
+        super().__init__(message)
+        self.orbit, self.site, self.time = orbit, None, math.nan
+        if orbit is not None:
+            margins = orbit.admissibility()
+            self.site, self.time = margins.site, margins.time
+
+
 class Clearance(NamedTuple):
     """The smallest of the margins of one site: by how much, where, when, and in which flight."""
 
@@ -108,7 +120,7 @@ def measure(
     time: float = math.nan,
 ) -> Measured:
     """All margins that `margins` is asked for."""
-    motion, sites = orbit.of(idle, near, touching)
+    motion, sites = orbit.with_idle(idle, near, touching)
     wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
     rows = FOUND + motion.flights + len(sites) + 2
     work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP))
@@ -122,7 +134,7 @@ def clearance(orbit: SiteMotion) -> Admissibility:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> verdict = symmetric(0.5, 0.12, 0.4).admissibility()
     >>> verdict.ok, round(verdict.max_neighbour, 12)
     (True, 0.667948289045)
@@ -150,13 +162,13 @@ def clearance(orbit: SiteMotion) -> Admissibility:
 def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     """Of each flight of a site from one impact to its next."""
     impacts, gaps = orbit.impacts, []
-    for i in range(len(orbit.orbit.impacts)):
+    for i in range(orbit.section.count):
         row = measured.rows[i].tolist()
         # an impact is named by its own time, not by one that is it but for rounding
         at_next = row[WHEN] == row[LENGTH]
         time = impacts[int(row[NEXT])].time if at_next else impacts[i].time + row[WHEN]
         gaps.append(Clearance(row[MARGIN], impacts[i].site, time, i))
-    for i, j in orbit.orbit.section.repeats:
+    for i, j in orbit.section.repeats:
         early, late = impacts[i], impacts[j]
         if late.time <= early.time:  # their order is lost
             gaps.append(Clearance(late.time - early.time, late.site, late.time, i))
@@ -165,7 +177,7 @@ def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
 
 def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     """Of those sites that never hit a wall that were looked at."""
-    rows = measured.rows[len(orbit.orbit.impacts) : -2, : WHEN + 1].tolist()
+    rows = measured.rows[orbit.section.count : -2, : WHEN + 1].tolist()
     named = zip(measured.sites, rows, strict=True)
     return [
         Clearance(margin, site, within_a_period(orbit, when))
@@ -189,15 +201,13 @@ def least_margin(orbit: SiteMotion) -> float:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> abs(least_margin(b.watch) - b.admissibility().margin) < 1e-14
+    >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
     True
     """
     measured = measure(orbit, orbit.idle, ceiling=orbit.far)
-    lost = (
-        [each.margin for each in of_flights(orbit, measured)] if orbit.orbit.section.repeats else []
-    )
+    lost = [each.margin for each in of_flights(orbit, measured)] if orbit.section.repeats else []
     return min(orbit.far, *measured.rows[:, MARGIN].tolist(), *lost)
 
 
@@ -226,7 +236,7 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
     >>> t, height = neighbour_peak(b)
     >>> round(height, 12), abs(b.velocity(1, t)) < 1e-14
@@ -244,9 +254,9 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
 
 
 def _motion_of(orbit: Any) -> SiteMotion:
-    if not hasattr(orbit, "watch") or isinstance(orbit, type):
+    if not hasattr(orbit, "motion") or isinstance(orbit, type):
         raise BadInput(f"an orbit was expected, got {kind_of(orbit)}")
-    motion: SiteMotion = orbit.watch
+    motion: SiteMotion = orbit.motion
     return motion
 
 
@@ -258,7 +268,7 @@ def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric_roots
+    >>> from contbreather.orbits.constructors import symmetric_roots
     >>> [highest_neighbour(b)[0] for b in symmetric_roots(0.9, 0.12, 0.8)]
     [1, 2]
     """

@@ -1,201 +1,202 @@
-"""The closed form of the symmetric breather: site 0 hits its walls in turn, at phi and phi + pi.
-
-Eqs. (3) to (13), for any antisymmetric forcing, on the infinite chain and on rings. Between
-impacts everything is in closed form in time (see `contbreather.lattice.green`); no Fourier series
-of (9) or (12) is summed anywhere.
-"""
+"""Symmetric breathers in closed form: one site that hits its walls in turn, as a representation,
+its problem to trace, and all solutions of (11) at given parameters."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contbreather.checks import real
+from contbreather.continuation import Event, Locus, Point, Problem
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
-from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.green import TERMS, Flight, flight
-from contbreather.lattice.held import Held
-from contbreather.orbits.closure import EPS, Closure, sprung
-from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ClosedFormMotion
-from contbreather.parameters import parameter
-from contbreather.stability.half_period import HalfMap
+from contbreather.lattice import (
+    Forcing,
+    InfiniteChain,
+    Lattice,
+    Ring,
+)
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
+from contbreather.lattice.on_site_spring import spring_response
+from contbreather.orbits import closed_slopes
+from contbreather.orbits.closure import Closure, roots, sprung
+from contbreather.orbits.grazing import ALIKE, GrazingSite
+from contbreather.orbits.green_function import asymmetric_problem
+from contbreather.orbits.one_site import symmetric_orbits
+from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of, with_parameters
+from contbreather.orbits.orbit_events import events_of, saddle_node
+from contbreather.orbits.orbit_problem import on_ring, orbit_problem, unstable_by
+from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
+from contbreather.orbits.section import Section
+from contbreather.orbits.site_motion import SiteMotion
+from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather
+from contbreather.parameters import NEEDED, NUMBERS, parameter
+from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.storage.serialise import serialised
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
-HALF = Section(((0, 1),), sign=-1)
-
-
-@lru_cache(maxsize=4096)
-def flight_of(lattice: Lattice, gamma: float, distance: int) -> Flight:
-    """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
-    return flight(float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance))
-
-
-@lru_cache(maxsize=1024)
-def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamma") -> Flight:
-    """Derivative of `flight_of` in gamma or the spring, at the same time since the impact."""
-    if name == "spring":
-        first, powers = lattice.first_by_spring, lattice.spring_powers
-    else:
-        first, powers = lattice.dfirst_harmonic, lattice.dpowers
-    return flight(float(first(gamma, distance)), powers(gamma, distance))
+# An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
+# forcing that is at a = 1, where the far field grazes.
+DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
 
 
-def _derivatives(own: Flight) -> tuple[Callable[[Any], Any], ...]:
-    """Displacement, velocity and acceleration as functions of time."""
-    return own.value, own.slope, own.curvature
-
-
+@representation(1)
 @dataclass(frozen=True)
-class SymmetricFlight:
-    """The motion of a symmetric breather, from the roots (p, phi) of (11).
+class ClosedForm(SymmetricBreather):
+    """One site of the infinite chain or of a ring that hits its walls in turn."""
 
-    Attributes
-    ----------
-    a, gamma, k : float
-        Amplitude of the forcing, coupling, restitution coefficient.
-    p, phi : float
-        Half the momentum of an impact, and its phase lag.
-    forcing : Forcing
-        Where springs hold the sites to the ground, `Held`, the response to a forcing.
-    lattice : InfiniteChain or Ring
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        where: Any = InfiniteChain if on.spring else InfiniteChain | Ring
+        plain = not on.damping and on.walls == Walls()
+        return plain and section == HALF and isinstance(on.lattice, where)
+
+    @classmethod
+    def through(
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
+    ) -> ClosedForm:
+        p, phi = -0.5 * float(impulses[0]), float(times[0])
+        drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
+        return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
+
+    @classmethod
+    def of(
+        cls, forcing: Forcing, lattice: Lattice, x: Any, params: Mapping[str, float]
+    ) -> ClosedForm:
+        """With these roots p and phi."""
+        p, phi = map(float, x)
+        if forcing.params:
+            forcing = forcing.at(**{name: params[name] for name in forcing.params})
+        return cls(params["a"], params["gamma"], params["k"], p, phi, forcing, lattice)
+
+    def weakly(self) -> SiteMotion:
+        motion: SiteMotion = replace(self, gamma=ALIKE).motion
+        return motion
+
+    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        return closed_slopes.locus(of, point, nu, **more)
+
+    def crest(self, site: int) -> GrazingSite:
+        return closed_slopes.crest(self, site)
+
+    def speed_slope(self, j: int) -> None:
+        """(11) has no root with p = 0."""
+
+    def lifted(self) -> Problem:
+        """That of asymmetric breathers, in which a pitchfork is a regular point."""
+        return asymmetric_problem(Orbit(self).unfolded())
+
+    def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Representation:
+        times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
+        return orbit_of(self.conditions, section, times, impulses, offsets).representation
+
+    def problem(self, threshold: float) -> Problem:
+        return symmetric_problem(Orbit(self), threshold)
+
+    def guess(self) -> Problem:
+        return symmetric_problem(Orbit(self))
+
+    def on(self, lattice: Any) -> Orbit | None:
+        """The root of (11) nearest to this one."""
+        if not isinstance(lattice, InfiniteChain | Ring):
+            return None
+        on = self.conditions
+        if on.spring and lattice.sites is not None:
+            found = symmetric_orbits(0, replace(on, lattice=lattice))
+        else:
+            drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
+            found = closed_forms(on.a, on.gamma, on.k, drive, lattice)
+        return min(
+            found,
+            key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
+        )
+
+
+def closed_forms(
+    a: float, gamma: float, k: float, drive: Forcing, chain: Lattice
+) -> tuple[Orbit, ...]:
+    """All solutions of (11) with p > 0, by descending p."""
+    gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
+    restitution_ratio(k)
+    found = roots(a, gamma, float(k), drive, chain)
+    if not all(math.isfinite(p) for p, _ in found):
+        reach = 1.0 / drive.peak()
+        raise BadInput(
+            f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
+            f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
+        )
+    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in found)
+
+
+def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The closure (11) with the breather as its start, and all its events.
+
+    Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
+    multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
+    when asked for.
     """
+    motion = breather.representation
+    forcing, lattice = motion.forcing, breather.lattice
+    closure, form = Closure(forcing, lattice), {"forcing": forcing, "lattice": lattice}
+    return orbit_problem(
+        "symmetric breather",
+        partial(ClosedForm.of, forcing, lattice),
+        breather,
+        threshold,
+        residual=closure.residual,
+        start={"p": motion.p, "phi": motion.phi},
+        params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
+        jacobian=closure.jacobian,
+        sensitivity=closure.sensitivity,
+        loops=closure.loops,
+        events=events_on(lattice, threshold),
+        record={"unstable": unstable_by(threshold)},
+        domain=_domain(breather),
+        images=None,  # half a symmetric orbit is its own
+        simpler=None,
+        wider=partial(_wider, threshold),
+        label=f"symmetric breather{on_ring(lattice, threshold)}",
+        serialised={"kind": "symmetric breather", **form, "threshold": threshold},
+    )
 
-    a: float
-    gamma: float
-    k: float
-    p: float
-    phi: float
-    forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Lattice = field(default_factory=InfiniteChain)
 
-    section: ClassVar[Section] = HALF
-    offsets: ClassVar[tuple[float, ...]] = (0.0,)
-    c: ClassVar[float] = 0.0
+@serialised("symmetric breather")
+def _from_dict(
+    *,
+    forcing: Forcing,
+    lattice: Lattice,
+    threshold: float,
+    start: Mapping[str, Any],
+    params: Mapping[str, float],
+) -> Problem:
+    motion = ClosedForm.of(forcing, lattice, (start["p"], start["phi"]), params)
+    return symmetric_problem(Orbit(motion), threshold)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
-        self.lattice.check(self.gamma)
-        restitution_ratio(self.k)
-        parameter("a", self.a)
-        if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
-            raise BadInput(
-                f"p = {self.p!r}, phi = {self.phi!r}: a breather needs a finite phase and an "
-                "impact with p > 0; use symmetric(a, gamma, k) to find them."
-            )
 
-    # ------------------------------------------------------------------------ as any motion
+def _wider(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
+    """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
+    orbit = orbit_at(problem)
+    if orbit.lattice.sites is not None or "spring" not in names:
+        return with_parameters(threshold, problem, names)
+    soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
+    return symmetric_problem(soft, threshold).having(*names)
 
-    @property
-    def conditions(self) -> Conditions:
-        on, f = (self.a, self.gamma, self.k), self.forcing
-        if isinstance(f, Held):
-            return Conditions(*on, spring=f.spring, forcing=f.of, lattice=InfiniteChain())
-        return Conditions(*on, forcing=f, lattice=self.lattice)
 
-    @property
-    def impacts(self) -> tuple[Impact, ...]:
-        return (Impact(0, 1, self.phi, -2.0 * self.p),)
+def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
+    """With springs as far as the band stays below the drive, along either parameter by itself."""
+    if "spring" not in breather.representation.forcing.params:
+        return DOMAIN
+    gamma = NUMBERS["gamma"]
+    stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
+    return {
+        **DOMAIN,
+        "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
+        "spring": (0.0, stiffest),
+    }
 
-    @property
-    def error(self) -> float:
-        here = {"a": self.a, "gamma": self.gamma, "k": self.k}
-        closure = Closure(self.forcing, self.lattice)
-        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), here))))
 
-    # ------------------------------------------------------------------ what follows from (11)
-
-    @property
-    def q(self) -> float:
-        """``(1 - k)/(1 + k)``."""
-        return restitution_ratio(self.k)
-
-    @property
-    def chi(self) -> float:
-        return self.lattice.chi(self.gamma)
-
-    @property
-    def family(self) -> str:
-        """``"upper"`` before a fold, ``"lower"`` behind it: the sign of the determinant of (11),
-        which changes at folds and nowhere else. With one harmonic that of the larger p is upper.
-
-        Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
-        """
-        f = self.forcing
-        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)
-        return "upper" if turn >= 0.0 else "lower"
-
-    @property
-    def w_minus(self) -> float:
-        """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
-        return 2.0 * self.p / (1.0 + self.k)
-
-    @property
-    def acceleration(self) -> float:
-        """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
-        return float(self.a * self.forcing.d2f(self.phi) - self.p * self.lattice.eta(self.gamma))
-
-    @property
-    def accelerations(self) -> FloatArray:
-        return np.array([self.acceleration])
-
-    @property
-    def b(self) -> float:
-        """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
-        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p
-
-    # ------------------------------------------------------------------------------- profile
-
-    def flight(self, n: int) -> Flight:
-        """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
-        return flight_of(self.lattice, self.gamma, self.lattice.distance(int(n)))
-
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        """Eq. (12) in closed form, and its derivatives."""
-        n, t = np.broadcast_arrays(n, t)
-        y, sign = self._phase(t)
-        # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
-        first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
-        own = np.asarray(_derivatives(Flight(first, ()))[order](y))
-        away = self.lattice.distance(n)
-        for m in np.unique(away[away <= TERMS]):
-            at = away == m
-            own[at] = _derivatives(self.flight(int(m)))[order](y[at])
-        f = self.forcing
-        return np.asarray(self.a * (f.f, f.df, f.d2f)[order](t) + self.p * sign * own)
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a ring at one time."""
-        sites, time = np.arange(self.lattice.sites or 0), np.array(t)
-        return self.profile(sites, time, 0), self.profile(sites, time, 1)
-
-    def _phase(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
-        since = t - self.phi
-        flights = np.floor(since / math.pi)
-        s = since - flights * math.pi
-        # phi + pi in floating point is not quite an impact; it is meant to be one
-        late = math.pi - s <= 4.0 * EPS * (math.pi + np.abs(t) + abs(self.phi))
-        flights = np.where(late, flights + 1.0, flights)
-        s = np.where(late, 0.0, np.maximum(s, 0.0))
-        return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
-
-    @property
-    def watch(self) -> ClosedFormMotion:
-        """What its clearance from the walls is measured on."""
-        return ClosedFormMotion(self)
-
-    # ----------------------------------------------------------------------------- stability
-
-    @cached_property
-    def map(self) -> HalfMap:
-        return HalfMap(self.gamma, self.k, self.b, self.lattice)
+def events_on(lattice: Lattice, threshold: float = THRESHOLD) -> tuple[Event, ...]:
+    """All events of a symmetric breather; on a ring Neimark-Sacker by the paper's rule."""
+    if isinstance(lattice, Ring):
+        check_threshold(threshold)
+    return (saddle_node(), *events_of(HALF, lattice, threshold))

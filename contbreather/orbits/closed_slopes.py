@@ -21,12 +21,12 @@ from contbreather.continuation import Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.strider import Loops
 from contbreather.lattice import Lattice
-from contbreather.lattice.green import response_weights
+from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closed_loops, pair_loops
-from contbreather.orbits.closed_form import SymmetricFlight, flight_slope_of
-from contbreather.orbits.grazing import Crest
+from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.site_motion import phase
+from contbreather.orbits.symmetric_breather import SymmetricBreather, flight_slope_of
 from contbreather.stability.arc import arc_table
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ ELASTIC = 1.0 - 1e-5
 
 def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
     """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
-    breather: SymmetricFlight = point.solution.flight
+    breather: SymmetricBreather = point.solution.representation
     if nu is not None:
         endless = of.map(point.solution).lattice.sites is None
         loops = partial(_with_pair, breather.lattice) if endless else None
@@ -53,8 +53,8 @@ def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> L
     return Locus({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
 
 
-def _breather(curve: Curve, z: Array) -> SymmetricFlight:
-    flight: SymmetricFlight = Point(curve, z).solution.flight
+def _breather(curve: Curve, z: Array) -> SymmetricBreather:
+    flight: SymmetricBreather = Point(curve, z).solution.representation
     return flight
 
 
@@ -63,7 +63,7 @@ def _names(curve: Curve) -> tuple[str, ...]:
     return (*curve.problem.start, *curve.free)
 
 
-def _driven(breather: SymmetricFlight, order: int, name: str, t: float) -> float:
+def _driven(breather: SymmetricBreather, order: int, name: str, t: float) -> float:
     """Derivative of ``a f^(order)(t)`` at a fixed time."""
     f = breather.forcing
     if name == "a":
@@ -71,7 +71,7 @@ def _driven(breather: SymmetricFlight, order: int, name: str, t: float) -> float
     return breather.a * f.f_param(name, t, order) if name in f.params else 0.0
 
 
-def _drive_slope(breather: SymmetricFlight, order: int, name: str) -> float:
+def _drive_slope(breather: SymmetricBreather, order: int, name: str) -> float:
     """Derivative of ``a f^(order)(phi)``."""
     f = breather.forcing
     if name == "phi":
@@ -79,7 +79,7 @@ def _drive_slope(breather: SymmetricFlight, order: int, name: str) -> float:
     return _driven(breather, order, name, breather.phi)
 
 
-def _mean_slope(breather: SymmetricFlight, mean: str, name: str) -> float:
+def _mean_slope(breather: SymmetricBreather, mean: str, name: str) -> float:
     """Derivative of `chi`, `eta` or `sigma`."""
     lattice: Any = breather.lattice
     if name == "spring":
@@ -87,7 +87,7 @@ def _mean_slope(breather: SymmetricFlight, mean: str, name: str) -> float:
     return float(getattr(lattice, f"d{mean}")(breather.gamma)) if name == "gamma" else 0.0
 
 
-def _q_slope(breather: SymmetricFlight, name: str) -> float:
+def _q_slope(breather: SymmetricBreather, name: str) -> float:
     return -2.0 / (1.0 + breather.k) ** 2 if name == "k" else 0.0
 
 
@@ -97,8 +97,8 @@ def _q_slope(breather: SymmetricFlight, name: str) -> float:
 class Scalar(NamedTuple):
     """What vanishes where a multiplier is 1 or -1, and its slope by any name."""
 
-    value: Callable[[SymmetricFlight], float]
-    slope: Callable[[SymmetricFlight, str], float]
+    value: Callable[[SymmetricBreather], float]
+    slope: Callable[[SymmetricBreather, str], float]
     evaluate: Any  # both in compiled steps, beside (11)
     derive: Any
 
@@ -113,13 +113,13 @@ class Scalar(NamedTuple):
         return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
-def _fold(breather: SymmetricFlight) -> float:
+def _fold(breather: SymmetricBreather) -> float:
     """The determinant of (11), eq. (14)."""
     f, phi = breather.forcing, breather.phi
     return breather.a * (breather.chi * f.d2f(phi) + breather.q * f.df(phi))
 
 
-def _fold_slope(breather: SymmetricFlight, name: str) -> float:
+def _fold_slope(breather: SymmetricBreather, name: str) -> float:
     a, f, phi = breather.a, breather.forcing, breather.phi
     driven = breather.chi * _drive_slope(breather, 2, name)
     driven += breather.q * _drive_slope(breather, 1, name)
@@ -127,14 +127,14 @@ def _fold_slope(breather: SymmetricFlight, name: str) -> float:
     return driven + a * (by_chi * f.d2f(phi) + by_q * f.df(phi))
 
 
-def _pitchfork(breather: SymmetricFlight, edge: float | None = None) -> float:
+def _pitchfork(breather: SymmetricBreather, edge: float | None = None) -> float:
     """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma. Springs,
     with which it has none, add ``2 d^2/tau``."""
     forced = breather.a * breather.forcing.d2f(breather.phi)
     return forced - 2.0 * breather.p * _turning(breather, edge)
 
 
-def _turning(breather: SymmetricFlight, edge: float | None = None) -> float:
+def _turning(breather: SymmetricBreather, edge: float | None = None) -> float:
     lattice: Any = breather.lattice
     sigma = lattice.sigma(breather.gamma)
     if edge is None and not lattice.spring:
@@ -142,7 +142,7 @@ def _turning(breather: SymmetricFlight, edge: float | None = None) -> float:
     return sigma + 0.5 * breather.q**2 / lattice.tau(breather.gamma, edge)
 
 
-def _pitchfork_slope(breather: SymmetricFlight, name: str) -> float:
+def _pitchfork_slope(breather: SymmetricBreather, name: str) -> float:
     if name == "p":
         return -2.0 * _turning(breather)
     lattice: Any = breather.lattice
@@ -175,13 +175,14 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     F = of.map(orbit).gradient(of.angle(extra), of.radius)
     direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": getattr(F, "d_spring", 0.0)}
     columns = [
-        F.d_b * _b_slope(orbit.flight, name) + direct.get(name, 0.0) for name in _names(curve)
+        F.d_b * _b_slope(orbit.representation, name) + direct.get(name, 0.0)
+        for name in _names(curve)
     ]
     row = np.array([*columns, F.d_nu])
     return np.array([row.real, row.imag])
 
 
-def _b_slope(breather: SymmetricFlight, name: str) -> float:
+def _b_slope(breather: SymmetricBreather, name: str) -> float:
     """Derivative of the entry b of the saltation matrix (19), ``c^2/2 (a f''/p - eta)``."""
     c, p = 1.0 + breather.k, breather.p
     if name == "k":
@@ -211,14 +212,14 @@ def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def crest(breather: SymmetricFlight, site: int) -> Crest:
+def crest(breather: SymmetricBreather, site: int) -> GrazingSite:
     loops = partial(_with_contact, breather.lattice, breather.lattice.distance(site))
-    return Crest(site, partial(_slopes, site), loops=loops)
+    return GrazingSite(site, partial(_slopes, site), loops=loops)
 
 
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     """Of displacement and velocity at a fixed time, u = a f + p times a `Flight` of that site."""
-    breather: SymmetricFlight = orbit.flight
+    breather: SymmetricBreather = orbit.representation
     y, sign = phase(breather, t)
     p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
     own = breather.lattice, breather.gamma, breather.lattice.distance(site)

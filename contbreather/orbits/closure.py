@@ -32,7 +32,7 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Series
-from contbreather.lattice.held import Held
+from contbreather.lattice.on_site_spring import SpringResponse
 from contbreather.orbits import closed_loops
 from contbreather.orbits.closed_loops import FIRST, GAMMA, A, K
 from contbreather.parameters import parameter
@@ -52,7 +52,7 @@ class Closure:
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
     >>> here = {"a": 0.5, "gamma": 0.12, "k": 0.4}
     >>> bool(abs(Closure().residual([b.p, b.phi], here)).max() < 1e-15)
@@ -106,7 +106,9 @@ class Closure:
         own = self.forcing.params
         places = {**PLAIN, **_coefficients(self.forcing)}
         ring = self.lattice.sites is not None and "gamma" in names
-        known = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(self.forcing, Held)
+        known = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(
+            self.forcing, SpringResponse
+        )
         if not known or ring or any(name not in places for name in names):
             return None
         f = self.forcing.at(**{name: params[name] for name in own if name in params})
@@ -158,7 +160,7 @@ def pack(
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:
     """The lattice, with springs to the ground where the forced response has them."""
-    return lattice.held(forcing.spring) if isinstance(forcing, Held) else lattice
+    return lattice.with_spring(forcing.spring) if isinstance(forcing, SpringResponse) else lattice
 
 
 @lru_cache(maxsize=256)

@@ -20,14 +20,26 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Meeting
 from contbreather.continuation.strider import Loops
-from contbreather.orbits.clearance import Clearance, closest, closest_idle, least_margin
+from contbreather.orbits.clearance import (
+    Clearance,
+    closest,
+    closest_idle,
+    least,
+    least_margin,
+    measure,
+    of_flights,
+    of_idle,
+    within_a_period,
+)
+from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.other_contacts import closest_other
 from contbreather.orbits.section import Section
-from contbreather.orbits.site_motion import Terms
+from contbreather.orbits.site_motion import SiteMotion, Terms
 
 Array = NDArray[np.float64]
 
+TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
+MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wall at the same place
 VANISHED = 1e-8  # an impact at a smaller velocity is none
 ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 SAME = 1e-9  # displacements that differ by less are mirror images
@@ -36,7 +48,7 @@ AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, i
 
 
 @dataclass(frozen=True)
-class Crest:
+class GrazingSite:
     """One site whose crest is followed: it is on a wall, without velocity, at an unknown time.
 
     The representation of an orbit knows how its motion depends on its unknowns.
@@ -61,7 +73,7 @@ class Crest:
         return Locus({"t": t}, conditions, self._derivative, loops=loops, **more)
 
     def _terms(self, orbit: Orbit, t: float) -> Terms:
-        return orbit.watch.at(self.site, t) if self.motion is None else self.motion(orbit, t)
+        return orbit.motion.at(self.site, t) if self.motion is None else self.motion(orbit, t)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
         u, v, _ = self._terms(solution_at(Point(curve, z)), float(extra[0]))
@@ -78,16 +90,16 @@ def grazing() -> Event:
 
 
 def _margin(point: Point) -> float:
-    return least_margin(solution_at(point).watch)
+    return least_margin(solution_at(point).motion)
 
 
 def _locus(point: Point) -> Locus:
     orbit = solution_at(point)
     if _vanishing(point):  # with it may be others, that move alike
         return shallow_impact(orbit)
-    worst = closest(orbit.watch)
+    worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    weakly = orbit.road.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
+    weakly = orbit.representation.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
     if weakly is not None:
         worst = closest_idle(weakly)
     return _follow(orbit, worst.site, worst.time)
@@ -96,10 +108,10 @@ def _locus(point: Point) -> Locus:
 def _follow(orbit: Orbit, site: int, t: float) -> Locus:
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
-    there = orbit.watch.at(site, t)[0]
+    there = orbit.motion.at(site, t)[0]
     place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
-    crest = orbit.road.crest(site)
-    other = _Rival(site, _is_mirrored(orbit, site, t), crest.scale)
+    crest = orbit.representation.crest(site)
+    other = _OtherContact(site, _is_mirrored(orbit, site, t), crest.scale)
     return crest.locus(place, t, events=(*crest.further, other.event()), meets=crest.meets)
 
 
@@ -127,12 +139,12 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
     if orbit.symmetric or orbit.section.turns % 2 == 0:
         return False
-    both = [orbit.watch.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
+    both = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
     return abs(sum(both)) < SAME
 
 
 @dataclass(frozen=True)
-class _Rival:
+class _OtherContact:
     """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
     of the same one. Where it does not, the limit of existence goes on with that."""
 
@@ -145,8 +157,8 @@ class _Rival:
         return Meeting("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
     def closest(self, point: Point) -> Clearance:
-        watch = solution_at(point).watch
-        return closest_other(watch, self.site, point["t"], mirrored=self.mirrored)
+        motion = solution_at(point).motion
+        return closest_other(motion, self.site, point["t"], mirrored=self.mirrored)
 
     def margin(self, point: Point) -> float:
         return self.closest(point).margin
@@ -163,6 +175,59 @@ class _Rival:
         return _follow(solution_at(point), where["site"], where["time"])
 
 
+# --- what else may touch a wall there -------------------------------------------------------------
+
+# The local maximum that grazes is a double zero of its margin. It is divided out, so that what is
+# left vanishes where a second one comes to the wall.
+
+
+def other_contacts(
+    orbit: SiteMotion, site: int, t: float, *, mirrored: bool = False
+) -> list[Clearance]:
+    """Everything that may touch a wall besides the crest of one site at one time, which does.
+
+    With `mirrored` the orbit is a symmetric one with its whole period written out: the crest at the
+    other wall, half a period later, is the same again. On an arm it is not, and both come together
+    at the pitchfork.
+
+    The far field is not among them: its displacement lies between those of two neighbours far out,
+    so it is never highest by more than rounding.
+
+    Without coupling, or without an impact, all sites that do not hit follow the forcing alike, and
+    margins vanish together, like the answer of the nearer of two sites to an impact. What is
+    returned is ``m/(|m| + that)``, between -1 and 1, of the sign of each margin m and no zero that
+    says nothing; 1 where rounding decides that sign.
+    """
+    idle = [*orbit.idle]
+    size, near = orbit.influence(site), set(orbit.beside)
+    if site not in orbit.hit:
+        idle += [] if site in idle else [site]
+        # margins are told apart by the larger of two influences: of those that feel the impacts
+        # less the least is enough
+        near |= {site, *(n for n in idle if orbit.influence(n) > size)}
+    measured = measure(orbit, idle, near, touching=site, time=t)
+    gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
+    if site not in orbit.hit:
+        here, other = measured.rows[-2:, : WHEN + 1].tolist()
+        crests = [Clearance(here[MARGIN], site, within_a_period(orbit, here[WHEN]))]
+        if other[MARGIN] < math.inf and not (mirrored and abs(other[MARGIN]) < MIRRORED):
+            crests.append(Clearance(other[MARGIN], site, within_a_period(orbit, other[WHEN])))
+        gaps = crests + gaps
+    return [
+        gap._replace(margin=_told_apart(gap.margin, max(size, orbit.influence(gap.site))))
+        for gap in gaps
+    ]
+
+
+def closest_other(orbit: SiteMotion, site: int, t: float, *, mirrored: bool = False) -> Clearance:
+    """The one of `other_contacts` with the least margin."""
+    return least(other_contacts(orbit, site, t, mirrored=mirrored))
+
+
+def _told_apart(margin: float, size: float) -> float:
+    return 1.0 if size < TELLING else margin / (abs(margin) + size)
+
+
 # --- an impact that vanishes ----------------------------------------------------------------------
 
 
@@ -175,7 +240,7 @@ def shallow_impact(orbit: Orbit) -> Locus:
         Where they do not, or with k = 0.
     """
     j = int(abs(orbit.incoming).argmin())
-    slope = orbit.road.speed_slope(j)
+    slope = orbit.representation.speed_slope(j)
     if slope is None:
         raise Undefined("an impact itself loses its velocity: no grazing to follow")
     if orbit.k == 0.0:

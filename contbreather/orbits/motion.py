@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Matrix, Vector, fixed, inlined
-from contbreather.lattice.responses import Responses, response
+from contbreather.lattice.response import Responses, response
 
 OFFSET, LOW, HIGH = range(3)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
@@ -31,7 +31,7 @@ class Forced(NamedTuple):
 
 
 @fixed
-class Modes(NamedTuple):
+class FreeModes(NamedTuple):
     """Free flights of the modes ``y'' + damping y' + z y = 0``, one after each impact."""
 
     starts: Vector
@@ -54,7 +54,7 @@ class Motion(NamedTuple):
     fine: int  # points of a grid to half a period of the forcing
     forced: Forced
     responses: Responses
-    modes: Modes
+    modes: FreeModes
     impacts: Matrix  # of a period: times, impulses, sites, walls
     flights: int  # impacts of a section
     busy: int  # sites that impact

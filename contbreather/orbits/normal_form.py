@@ -1,7 +1,7 @@
 """Normal form of the pitchfork: which way the arms that break the symmetry bend, and how strongly.
 
-On every road the whole period of a symmetric orbit solves ``G(x, parameter) = 0``, with null
-vectors v and w of ``G_x`` at its pitchfork. Along an arm ``x = x_0 + s v + s^2 h + ...`` and
+In every representation the whole period of a symmetric orbit solves ``G(x, parameter) = 0``, with
+null vectors v and w of ``G_x`` at its pitchfork. Along an arm ``x = x_0 + s v + s^2 h + ...`` and
 ``parameter = its value + s^2 bend``, hence
 
     ``G_x h + G_parameter bend = -G_xx v v/2``,
@@ -68,7 +68,7 @@ class PitchforkForm:
 
 
 def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
-    """Criticality and coefficient of the pitchfork of a symmetric orbit, on any road.
+    """Criticality and coefficient of the pitchfork of a symmetric orbit, in any representation.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """A multiplier on a circle: the defining system of PF, PD and NS, and how it changes along a curve.
 
-The map of an orbit says where it has a multiplier (`contbreather.stability.section_map.Map`). How
+The map of an orbit says where it has a multiplier (`contbreather.stability.modal_map.Map`). How
 that changes along its unknowns is known in closed form to one representation
 (`contbreather.orbits.closed_slopes`); the others fly a perturbation beside the orbit.
 """
@@ -119,7 +119,7 @@ def by_impacts(conditions: Conditions, curve: Curve, z: Array, extra: Array) -> 
     Of the state the map knows velocities and accelerations at the impacts, and these are linear in
     it: one direction for each of them tells what all modes do.
     """
-    flight = Point(curve, z).solution.flight
+    flight = Point(curve, z).solution.representation
     m, size = flight.t.size, 2 * flight.q.size
 
     def near(z: Array) -> Array:

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.forcing import Fourier
-from contbreather.lattice.modal_flow import turn
+from contbreather.lattice.modal_flow import propagator
 from contbreather.orbits.closure import general_roots
-from contbreather.orbits.modal_flight import ModalFlight
-from contbreather.orbits.modal_road import Modes
+from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import Section, check_walls
+from contbreather.orbits.shooting_equations import SectionFlight
 
 FloatArray = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     check_walls(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
     still = np.zeros(on.lattice.basis(section.hit).lam.size)
-    rest = Modes(section, np.zeros(1), still, still, on)
+    rest = ExactModes(section, np.zeros(1), still, still, on)
     q, r = _answer(rest)
     e = rest.shapes[0]
     chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
@@ -68,14 +68,14 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
             "forcing is too weak to bring it to its walls; take a larger a."
         )
     return tuple(
-        Orbit(Modes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
+        Orbit(ExactModes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
         for p, phi in sorted(((width * p, phi) for p, phi in found), reverse=True)
     )
 
 
-def _answer(rest: ModalFlight) -> tuple[FloatArray, FloatArray]:
+def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:
     """State of each mode just before a unit impulse that recurs with alternating sign."""
-    fly = turn(rest.z, rest.section.length, rest.conditions.damping)
+    fly = propagator(rest.z, rest.section.length, rest.conditions.damping)
     kick = rest.kicks[0]
     # (1 + M) x = -M (0, kick), by Cramer; det(1 + M) = 1 + trace + det
     after = fly.reach * kick, fly.swing * kick

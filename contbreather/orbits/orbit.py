@@ -1,8 +1,9 @@
 """One periodic orbit with impacts, whichever way its motion between them is evaluated.
 
 What an orbit is, its impacts and the conditions it moves under, and what it answers are said here
-once. How a flight is evaluated is its `Road`, a value handed in: the closed form of one symmetric
-impact, the periodic Green's function of chain and ring, the exact modes of any finite lattice.
+once. How a flight is evaluated is its `Representation`, a value handed in: the closed form of one
+symmetric impact, the periodic Green's function of chain and ring, the exact modes of any finite
+lattice.
 """
 
 from __future__ import annotations
@@ -11,22 +12,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, number, numbers, row, shown
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.display import Shown
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, InfiniteChain, Ring, lattice_of
-from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice import InfiniteChain, Ring, lattice_of
+from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance
-from contbreather.orbits.road import ROADS, Road
-from contbreather.orbits.section import Impact, Section, check_order
+from contbreather.orbits.periodic_motion import PeriodicMotion
+from contbreather.orbits.representation import REPRESENTATIONS
+from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
 from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
@@ -39,30 +41,17 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
-SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
-
-
-class Hit(NamedTuple):
-    """One impact of an orbit: velocities of the site just before and just after it, and its
-    acceleration just after."""
-
-    site: int
-    wall: int
-    time: float
-    before: float
-    after: float
-    acceleration: float
 
 
 @dataclass(frozen=True, repr=False)
-class Orbit(Shown):
+class Orbit(PeriodicMotion, Shown):
     """A periodic orbit with impacts: what a point of its branch is physically.
 
     Built by `symmetric`, `asymmetric`, `shooting`, `multibreather`, or from values, `orbit_of`.
 
     Attributes
     ----------
-    road : Road
+    representation : Representation
         How its flights are evaluated.
     conditions : Conditions
         a, gamma, k, damping, spring, forcing, walls and lattice; each is there by its own name too.
@@ -75,210 +64,13 @@ class Orbit(Shown):
 
     Examples
     --------
-    >>> from contbreather.orbits.symmetric import symmetric
+    >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
     >>> b.section
     Section(impacts=((0, 1),), turns=1, sign=-1)
     >>> round(b.p, 12), round(b.phi, 12)
     (0.680056001966, -2.519293143359)
     """
-
-    road: Road
-
-    # ------------------------------------------------------------------------------ what it is
-
-    @property
-    def flight(self) -> Any:
-        """Its road, with what that knows besides: p and b of a closed form, modes, ..."""
-        return self.road
-
-    @cached_property
-    def conditions(self) -> Conditions:
-        return self.road.conditions
-
-    @property
-    def section(self) -> Section:
-        return self.road.section
-
-    @cached_property
-    def impacts(self) -> tuple[Impact, ...]:
-        return self.road.impacts
-
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        return self.road.offsets
-
-    @property
-    def a(self) -> float:
-        return self.conditions.a
-
-    @property
-    def gamma(self) -> float:
-        return self.conditions.gamma
-
-    @property
-    def k(self) -> float:
-        return self.conditions.k
-
-    @property
-    def damping(self) -> float:
-        return self.conditions.damping
-
-    @property
-    def spring(self) -> float:
-        return self.conditions.spring
-
-    @property
-    def forcing(self) -> Forcing:
-        return self.conditions.forcing
-
-    @property
-    def walls(self) -> Walls:
-        return self.conditions.walls
-
-    @property
-    def lattice(self) -> Any:
-        return self.conditions.lattice
-
-    @property
-    def period(self) -> float:
-        return self.section.period
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether ``u(t + period/2) = -u(t)`` is made use of."""
-        return self.section.symmetric
-
-    @property
-    def residual(self) -> float:
-        """Largest error of its equations: rounding, unless it was put together by hand."""
-        return self.road.error
-
-    # ---------------------------------------------------------------------------- its impacts
-
-    @cached_property
-    def times(self) -> FloatArray:
-        """Of the impacts of a section."""
-        return np.array([impact.time for impact in self.impacts])
-
-    @cached_property
-    def impulses(self) -> FloatArray:
-        """By how much the velocity of the site changes at each of them."""
-        return np.array([impact.impulse for impact in self.impacts])
-
-    @property
-    def incoming(self) -> FloatArray:
-        """Velocity of the site just before each impact, ``-J/(1 + k)``."""
-        return -self.impulses / (1.0 + self.k)
-
-    @property
-    def accelerations(self) -> FloatArray:
-        """Acceleration of the site just before each impact."""
-        return self.road.accelerations
-
-    @cached_property
-    def entries(self) -> FloatArray:
-        """The entries b of the saltation matrices (19), one for each impact of a section."""
-        c = 1.0 + self.k
-        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
-        b.setflags(write=False)
-        return b
-
-    @cached_property
-    def hits(self) -> tuple[Hit, ...]:
-        """All impacts of a period in order of time."""
-        found = []
-        for half in range(2 if self.symmetric else 1):
-            side = 1 - 2 * half
-            for one, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
-                before = -side * one.impulse / (1.0 + self.k)
-                # just after the impact a damped site is braked the other way
-                after = side * w + self.damping * (1.0 + self.k) * before
-                time = one.time + half * self.section.length
-                found.append(Hit(one.site, side * one.wall, time, before, -self.k * before, after))
-        return tuple(sorted(found, key=lambda hit: hit.time))
-
-    @property
-    def p(self) -> float:
-        """Half the momentum of each impact, where all are the same."""
-        sizes = 0.5 * np.abs(self.impulses)
-        if np.ptp(sizes) > SAME * sizes.max():
-            raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
-        return float(sizes[0])
-
-    @property
-    def phi(self) -> float:
-        """Time of the impact on the wall +1 of a symmetric orbit of one site."""
-        self._need_one("phi")
-        late = 0.0 if self.impacts[0].wall > 0 else self.section.length
-        return math.remainder(self.impacts[0].time + late, self.period)
-
-    @property
-    def chi(self) -> float:
-        """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
-        (11), ``p chi = wall - a f(phi)``."""
-        self._need_one("chi")
-        return float(self.flight.chi)
-
-    @property
-    def b(self) -> float:
-        """The entry of the saltation matrix (19), the same at every impact."""
-        self._need_one("b")
-        return float(self.entries[0])
-
-    @property
-    def c(self) -> float:
-        """By how much the lattice as a whole sits off centre."""
-        return self.road.c
-
-    @property
-    def asymmetry(self) -> float:
-        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal. Of more
-        that of the impact and its mirror image, half the impacts later, that are farthest off."""
-        if not self.section.mirrored:
-            raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
-        first, second = self.times.reshape(2, -1)
-        late = (second - first) % self.period - 0.5 * self.period
-        return float(late[abs(late).argmax()])
-
-    def _need_one(self, name: str) -> None:
-        if not self.symmetric or self.section.count > 1:
-            raise self._lacks(name, "symmetric orbits with one impact in half a period")
-
-    def _lacks(self, name: str, which: str) -> BadInput:
-        return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
-
-    # --------------------------------------------------------------------------------- motion
-
-    def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """Where site ``n`` is at time ``t``.
-
-        Parameters
-        ----------
-        n : int or array_like of int
-            Site; on a ring modulo its number of sites.
-        t : float or array_like
-            Any real times; n and t are broadcast against each other.
-
-        Returns
-        -------
-        float or ndarray
-        """
-        return self._profile(n, t, 0)
-
-    def velocity(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """How fast site ``n`` is at time ``t``; at an impact, the value just after it. A time
-        within rounding of an impact counts as the impact."""
-        return self._profile(n, t, 1)
-
-    def acceleration(self, n: ArrayLike, t: ArrayLike) -> Any:
-        """Second derivative of `displacement`."""
-        return self._profile(n, t, 2)
-
-    def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
-        found = self.road.profile(whole_sites(n), numbers("t", t), order)
-        return float(found) if np.ndim(found) == 0 else found
 
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites at time ``t``, just after it at an impact.
@@ -297,7 +89,7 @@ class Orbit(Shown):
         own = self._on_ring(sites)
         if own.lattice.sites is None:
             raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
-        return own.road.state(number("t", t, -math.inf, math.inf, "a time"))
+        return own.representation.state(number("t", t, -math.inf, math.inf, "a time"))
 
     # ------------------------------------------------------------------ what it is asked about
 
@@ -316,7 +108,7 @@ class Orbit(Shown):
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self
-        found = self.road.on(lattice) or self._guessed_on(lattice)
+        found = self.representation.on(lattice) or self._guessed_on(lattice)
         if found.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
@@ -350,7 +142,7 @@ class Orbit(Shown):
 
     def solved(self) -> Orbit:
         """The orbit that Newton's method finds from this one as a guess."""
-        return _settled(self.road.guess())
+        return _settled(self.representation.guess())
 
     def _on_ring(self, sites: int | None) -> Orbit:
         if sites is None:
@@ -370,17 +162,17 @@ class Orbit(Shown):
     @cached_property
     def _clearance(self) -> Admissibility:
         """Asked where a root is chosen, and by whoever has it."""
-        return clearance(self.watch)
+        return clearance(self.motion)
 
     @property
-    def watch(self) -> SiteMotion:
+    def motion(self) -> SiteMotion:
         """What that is measured on."""
-        return self.road.watch
+        return self.representation.motion
 
     @property
     def map(self) -> Any:
         """What small perturbations become over a section."""
-        return self.road.map
+        return self.representation.map
 
     def stability(self, sites: int | None = None, threshold: float | None = None) -> Verdict:
         """Is it stable? The verdict names the lattice it is about.
@@ -397,7 +189,7 @@ class Orbit(Shown):
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> b = symmetric(a=0.2, gamma=0.11, k=0.8)
         >>> b.stability().unstable, b.stability(sites=400).stable
         (2, False)
@@ -419,7 +211,7 @@ class Orbit(Shown):
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> symmetric(a=0.5, gamma=0.08, k=0.8).certify()
         <Certificate: Proved: a breather exists, the only one within 0.3. It keeps off all walls \
 except at its impacts. No isolated multiplier of the half map outside the unit circle.>
@@ -445,7 +237,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> b = symmetric(a=0.8, gamma=0.045, k=0.8)
         >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
         1.129438
@@ -464,7 +256,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
     @property
     def problem(self) -> Problem:
         """The orbit as a start for `trace`: its equations with all its events."""
-        return self.road.problem(THRESHOLD)
+        return self.representation.problem(THRESHOLD)
 
     def unfolded(self) -> Orbit:
         """The whole period of a symmetric orbit, as one that need not be symmetric."""
@@ -475,7 +267,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
         Examples
         --------
-        >>> from contbreather.orbits.symmetric import symmetric
+        >>> from contbreather.orbits.constructors import symmetric
         >>> two = symmetric(0.5, 0.05, 0.8).unfolded().doubled()
         >>> two.section.turns, len(two.impacts), two.residual < 1e-14
         (2, 4, True)
@@ -484,10 +276,9 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def _again(self, longer: Section) -> Orbit:
         """One section and the next as one."""
-        T, sign = self.section.length, self.section.sign
-        later = (Impact(n, sign * wall, t + T, sign * J) for n, wall, t, J in self.impacts)
-        found = self.road.rewritten(longer, (*self.impacts, *later), self.offsets)
-        assert found is not None  # every road can be repeated
+        impacts = self.section.course(self.impacts, 2)
+        found = self.representation.rewritten(longer, impacts, self.offsets)
+        assert found is not None  # every representation can be repeated
         return Orbit(found)
 
     def table(self) -> Sheet:
@@ -502,9 +293,6 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
             found |= {"c": self.c} if self.c else {}
         return Sheet.of(found.items(), digits=15)
 
-    def describe(self) -> str:
-        return f"{self.section.describe()} on the {self.lattice.describe()}"
-
     def __repr__(self) -> str:
         values = {**self.conditions.params, "t": ", ".join(f"{t:.8g}" for t in self.times)}
         shown = ", ".join(
@@ -514,17 +302,6 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         margins = self.admissibility()
         mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
         return f"<Orbit of {self.describe()}; {shown}; residual {self.residual:.1e}{mark}>"
-
-
-def whole_sites(n: ArrayLike) -> NDArray[np.int64]:
-    """Numbers of sites, or a sentence."""
-    try:
-        sites = np.asarray(n)
-    except ValueError:  # rows of different lengths
-        sites = np.array(math.nan)
-    if sites.dtype.kind not in "iu":
-        raise BadInput(f"n = {n!r}: sites are whole numbers.")
-    return sites.astype(np.int64)
 
 
 def orbit_of(
@@ -563,7 +340,7 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for _, kind in sorted(ROADS.items()):
+        for _, kind in sorted(REPRESENTATIONS.items()):
             if kind.suits(on, section):
                 return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:
@@ -618,12 +395,12 @@ def orbit_at(problem: Problem) -> Orbit:
 
 
 def with_parameters(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
-    """A problem of an orbit on another road, if it asks for what its own has no parameters for."""
+    """A problem of an orbit in another representation, where its own lacks these parameters."""
     orbit = orbit_at(problem)
     on, section = orbit.conditions, orbit.section
     wanted = [name for name in names if name in on.params]
-    for _, kind in sorted(ROADS.items()):
-        if wanted and kind.suits(on, section) and kind is not type(orbit.road):
+    for _, kind in sorted(REPRESENTATIONS.items()):
+        if wanted and kind.suits(on, section) and kind is not type(orbit.representation):
             motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
             return motion.problem(threshold)
     if wanted:

@@ -1,7 +1,7 @@
 """What happens to orbits on their branches: LP, BP, PF, PD, NS, each with its defining system.
 
 An event asks the map of small perturbations over a section of the orbit, whichever way its flights
-are evaluated (`contbreather.stability.section_map.Map`):
+are evaluated (`contbreather.stability.modal_map.Map`):
 
 - the multiplier with which the section closes, its ``sign``, is a zero of the orbit's own
   equations, a fold (LP) or a branch point (BP);
@@ -34,19 +34,18 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Examined, Judged, Meeting
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.orbits.closed_form import SymmetricFlight
+from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.grazing import grazing as grazed
 from contbreather.orbits.grazing import merging, solution_at
-from contbreather.orbits.lifts import from_arms
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.problem import unstable_by
+from contbreather.orbits.orbit_problem import unstable_by
 from contbreather.orbits.section import WEAK, Section
+from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
-from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.pairs import upper
-from contbreather.stability.section_map import ModalMap
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
@@ -117,14 +116,12 @@ def _drifts(mu: float, orbit: Orbit) -> bool:
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
     map = solution_at(point).map
-    if _is_blurred(map):
-        return math.nan
-    return map.count().count if isinstance(map, OrbitMap) else int(map.beyond(mu))
+    return math.nan if _is_blurred(map) else int(map.beyond(mu))
 
 
 def _real_locus(mu: float, point: Point) -> Locus:
     orbit = solution_at(point)
-    locus = orbit.road.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
+    locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
     return replace(locus, domain={"gamma": (WEAK, math.inf)}) if _drifts(mu, orbit) else locus
 
 
@@ -238,15 +235,15 @@ class _Pair:
         return self.following(point, angle)
 
     def following(self, point: Point, angle: float) -> Locus:
-        map, road = self.map(point), solution_at(point).road
+        map, representation = self.map(point), solution_at(point).representation
         circle = self.circle(map)
         if map.lattice.sites is None:
-            return road.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
+            return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
         if isinstance(map, HalfMap):
             ends: tuple[Event, ...] = (_Next(self, circle.radius).event(),)
         else:
             ends = tuple(_turns_real(circle.radius, point))
-        return road.locus(circle, point, angle, events=ends)
+        return representation.locus(circle, point, angle, events=ends)
 
 
 def _is_elastic(map: Any) -> bool:
@@ -393,7 +390,7 @@ def period_doubling() -> Event:
     Examples
     --------
     >>> import contbreather as cb
-    >>> from contbreather.orbits.arms import asymmetric
+    >>> from contbreather.orbits.constructors import asymmetric
     >>> arm = asymmetric(0.9, 0.0, 0.8, lattice=cb.Ring(1))
     >>> branch = cb.trace(arm, "a", events=[period_doubling()], within={"a": (0.9, 0.95)})
     >>> round(branch.first("PD")["a"], 9)
@@ -452,14 +449,14 @@ def _pair_leaves(on: InfiniteChain | Ring | None, threshold: float, problem: Pro
     orbit: Any = orbit_at(problem)
     if not isinstance(orbit, Orbit):
         raise BadInput(f"a threshold, or a lattice to ask about, is for orbits; got {orbit!r}.")
-    closed = isinstance(orbit.road, SymmetricFlight)
+    closed = isinstance(orbit.map, HalfMap)
     if on is None and orbit.lattice.sites is None:
         raise BadInput(
             f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
             "name the ring it is about, on=Ring(N)."
         )
     if on is None or on == orbit.lattice:
-        event = _of_kind("NS", orbit.road.problem(threshold))
+        event = _of_kind("NS", orbit.representation.problem(threshold))
     elif closed:
         event = pair_leaves(on, threshold, elsewhere=True)
     else:

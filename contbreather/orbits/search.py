@@ -19,8 +19,8 @@ from contbreather.lattice import forcing_of
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.orbits.closure import smallest_amplitude
+from contbreather.orbits.constructors import rooted, symmetric_roots
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.symmetric import rooted, symmetric_roots
 from contbreather.orbits.zones import up_to_the_fold
 from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of
 from contbreather.stability.verdict import THRESHOLD
@@ -120,7 +120,7 @@ def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[flo
 def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
     """The equations of a symmetric breather of any lattice, unstable beyond the threshold, with
     these parameters among theirs."""
-    return orbit.road.problem(threshold).having(*names)
+    return orbit.representation.problem(threshold).having(*names)
 
 
 def find_event(

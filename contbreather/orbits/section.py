@@ -19,7 +19,6 @@ from contbreather.checks import one_of
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring, check_gamma
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.refusals import ImpossibleSequence
 
 FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
@@ -29,6 +28,15 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
 WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
+
+
+class ImpossibleSequence(BadInput):
+    """No orbit has these impacts: `sequence` is what was asked for, `met` what was seen instead."""
+
+    def __init__(self, message: str, *, sequence: Any = None, met: Any = None) -> None:
+        super().__init__(message)
+        self.sequence = sequence
+        self.met = met
 
 
 class Impact(NamedTuple):
@@ -150,6 +158,16 @@ class Section:
                 "a symmetric orbit does not double its period; break its symmetry first, unfolded()"
             )
         return Section(self.impacts * 2, 2 * self.turns)
+
+    def course(self, impacts: Sequence[Impact], sections: int) -> tuple[Impact, ...]:
+        """The impacts of so many sections, given those of one: each section repeats the one before
+        with its sign."""
+        T, sign = self.length, self.sign
+        return tuple(
+            Impact(n, sign**i * wall, t + i * T, sign**i * J)
+            for i in range(sections)
+            for n, wall, t, J in impacts
+        )
 
     def placed(self, lattice: Any) -> Section:
         """With its sites looked up on a lattice, negative ones counted from its end."""

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice import Forcing, Lattice
-from contbreather.lattice.green import POWERS, response_weights
-from contbreather.lattice.periodic import bounds, is_resonant, responses, wave
-from contbreather.lattice.responses import Responses
+from contbreather.lattice.free_flight import POWERS, response_weights
+from contbreather.lattice.periodic_green import bounds, is_resonant, responses
+from contbreather.lattice.response import Responses
 from contbreather.orbits.margins import IMAGE
-from contbreather.orbits.motion import Forced, Modes, Motion, points_of
-from contbreather.orbits.section import Impact
+from contbreather.orbits.motion import Forced, FreeModes, Motion, points_of
+from contbreather.orbits.section import Impact, Section
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[float, float, float]  # a value and its first two derivatives
@@ -35,36 +35,34 @@ NO_WALLS = (-math.inf, math.inf)
 LOW = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
 _NO_VECTOR, _NO_MATRIX = np.empty(0), np.empty((0, 0))
-_NO_MODES = Modes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
+_NO_MODES = FreeModes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
 
 
 class SiteMotion:
-    """The motion of an orbit over a section, and which sites decide on its clearance."""
+    """The motion of an orbit over a section, by its representation, and which sites decide on its
+    clearance."""
 
-    def __init__(self, orbit: Any) -> None:
-        self.orbit = orbit
-        self.k, self.sign = float(orbit.k), int(orbit.section.sign)
-        self.length = float(orbit.section.length)
-        self.fine = max(FINE, 16 * orbit.forcing.highest)
-        self.hit = orbit.section.hit
+    def __init__(self, representation: Any) -> None:
+        self.representation, self.on = representation, representation.conditions
+        self.section: Section = representation.section
+        self.forcing, self.lattice = self.on.forcing, self.on.lattice
+        self.k, self.sign, self.hit = float(self.on.k), self.section.sign, self.section.hit
+        self.length, self.period = self.section.length, self.section.period
+
+    @property
+    def fine(self) -> int:
+        """Points to half a period of the forcing."""
+        return max(FINE, 16 * int(self.forcing.highest))
 
     @cached_property
     def start(self) -> float:
         """Time of the first impact of a section."""
-        return float(self.orbit.impacts[0].time)
-
-    @property
-    def period(self) -> float:
-        return self.length if self.sign > 0 else 2.0 * self.length
+        return float(self.impacts[0].time)
 
     @cached_property
     def impacts(self) -> tuple[Impact, ...]:
         """Of a period, those of a section first."""
-        impacts: tuple[Impact, ...] = self.orbit.impacts
-        if self.sign > 0:
-            return impacts
-        late = self.length
-        return impacts + tuple(Impact(n, -wall, t + late, -J) for n, wall, t, J in impacts)
+        return self.section.course(self.representation.impacts, 1 if self.sign > 0 else 2)
 
     @cached_property
     def idle(self) -> Sequence[int]:
@@ -74,7 +72,7 @@ class SiteMotion:
     @property
     def beside(self) -> Collection[int]:
         """Sites coupled to one that hits a wall."""
-        return {n for site in self.hit for n in self.orbit.lattice.beside(site)}
+        return {n for site in self.hit for n in self.lattice.beside(site)}
 
     def walls(self, site: int) -> Wall:
         return USUAL
@@ -95,9 +93,10 @@ class SiteMotion:
 
     def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site."""
-        raise NotImplementedError
+        terms: Terms = self.representation.at(site, t)
+        return terms
 
-    def of(
+    def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
     ) -> tuple[Motion, Sequence[int]]:
         """The motion of the sites that impact, and behind them of those of others that are near or
@@ -106,21 +105,18 @@ class SiteMotion:
         return self._motion(sites, *self._parts(sites)), idle
 
     def _motion(
-        self, sites: tuple[int, ...], forced: Forced, responses: Responses, modes: Modes
+        self, sites: tuple[int, ...], forced: Forced, responses: Responses, modes: FreeModes
     ) -> Motion:
-        index, late = self.hit.index, self.length
-        rows = [(t, J, index(site), wall) for site, wall, t, J in self.orbit.impacts]
-        if self.sign < 0:
-            rows += [(t + late, -J, site, -wall) for t, J, site, wall in rows]
+        rows = [(t, J, self.hit.index(site), wall) for site, wall, t, J in self.impacts]
         impacts = np.array([*zip(*rows, strict=True)], dtype=float)
         section = self.start, self.length, float(self.sign), self.fine
         parts = forced, responses, modes
-        counts = len(self.orbit.impacts), len(self.hit)
+        counts = self.section.count, len(self.hit)
         return Motion(
-            float(self.orbit.a), self.k, *section, *parts, impacts, *counts, self._places(sites)
+            float(self.on.a), self.k, *section, *parts, impacts, *counts, self._places(sites)
         )
 
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         raise NotImplementedError
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
@@ -148,33 +144,30 @@ class ChainMotion(SiteMotion):
 
     @cached_property
     def idle(self) -> Sequence[int]:
-        lattice = self.orbit.lattice
-        resonant = is_resonant(lattice, self.orbit.gamma, self.orbit.section.turns)
-        return _around(lattice, self.hit, resonant)
+        resonant = is_resonant(self.lattice, self.on.gamma, self.section.turns)
+        return _around(self.lattice, self.hit, resonant)
 
     @property
     def _far_offset(self) -> float:
         """The larger of those at both ends, none where there is no coupling."""
-        orbit, offsets = self.orbit, self.orbit.offsets
-        return max((offsets[0], offsets[-1]), key=abs) if orbit.gamma else 0.0
+        offsets = self.representation.offsets
+        return max((offsets[0], offsets[-1]), key=abs) if self.on.gamma else 0.0
 
     @property
     def far(self) -> float:
-        orbit = self.orbit
-        if orbit.lattice.sites is not None:
+        if self.lattice.sites is not None:
             return 1.0
-        return float(1.0 - abs(self._far_offset) - orbit.a * orbit.forcing.peak())
+        return float(1.0 - abs(self._far_offset) - self.on.a * self.forcing.peak())
 
     def far_time(self) -> float:
-        if self.orbit.lattice.sites is not None:
+        if self.lattice.sites is not None:
             return self.start
-        return _highest(self.orbit.forcing, math.copysign(1.0, self._far_offset))
+        return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
     def influence(self, site: int) -> float:
-        away = min(self.orbit.lattice.distance(site - busy) for busy in self.hit)
-        return float(
-            0.5 * max(abs(impact.impulse) for impact in self.impacts) * self.orbit.gamma**away
-        )
+        away = min(self.lattice.distance(site - busy) for busy in self.hit)
+        largest = max(abs(impact.impulse) for impact in self.impacts)
+        return float(0.5 * largest * self.on.gamma**away)
 
 
 @lru_cache(maxsize=64)
@@ -190,15 +183,14 @@ def _around(lattice: Lattice, hit: tuple[int, ...], everywhere: bool) -> Sequenc
 class ClosedFormMotion(ChainMotion):
     """A symmetric breather, of which site 0 impacts."""
 
-    def at(self, site: int, t: float) -> Terms:
-        b, (y, sign) = self.orbit, phase(self.orbit, t)
-        (u, v, w), (f, df, d2f) = b.flight(site).at(y), b.forcing.motion(t)
-        a, p = b.a, sign * b.p
-        return a * f + p * u, a * df + p * v, a * d2f + p * w
+    def __init__(self, representation: Any) -> None:
+        super().__init__(representation)
+        # where springs hold the sites, what the closed form has for its forcing and its lattice
+        self.forcing, self.lattice = representation.forcing, representation.lattice
 
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
-        b = self.orbit
-        return _alike(b.forcing), _odd_responses(b.lattice, b.gamma, sites), _NO_MODES
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
+        responses = _odd_responses(self.lattice, self.on.gamma, sites)
+        return _alike(self.forcing), responses, _NO_MODES
 
 
 def phase(breather: Any, t: float) -> tuple[float, float]:
@@ -231,18 +223,14 @@ def _odd_basis() -> FloatArray:
 class GreenMotion(ChainMotion):
     """An orbit with any impacts, by the periodic Green's function."""
 
-    def at(self, site: int, t: float) -> Terms:
-        u, v, w = moved(self.orbit, site, t)
-        return u + float(self.orbit.flight.offset(site)), v, w
-
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, Modes]:
-        orbit, hits = self.orbit, tuple(impact.site for impact in self.impacts)
-        to_impacts = responses(orbit.lattice, orbit.gamma, sites, hits, orbit.section.turns)
-        return _alike(orbit.forcing), to_impacts, _NO_MODES
+    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
+        hits = tuple(impact.site for impact in self.impacts)
+        to_impacts = responses(self.lattice, self.on.gamma, sites, hits, self.section.turns)
+        return _alike(self.forcing), to_impacts, _NO_MODES
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         places = super()._places(sites).copy()
-        places[:, 0] = self.orbit.flight.offset(sites)
+        places[:, 0] = self.representation.offset(sites)
         return places
 
 
@@ -253,17 +241,6 @@ def _highest(forcing: Forcing, sign: float) -> float:
     return float(t[int((sign * forcing.f(t)).argmax())])
 
 
-def moved(orbit: Any, site: int, t: float) -> Terms:
-    """Displacement, velocity and acceleration of a site at one time, without its static offset."""
-    a, (u, v, w) = orbit.a, orbit.forcing.motion(t)
-    u, v, w = a * u, a * v, a * w
-    for impact in orbit.impacts:
-        distance = orbit.lattice.distance(site - impact.site)
-        h = wave(orbit.lattice, orbit.gamma, distance, orbit.section.turns).motion(t - impact.time)
-        u, v, w = u + impact.impulse * h[0], v + impact.impulse * h[1], w + impact.impulse * h[2]
-    return u, v, w
-
-
 # --- modes of a finite lattice --------------------------------------------------------------
 
 
@@ -271,25 +248,21 @@ class ModalMotion(SiteMotion):
     """A shot orbit of any finite lattice."""
 
     def walls(self, site: int) -> Wall:
-        pair: Wall = self.orbit.walls.at(site)
+        pair: Wall = self.on.walls.at(site)
         return pair
 
     @cached_property
     def idle(self) -> Sequence[int]:
-        sites = self.orbit.lattice.idle(self.hit).tolist()
+        sites = self.lattice.idle(self.hit).tolist()
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
-    def at(self, site: int, t: float) -> Terms:
-        terms: Terms = self.orbit.flight.at(site, t)
-        return terms
-
-    def of(
+    def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
     ) -> tuple[Motion, Sequence[int]]:
-        flight, few = self.orbit.flight, np.array(idle, dtype=int)
+        flight, few = self.representation, np.array(idle, dtype=int)
         size = points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
-        profiles = flight.motion(times)[:, few].T
+        profiles = flight.displacements(times)[:, few].T
         if few.size:
             low, high = self._places(few.tolist())[:, 1:].T[:, :, None]
             gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
@@ -308,13 +281,13 @@ class ModalMotion(SiteMotion):
         q, r = np.array([leg.q for leg in legs]), np.array([leg.r for leg in legs])
         shapes = np.ascontiguousarray(flight.basis.at(sites))
         z, damping = flight.z, float(flight.conditions.damping)
-        modes = Modes(starts, q, r, z, damping, shapes, np.ascontiguousarray(profiles))
+        modes = FreeModes(starts, q, r, z, damping, shapes, np.ascontiguousarray(profiles))
         return self._motion(sites, self._forced(sites), _no_responses(len(sites)), modes), idle
 
     def _forced(self, sites: tuple[int, ...]) -> Forced:
-        forced = self.orbit.flight.forced
+        forced = self.representation.forced
         if forced.alike:
-            return _alike(self.orbit.forcing)
+            return _alike(self.forcing)
         series = np.array([forced.harmonics(site) for site in sites], dtype=float)
         m, A, B = (np.ascontiguousarray(part) for part in np.moveaxis(series, 2, 0))
         return Forced(m[0], A, B, math.inf)

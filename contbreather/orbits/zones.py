@@ -26,10 +26,11 @@ from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 from contbreather.orbits.clearance import least_margin
+from contbreather.orbits.closed_form import events_on, symmetric_problem
 from contbreather.orbits.closure import folds
+from contbreather.orbits.constructors import symmetric_roots
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
-from contbreather.orbits.symmetric import events_on, symmetric_problem, symmetric_roots
 from contbreather.parameters import parameter, window_of
 from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import THRESHOLD
@@ -178,14 +179,14 @@ class Zones(Columns, Shown):
         counts = [
             breather.map.unstable(self.threshold)
             for breather in self.breathers(x, y)
-            if breather.flight.family in self.families
+            if breather.representation.family in self.families
         ]
         return min(counts, default=None)
 
     def lower(self, x: float, y: float) -> float | None:
         """The largest p of the lower breathers at a place of the plane, None where there is none;
         they may be there without the upper one."""
-        found = [b.p for b in self.breathers(x, y) if b.flight.family == "lower"]
+        found = [b.p for b in self.breathers(x, y) if b.representation.family == "lower"]
         return max(found, default=None)
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
@@ -227,7 +228,7 @@ def _admissible(at: Mapping[str, float], forcing: Forcing, lattice: Any) -> tupl
         found = symmetric_roots(**values)
     except NoSolution:
         return ()
-    return tuple(breather for breather in found if least_margin(breather.watch) > 0.0)
+    return tuple(breather for breather in found if least_margin(breather.motion) > 0.0)
 
 
 class Drawn(TypedDict, total=False):
@@ -486,7 +487,7 @@ class _Search:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
         found = _admissible(values, self.forcing, self.lattice)
-        return [b for b in found if self.past_folds or b.flight.family == "upper"]
+        return [b for b in found if self.past_folds or b.representation.family == "upper"]
 
     def _follow(self, point: Point) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it

@@ -25,8 +25,8 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.orbits import Orbit, smallest_amplitude, symmetric
 from contbreather.parameters import parameter
 from contbreather.stability.characteristic import D
-from contbreather.stability.half_map import even_multipliers
 from contbreather.stability.isolated import unstable_multipliers
+from contbreather.stability.ring_multipliers import even_multipliers
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[Any]
@@ -188,7 +188,7 @@ def _pairs_of(sites: int | None) -> Callable[[Orbit], Array]:
     ring = None if sites is None else Ring(sites)
 
     def pairs(breather: Orbit) -> Array:
-        here = breather.gamma, breather.k, breather.flight.b
+        here = breather.gamma, breather.k, breather.representation.b
         mu = unstable_multipliers(*here) if ring is None else even_multipliers(ring, *here)
         return np.asarray(mu[mu.imag > 1e-9])
 

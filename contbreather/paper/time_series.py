@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from contbreather.checks import whole
 from contbreather.orbits import Orbit, symmetric
+from contbreather.orbits.green_function import ACROSS, asymmetric_problem
 from contbreather.orbits.orbit import orbit_at, orbit_of
-from contbreather.orbits.wave_road import ACROSS, asymmetric_problem
 from contbreather.paper.fates import (
     delocalised,
     enough_damping,

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from contbreather.stability.arc import NeimarkSacker, OnArc, Window, neimark_sacker, on_arc, window
 from contbreather.stability.characteristic import D, D_gradient, D_slope, G, Gradient
-from contbreather.stability.half_map import (
+from contbreather.stability.counting import Count, unstable_count
+from contbreather.stability.isolated import closest_approach, unstable_multipliers
+from contbreather.stability.ring_multipliers import (
     apply_half_map,
     dense_half_map,
     eigenvector,
     even_multipliers,
     half_multipliers,
 )
-from contbreather.stability.isolated import closest_approach, unstable_multipliers
 from contbreather.stability.saltation import saltation, saltation_entry
 from contbreather.stability.scattering import (
     OverReflection,
@@ -23,7 +24,6 @@ from contbreather.stability.scattering import (
     scattering,
 )
 from contbreather.stability.verdict import Verdict, stability, verdict
-from contbreather.stability.winding import Count, unstable_count
 
 __all__ = [
     "Count",

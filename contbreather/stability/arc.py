@@ -32,8 +32,8 @@ from contbreather.errors import BadInput
 from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability import band_pairs
-from contbreather.stability.aliases import regular, tables
 from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW
+from contbreather.stability.lattice_sums import regular, tables
 from contbreather.stability.saltation import check_finite, check_kb
 
 Array = NDArray[Any]

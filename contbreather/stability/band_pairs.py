@@ -1,8 +1,8 @@
 """The equations of a Neimark-Sacker point of the infinite chain, and where they have roots.
 
 Letters and formulas are those of `contbreather.stability.arc`, at one angle of the band at a time.
-`table` holds the tails of `aliases`, three times `POWERS` rows of `ORDERS` numbers, and after them
-the moments of the chain.
+`table` holds the tails of `lattice_sums`, three times `POWERS` rows of `ORDERS` numbers, and after
+them the moments of the chain.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from typing import Any
 
 from contbreather.kernels import Kernel, Vector
 
-POWERS, ORDERS, EXACT = 13, 11, 3  # as in `aliases`
-GRID = 64  # as in `arc`
+EXACT = 3  # aliases m = -3..3 are exact
+ORDERS = 11  # of 4 gamma/s^2 <= 1/49: 49^-11 is below rounding
+POWERS = 13  # of (nu/7)^2 <= 2/49 for |nu|^2 <= 2
+GRID = 64  # angles of the band that are looked at first
 TAILS = 3 * POWERS * ORDERS
 TABLE = ANSWER = 0  # where table and answer begin
 ROUNDING = 4e-16

@@ -76,7 +76,7 @@ class Room(NamedTuple):
     there: Matrix
 
 
-class Told(NamedTuple):
+class CircleSamples(NamedTuple):
     """What the samples along half the circle tell."""
 
     samples: Matrix  # as those of a piece, one after the other
@@ -349,7 +349,7 @@ def everywhere(orbit: Impacts, series: Series, room: Room, kappa: Matrix, values
 # --- along the circle -------------------------------------------------------------------------
 
 
-def around(orbit: Impacts, series: Series, room: Room, terms: float, told: Told) -> None:
+def around(orbit: Impacts, series: Series, room: Room, terms: float, told: CircleSamples) -> None:
     """Samples of F on half the circle, cut where an edge of the band lies, and what they tell.
 
     Closer wherever F moves by much of its modulus, unless that is nothing but rounding of terms of
@@ -368,7 +368,9 @@ def around(orbit: Impacts, series: Series, room: Room, terms: float, told: Told)
             low = high
 
 
-def piece(orbit: Impacts, room: Room, terms: float, told: Told, low: float, high: float) -> None:
+def piece(
+    orbit: Impacts, room: Room, terms: float, told: CircleSamples, low: float, high: float
+) -> None:
     """One of them."""
     here, there, count = room.here, room.there, GRID + 1
     for i in range(count):
@@ -423,7 +425,7 @@ def is_wide(here: Matrix, count: int, i: int, terms: float) -> bool:
 
 
 def tell(
-    here: Matrix, count: int, terms: float, told: Told, from_one: bool, to_minus_one: bool
+    here: Matrix, count: int, terms: float, told: CircleSamples, from_one: bool, to_minus_one: bool
 ) -> None:
     """What the samples of one piece tell."""
     found = told.found

@@ -4,7 +4,7 @@ The half map QS differs from the free propagator Q = exp(pi A) in one 2x2 block,
 multiplier exactly where ``D = det(1 + (S0 - 1) G(mu)) = 0``, ``G = <(1 - mu Q_w^-1)^-1>`` a mean
 over the modes. As G11 = G22, with c = 1 + k, ``D = (1 - c G11)^2 + G12 (b - c^2 G21)``.
 We write mu = exp(i pi nu), so |mu| > 1 means Im nu < 0, and G as a sum over aliases nu + 2m
-(`contbreather.stability.aliases`). The alias m = 0, ``g = <1/(w^2 - nu^2)>``, enters D linearly,
+(`contbreather.stability.lattice_sums`). The alias m = 0, ``g = <1/(w^2 - nu^2)>``, is linear in D,
 
     D = (d + i c R)^2 + B (b - c^2 C) + (g/pi) L,   d = (1 - k)/2,
     L = 2 i c nu (d + i c R) - (b - c^2 C) - c^2 nu^2 B,
@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
-from contbreather.stability.aliases import Regular, alias_slopes, regular, regular_slopes
+from contbreather.stability.lattice_sums import Regular, alias_slopes, regular, regular_slopes
 from contbreather.stability.saltation import check_finite
 
 Array = NDArray[Any]
@@ -34,7 +34,7 @@ NEAR = 1.0  # |Im nu| up to which aliases are summed; beyond, 24 modes are the i
 MODES = 24  # the trapezoid rule's error is exp(-1.76 * 24) where |Im nu| >= 1
 
 
-class Modes(NamedTuple):
+class RingModes(NamedTuple):
     """Frequencies w (those at theta and -theta together), their weights, cos and sin of pi w."""
 
     w: Array
@@ -53,16 +53,16 @@ def checked(gamma: float, lattice: object) -> tuple[float, int | None, float]:
     return check_gamma(gamma, lattice.spring), lattice.sites, lattice.spring
 
 
-def modes(gamma: float, sites: int, spring: float = 0.0) -> Modes:
+def modes(gamma: float, sites: int, spring: float = 0.0) -> RingModes:
     """The even modes of a ring: all of them that the impacting site sees."""
     _, weight, w = Ring(sites).nodes(gamma)
     w = np.sqrt(w * w + spring) if spring else w
     sine = np.sin(np.pi * w)
     # np.sinc(w) = sin(pi w)/(pi w) has its limit at w = 0
-    return Modes(w, weight, np.cos(np.pi * w), np.pi * np.sinc(w), w * sine)
+    return RingModes(w, weight, np.cos(np.pi * w), np.pi * np.sinc(w), w * sine)
 
 
-def mode_sums(mu: Array, modes: Modes) -> tuple[Array, Array, Array, Array, Array, Array]:
+def mode_sums(mu: Array, modes: RingModes) -> tuple[Array, Array, Array, Array, Array, Array]:
     """G11, G12, G21 and their derivatives in mu, as plain sums: any mu that is no mode's own."""
     z = np.asarray(mu)[..., None]
     large = np.abs(z) > 1.0
@@ -85,7 +85,7 @@ def mode_sums(mu: Array, modes: Modes) -> tuple[Array, Array, Array, Array, Arra
     )
 
 
-def determinant(mu: Array, modes: Modes, k: float, b: float) -> tuple[Array, Array]:
+def determinant(mu: Array, modes: RingModes, k: float, b: float) -> tuple[Array, Array]:
     """D and dD/dmu by `mode_sums`: exact on a ring, and for |mu| far from 1 on the chain."""
     g11, g12, g21, g11_mu, g12_mu, g21_mu = mode_sums(mu, modes)
     c = 1.0 + k
@@ -154,7 +154,7 @@ def _by_depth(
     lattice: object,
     rows: int,
     near: Callable[..., tuple[Array, ...]],
-    far: Callable[[Array, Modes], tuple[Array, ...]],
+    far: Callable[[Array, RingModes], tuple[Array, ...]],
 ) -> Array:
     """What ``near(gamma, nu, sites, spring)`` makes of it by aliases, and ``far(mu, modes)`` beyond
     `NEAR`: a row for each number they answer, shaped like nu."""
@@ -247,7 +247,7 @@ def D_slope(
     def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array, Array]:
         return near_slope(gamma, s, k, b, sites, spring)
 
-    def far(mu: Array, few: Modes) -> tuple[Array, Array]:
+    def far(mu: Array, few: RingModes) -> tuple[Array, Array]:
         value, slope = determinant(mu, few, k, b)
         return value, 1j * np.pi * mu * slope
 

@@ -16,9 +16,9 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
 from contbreather.stability.arc import angle, curve, sample
 from contbreather.stability.characteristic import NEAR, D_slope, checked, near_slope
-from contbreather.stability.half_map import even_multipliers
+from contbreather.stability.counting import check_radius, resolved_arc, unstable_count
+from contbreather.stability.ring_multipliers import even_multipliers
 from contbreather.stability.saltation import check_kb
-from contbreather.stability.winding import check_radius, resolved_arc, unstable_count
 from contbreather.stability.zeros import distinct, multipliers_of, newton, on_axis
 
 Array = NDArray[Any]
@@ -63,7 +63,9 @@ def _slopes(gamma: float, k: float, b: float, spring: float, nu: Array) -> tuple
         value, slope = near_slope(gamma, nu, k, b, None, spring, continued=True)
         far = nu.imag < -NEAR
         if np.any(far):
-            value[far], slope[far] = D_slope(gamma, nu[far], k, b, InfiniteChain().held(spring))
+            value[far], slope[far] = D_slope(
+                gamma, nu[far], k, b, InfiniteChain().with_spring(spring)
+            )
     return value, slope
 
 

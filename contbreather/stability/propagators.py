@@ -5,7 +5,7 @@ A kick at one impact that recurs every period, mu times as large, moves the stat
     ``X(s) = <cos(d theta) [[G', G], [G'', G']](s)>``,   s the time between, d the distance,
 
 G the Green's function with ``G(s + 2 pi) = mu G(s)``; time is in units of n forcing periods, as in
-`contbreather.lattice.periodic`. With mu = exp(2 pi i kappa) it is a sum over the aliases
+`contbreather.lattice.periodic_green`. With mu = exp(2 pi i kappa) it is a sum over the aliases
 ``kappa_j = kappa + j``, ``G = (1/2 pi) sum of exp(i kappa_j s)/(w^2 - kappa_j^2)``, whose mean over
 the band is the lattice's resolvent. ``exp(i kappa s)`` is a change of basis and is left out.
 Aliases up to |j| = 5 are exact; of the rest, expanded in w/kappa_j and then in kappa, remain the

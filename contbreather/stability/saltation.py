@@ -13,7 +13,7 @@ from contbreather.errors import BadInput
 from contbreather.parameters import parameter
 
 
-class Kick(NamedTuple):
+class Saltation(NamedTuple):
     """One impact as a perturbation feels it: where, when, and the entry b of (19)."""
 
     site: int

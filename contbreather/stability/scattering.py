@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.lattice import InfiniteChain, check_gamma
-from contbreather.stability.aliases import slope_at_zero
 from contbreather.stability.arc import Arc, angle, curve, grid, on_band, sample
+from contbreather.stability.counting import resolved_arc
+from contbreather.stability.lattice_sums import slope_at_zero
 from contbreather.stability.saltation import check_kb
-from contbreather.stability.winding import resolved_arc
 
 Array = NDArray[Any]
 

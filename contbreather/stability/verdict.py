@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.scattering import OverReflection
-from contbreather.stability.winding import RIM
 
 Array = NDArray[Any]
 
@@ -158,7 +158,7 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
 
     Examples
     --------
-    >>> from contbreather.stability.orbit import OrbitMap
+    >>> from contbreather.stability.chain_map import OrbitMap
     >>> verdict(OrbitMap(0.04, 0.8, [(0, 0.0, 0.5), (0, 3.0, 0.5)]))
     <infinite chain: stable, no multiplier of the orbit outside the unit circle>
     """
@@ -166,22 +166,12 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     if map.lattice.sites is None:
         count = map.count()
         return Verdict(name, map.period, None, count.count, count.certain, count.nu, map=map)
-    neutral = _on_circle(map, 1.0)
+    neutral = map.idle == 1.0  # modes without impacts, on the circle where nothing damps them
     if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
         wanted = _ABOVE if neutral else "a finite modulus of at least 1 is expected"
         raise BadInput(f"threshold = {shown(threshold)}: {wanted} (the paper takes 1.005).")
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)
-
-
-def _on_circle(map: Any, threshold: float) -> bool:
-    return bool(threshold == 1.0 and map.lattice.sites is not None and map.idle == 1.0)
-
-
-def beyond(map: Any, threshold: float) -> float:
-    """``verdict(map, threshold).unstable`` for a column: NaN where damping ends and there is none
-    for this threshold."""
-    return math.nan if _on_circle(map, threshold) else verdict(map, threshold).unstable
 
 
 def stability(

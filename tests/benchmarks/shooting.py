@@ -77,7 +77,7 @@ class Baseline:
 def guess(sites: int) -> Any:
     """A point of the asymmetric branch beside the one that is expected."""
     import contbreather as cb
-    from contbreather.orbits.shooting import shooting
+    from contbreather.orbits.constructors import shooting
 
     times = {"t1": -3.28, "t2": 0.45}
     walls = ((0, 1), (0, -1))
@@ -107,7 +107,7 @@ def compiled() -> None:
 def branch_row(sites: int, aim: float) -> Row:
     """A branch of symmetric breathers of a ring by shooting, with all events; aim in ms a point."""
     import contbreather as cb
-    from contbreather.orbits.modal_road import _flown
+    from contbreather.orbits.exact_modes import _flown
 
     start = cb.shooting(cb.symmetric(a=0.7, gamma=GAMMA, k=K), sites=sites)
 
@@ -155,7 +155,7 @@ def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
     from contbreather.continuation.switching import follow, seeds_at
-    from contbreather.orbits.problem import counted
+    from contbreather.orbits.orbit_problem import counted
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
     fork = cb.trace(start, "a", within={"a": (0.7, 0.9)}).first("PF")
@@ -182,9 +182,9 @@ def arm_row(points: int = 200) -> Row:
 
 
 def shooting_row(sites: int) -> Row:
-    from contbreather.orbits.modal_road import _flown
+    from contbreather.orbits.constructors import shooting
+    from contbreather.orbits.exact_modes import _flown
     from contbreather.orbits.orbit import orbit_at
-    from contbreather.orbits.shooting import shooting
 
     seed = guess(sites)
 

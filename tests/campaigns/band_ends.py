@@ -30,11 +30,11 @@ from contbreather.stability import (
     unstable_multipliers,
 )
 from contbreather.stability.arc import window
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.counting import outside
 from contbreather.stability.half_period import HalfMap
-from contbreather.stability.orbit import OrbitMap
 from contbreather.stability.saltation import saltation
 from contbreather.stability.verdict import verdict
-from contbreather.stability.winding import outside
 
 DEPTH = 0.004  # of the other circle: radius 1.025
 MODES = 2500

@@ -270,7 +270,7 @@ def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(t
 @cache
 def single_arm() -> Branch:
     """Unequal flights of a single oscillator, up to its period doubling at a = 0.925512006293."""
-    from contbreather.orbits.arms import asymmetric
+    from contbreather.orbits.constructors import asymmetric
 
     arm = asymmetric(0.85, 0.0, 0.8, lattice=cb.Ring(1)).problem
     return trace(arm, "a", towards="up", within={"a": (0.8, 0.95)})
@@ -285,7 +285,7 @@ def test_a_period_doubling_of_an_orbit_is_one_and_no_other_point_is() -> None:
 
 
 def test_a_pair_that_turns_real_is_no_neimark_sacker_point_of_an_orbit() -> None:
-    from contbreather.orbits.arms import asymmetric
+    from contbreather.orbits.constructors import asymmetric
 
     arm = asymmetric(0.82, 0.04, 0.8).problem
     (event,) = (event for event in arm.events if event.kind == "NS")

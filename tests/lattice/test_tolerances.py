@@ -15,7 +15,7 @@ import pytest
 import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
-from contbreather.lattice.periodic import wave
+from contbreather.lattice.periodic_green import wave
 from contbreather.orbits import smallest_amplitude
 
 GRID = 2 * np.pi * np.arange(64) / 64

@@ -25,9 +25,9 @@ from contbreather.orbits import (
     symmetric_roots,
 )
 from contbreather.orbits.clearance import Clearance
+from contbreather.orbits.constructors import shooting
+from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.orbit import orbit_at
-from contbreather.orbits.other_contacts import other_contacts
-from contbreather.orbits.shooting import shooting
 from contbreather.orbits.site_motion import phase
 
 from .by_hand import touching
@@ -276,7 +276,7 @@ def test_besides_the_graze_of_site_0_the_least_of_its_own_flight_is_told(forcing
     s = s[abs(s - dip) > 1e-2]
     room = (s + k) * s * (math.pi - s) * (s - dip) ** 2
     ratio = (1 - b.displacement(0, b.phi + s) ** 2) / room
-    own = other_contacts(b.watch, 0, t)[0]
+    own = other_contacts(b.motion, 0, t)[0]
     assert own.site == 0
     assert undone(own, b.p) == pytest.approx(float(ratio.min()), rel=1e-3)
     # both a dip and the very end, where it falls off, may be the least
@@ -294,7 +294,7 @@ def test_besides_the_graze_of_a_neighbour_the_least_of_its_own_motion_is_told(
     wall = math.copysign(1.0, float(b.displacement(site, t)))
     s = np.linspace(1e-2, 2 * math.pi - 1e-2, 100001)
     ratio = (1 - wall * b.displacement(site, t + s)) / (1 - np.cos(s))
-    own = other_contacts(b.watch, site, t)[0]
+    own = other_contacts(b.motion, site, t)[0]
     assert own.site == site
     assert undone(own, b.p * gamma**site) == pytest.approx(float(ratio.min()), rel=1e-5)
     apart = (own.time - t - float(s[ratio.argmin()]) + math.pi) % (2 * math.pi) - math.pi
@@ -307,7 +307,7 @@ def test_where_a_flat_crest_grazes_the_least_besides_is_its_own_curvature(gamma)
     forcing, site, h = Fourier.from_response(cos={1: 1.0, 3: -0.1}), 2, 1e-4
     b, t = touching(site, gamma, 1.0, 0.3, forcing=forcing)
     bend = float(b.velocity(site, t + h) - b.velocity(site, t - h)) / (2 * h)
-    own = other_contacts(b.watch, site, t)[0]
+    own = other_contacts(b.motion, site, t)[0]
     assert 0.05 < abs(bend) < 0.2
     assert undone(own, b.p * gamma**site) == pytest.approx(abs(bend), rel=1e-5)
     assert abs(own.time - t) % (2 * math.pi) < 1e-3
@@ -318,7 +318,7 @@ def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_m
     b = upper(0.6, 0.1, 0.8)
     verdict = b.admissibility()
     t = neighbour_peak(b, 1)[0] if site else verdict.places["centre"][1]
-    found = {contact.site: contact for contact in other_contacts(b.watch, site, t)[1:]}
+    found = {contact.site: contact for contact in other_contacts(b.motion, site, t)[1:]}
     assert site not in found
     for n, contact in found.items():
         margin = 1 - neighbour_peak(b, n)[1] if n else verdict.centre
@@ -329,7 +329,7 @@ def test_besides_a_graze_every_other_site_that_may_touch_is_named_with_its_own_m
 def test_without_coupling_no_neighbour_is_told_from_a_graze_by_rounding() -> None:
     b = upper(0.9, 0.0, 0.8)
     t, _ = neighbour_peak(b, 1)
-    own, centre = other_contacts(b.watch, 1, t)
+    own, centre = other_contacts(b.motion, 1, t)
     assert (own.margin, own.site) == (1.0, 1)
     assert centre.site == 0
     assert undone(centre, b.p) == pytest.approx(centre_margin(b), rel=1e-12)
@@ -416,7 +416,7 @@ def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
 
 
 def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
-    flight = upper(0.5, 0.08, 0.8).flight
+    flight = upper(0.5, 0.08, 0.8).representation
     times = flight.phi + math.pi * (np.arange(-6, 7)[:, None] + [0.1, 0.5, 0.9]).ravel()
     y, sign = flight._phase(times)
     one, other = np.transpose([phase(flight, float(t)) for t in times])
@@ -425,22 +425,22 @@ def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
 
 
 def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:
-    watch = upper(0.5, 0.04, 0.8).watch
+    motion = upper(0.5, 0.04, 0.8).motion
     for gap, rule in (
         (Clearance(-0.05, None, 0.0), "|a f| <= 1"),
         (Clearance(-0.05, 1, 0.0), "(15)"),
-        (Clearance(-0.05, 0, watch.start + 1.0, 0), "(B3)"),
+        (Clearance(-0.05, 0, motion.start + 1.0, 0), "(B3)"),
     ):
-        said = clearance._reason(watch, gap)
+        said = clearance._reason(motion, gap)
         assert said.startswith("no breather: ")
         assert said.endswith(f"; {rule} is broken.")
-        inside = clearance._reason(watch, gap._replace(margin=0.05))
+        inside = clearance._reason(motion, gap._replace(margin=0.05))
         assert inside.startswith("every site keeps off its walls; closest to the limit: ")
         for margin in (1e-10, -1e-10):
-            assert clearance._reason(watch, gap._replace(margin=margin)).startswith(
+            assert clearance._reason(motion, gap._replace(margin=margin)).startswith(
                 "at the limit: "
             )
-    far = clearance._reason(watch, Clearance(-0.05, None, 0.0))
+    far = clearance._reason(motion, Clearance(-0.05, None, 0.0))
     assert "the far field follows the forcing and reaches |u| = 1.05;" in far
 
 
@@ -459,7 +459,7 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
     q = margins.Quotient(0, orbit.times[0], *orbit.walls.at(0), orbit.period)
     for t in (0.4, 2.0, 5.5):  # the ratio's own slopes, by differences
         h = 1e-5
-        of = [margins.terms(q, 0.5, t + d, *orbit.watch.at(0, q.origin + t + d))
+        of = [margins.terms(q, 0.5, t + d, *orbit.motion.at(0, q.origin + t + d))
               for d in (-h, 0.0, h)]  # fmt: skip
         before, here, after = np.array(of).reshape(3, 2, 3)
         assert here[:, 1] == pytest.approx((after[:, 0] - before[:, 0]) / (2 * h), abs=1e-6)
@@ -469,6 +469,6 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
 def test_a_dip_half_a_period_later_is_the_same_dip() -> None:
     b = upper(0.6, 0.1, 0.8)
     t = b.admissibility().places["centre"][1]
-    first, later = (other_contacts(b.watch, 0, t + half * math.pi) for half in (0, 1))
+    first, later = (other_contacts(b.motion, 0, t + half * math.pi) for half in (0, 1))
     assert [gap.site for gap in later] == [gap.site for gap in first]
     assert [gap.margin for gap in later] == pytest.approx([gap.margin for gap in first], abs=1e-12)

@@ -15,16 +15,15 @@ from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
-from contbreather.orbits.arms import asymmetric, beside
 from contbreather.orbits.asymmetric import AsymmetricEquations, divided
-from contbreather.orbits.images import shifted, simpler_than
-from contbreather.orbits.lifts import lift
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.clearance import Inadmissible
+from contbreather.orbits.constructors import asymmetric, beside, shooting
+from contbreather.orbits.green_equations import OrbitEquations
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.refusals import Inadmissible
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
-from contbreather.orbits.waves import OrbitEquations
+from contbreather.orbits.symmetries import shifted, simpler_than
 from contbreather.runs import load, save
 
 from .by_hand import derivatives
@@ -157,7 +156,7 @@ def test_arms_are_mirror_images():
     assert one["asymmetry"][1] > 0
     image = shifted(one[-1].solution, 1)
     twin = other[-1].solution
-    gap = np.abs(image.flight.x - twin.flight.x)
+    gap = np.abs(image.representation.x - twin.representation.x)
     gap[:2] = np.abs((image.times - twin.times) + math.pi) % (2 * math.pi) - math.pi
     assert np.abs(gap).max() < 1e-10
     assert image.residual < 1e-14
@@ -217,7 +216,7 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
 @pytest.mark.parametrize("gamma", [0.0, 0.01, 0.025, 0.05])
 @pytest.mark.parametrize("k", [0.4, 0.6, 0.8, 1.0])
 def test_at_a_pitchfork_breather_and_arm_count_alike(gamma, k):
-    """The multiplier on the circle is not outside, on either road, and neither is certain."""
+    """The multiplier on the circle is not outside, either way, and neither is certain."""
     point = pitchfork_point(gamma, k)
     verdicts = [one.stability() for one in (point.solution, point.solution.unfolded())]
     assert [one.unstable for one in verdicts] == [0, 0]
@@ -447,7 +446,7 @@ def test_neimark_sacker_line_of_an_arm_runs_from_grazing_to_grazing():
 
 
 def on_ring_of_one(orbit):
-    flight = orbit.flight
+    flight = orbit.representation
     return Orbit(replace(flight, conditions=replace(flight.conditions, lattice=Ring(1))))
 
 

@@ -12,12 +12,11 @@ import pytest
 import contbreather as cb
 from contbreather.continuation import Problem
 from contbreather.errors import NotConverged
-from contbreather.orbits.arms import asymmetric
-from contbreather.orbits.lifts import lift
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.constructors import asymmetric, shooting
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_at
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
-from contbreather.orbits.wave_road import impact_problem
 from contbreather.stability.half_period import HalfMap
 
 BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}

@@ -19,12 +19,11 @@ from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import meeting as meeting_of
 from contbreather.continuation.curve import Curve
 from contbreather.orbits import pitchfork
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.constructors import asymmetric, shooting
+from contbreather.orbits.grazing import other_contacts
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_of
-from contbreather.orbits.other_contacts import other_contacts
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
-from contbreather.orbits.wave_road import impact_problem
 
 LETTERS = cb.Symbolic("-cos(t) - c*cos(3*t)", c=0.2)
 
@@ -215,8 +214,8 @@ def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
         ]
         grazing = max(height for _, height in crests(orbit, 1))
         assert grazing == pytest.approx(1.0, abs=1e-6)
-        own, *others = other_contacts(orbit.watch, 1, point["t"])
-        size = orbit.watch.influence(1)  # a margin m of those that vanish together is m/(m + size)
+        own, *others = other_contacts(orbit.motion, 1, point["t"])
+        size = orbit.motion.influence(1)  # a margin m of those that vanish together is m/(m + size)
         margins = [size * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0]
         assert min(margins) == pytest.approx(1.0 - max(heights), rel=1e-4)
         least = min(gap.margin for gap in (own, *others))

@@ -8,8 +8,7 @@ import pytest
 from contbreather.continuation import trace
 from contbreather.continuation.switching import switch
 from contbreather.lattice import Ring
-from contbreather.orbits.arms import asymmetric
-from contbreather.orbits.shooting import shooting
+from contbreather.orbits.constructors import asymmetric, shooting
 
 from .by_hand import repeats
 
@@ -60,7 +59,8 @@ def test_doubling_is_a_branch_point_of_the_orbit_run_through_twice():
     big = orbit.doubled()
     assert big.residual < 1e-13
     values = np.linalg.svd(
-        big.flight.equations.jacobian(big.flight.x, big.conditions.params), compute_uv=False
+        big.representation.equations.jacobian(big.representation.x, big.conditions.params),
+        compute_uv=False,
     )
     assert values[-1] < 1e-9
     ring = orbit.on(Ring(9))

@@ -11,10 +11,10 @@ from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
-from contbreather.orbits.lifts import lift
-from contbreather.orbits.wave_road import symmetric_again
+from contbreather.orbits.green_function import symmetric_again
 from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
 
 CHAIN = cb.InfiniteChain()
@@ -86,13 +86,13 @@ def test_neimark_sacker_points_of_the_infinite_chain(
     branch = cb.trace(cb.symmetric(a, gamma - 0.01, k), "gamma", towards="up")
     (point,) = only(branch, "NS")
     assert point["gamma"] == pytest.approx(gamma, abs=tolerance)
-    # second road: D itself, from lattice sums just outside the circle
+    # second way: D itself, from lattice sums just outside the circle
     breather = point.solution
     c = 1 + k
     g = G(breather.gamma, point.detail["nu"] - 1e-9j)
     first = 1 - c * g[0, 0]
     assert abs(first * (1 - c * g[1, 1]) + g[0, 1] * (breather.b - c * c * g[1, 0])) < 1e-6
-    # third road: the angle equation of the arc, with b explicit, solved for this a
+    # third way: the angle equation of the arc, with b explicit, solved for this a
     roots = neimark_sacker(breather.gamma, k)
     assert min(abs(root.b - breather.b) for root in roots) < 1e-9
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import Orbit, orbit_at
 
 EVENTS: dict[str, Callable[[], cb.Event]] = {
@@ -27,7 +27,7 @@ def shot(**more) -> Orbit:
 
 @cache
 def orbits() -> dict[str, tuple[Orbit, dict[str, float]]]:
-    """Every road, with where it meets each of its events on its branch in a."""
+    """Every representation, with where it meets each of its events on its branch in a."""
     ring, chain = cb.Ring(20), cb.symmetric(0.66, 0.04, 0.8)
     fork, ends = 0.777632425944, 0.930922112522
     arm_ends = 0.877386621676

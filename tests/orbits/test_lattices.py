@@ -17,14 +17,14 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.modal_flow import (
     driven,
     free_multipliers,
-    turn,
-    turn_slope,
-    turn_slope_in_damping,
+    propagator,
+    propagator_slope,
+    propagator_slope_in_damping,
 )
-from contbreather.orbits.arms import asymmetric
 from contbreather.orbits.clearance import highest_neighbour
-from contbreather.orbits.images import images_of
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
+from contbreather.orbits.symmetries import images_of
 from tests.orbits.field import Field, FieldOf, farthest
 
 # --- random lattices against an integrator ---------------------------------------------------
@@ -168,7 +168,7 @@ def test_ring_by_its_matrix_is_the_ring() -> None:
     assert other.displacement(3, t) == pytest.approx(own.displacement(3, t), abs=1e-12)
     mine, theirs = (np.sort_complex(b.multipliers().round(9)) for b in (other, own))
     assert mine == pytest.approx(theirs, abs=1e-7)
-    assert other.flight.q.size == 7  # of twelve modes those that site 0 sees
+    assert other.representation.q.size == 7  # of twelve modes those that site 0 sees
     assert special(other, 0.5)["PF1"] == pytest.approx(special(cb.shooting(own), 0.5)["PF1"])
 
 
@@ -331,11 +331,11 @@ def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
     assert arm.stability(threshold=1.0).stable
     broken = cb.symmetric(arm.a, lattice=lattice, site=1, **on)
     assert not broken.stability(threshold=1.0).stable
-    road, start = Field(arm.lattice, arm.conditions), float(arm.times[0]) - 0.3
+    representation, start = Field(arm.lattice, arm.conditions), float(arm.times[0]) - 0.3
     x = np.concatenate(broken.state(t=start))
     x[lattice.sites + 1] += 1e-3
     for _ in range(80):
-        x, *_ = road.run(x, start, start + 2 * math.pi)
+        x, *_ = representation.run(x, start, start + 2 * math.pi)
     ends = [np.concatenate(one[-1].solution.state(t=start)) for one in arms]
     assert min(abs(x - end).max() for end in ends) < 1e-5
     assert abs(x - np.concatenate(broken.state(t=start))).max() > 1e-2
@@ -443,9 +443,9 @@ ONE_WALL = {"gamma": 0.03, "k": 0.7, "spring": 2.3, "damping": 0.1}
 def settled(walls, a: float):
     """The orbit that a motion from rest settles on, shot from its state."""
     on = Conditions(a, forcing=cb.Harmonic(), walls=Walls.given(walls), **ONE_WALL)
-    road, x = Field(cb.OpenChain(3), on), np.zeros(6)
+    representation, x = Field(cb.OpenChain(3), on), np.zeros(6)
     for _ in range(12):
-        x, *_ = road.run(x, 0.3, 0.3 + 2 * math.pi)
+        x, *_ = representation.run(x, 0.3, 0.3 + 2 * math.pi)
     state = np.split(x, 2)
     return orbit_at(
         cb.shooting(state, t=0.3, lattice=cb.OpenChain(3), a=a, walls=walls, **ONE_WALL)
@@ -667,7 +667,7 @@ def test_nothing_is_seen_where_an_impact_vanishes_but_its_end() -> None:
 
 def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
     for damping in (1e-9, 1e-6, 3.0, 1e3):
-        fly = turn(np.array([0.0, 0.2]), math.pi, damping)
+        fly = propagator(np.array([0.0, 0.2]), math.pi, damping)
         assert fly.reach[0] == pytest.approx(-math.expm1(-damping * math.pi) / damping, rel=1e-12)
         assert np.isfinite(np.concatenate(fly)).all()
 
@@ -689,8 +689,8 @@ def test_flights_and_their_slopes_are_exact_where_modes_drift_turn_and_creep(
     x = np.array([-4.0, -1.0, -0.251, -0.249, -1e-3, -1e-9, 1e-9, 1e-3, 0.1, 0.249, 0.251, 1.0, 30])
     z = x / t**2 + 0.25 * damping**2
     z = z[z >= 0.0]
-    fly = turn(z, t, damping)
-    slopes = turn_slope(z, t, fly, damping), turn_slope_in_damping(z, t, fly, damping)
+    fly = propagator(z, t, damping)
+    slopes = propagator_slope(z, t, fly, damping), propagator_slope_in_damping(z, t, fly, damping)
     with mp.workdps(40):
         h = mp.mpf(10) ** -12
         for i, one in enumerate(map(mp.mpf, z.tolist())):

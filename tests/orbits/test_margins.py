@@ -12,10 +12,10 @@ import pytest
 import contbreather as cb
 from contbreather.kernels import Kernel
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.arms import asymmetric
 from contbreather.orbits.clearance import highest_neighbour, least_margin, neighbour_peak
+from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.grazing import closest_other, other_contacts
 from contbreather.orbits.orbit import Orbit, orbit_of
-from contbreather.orbits.other_contacts import closest_other, other_contacts
 
 from .by_hand import orbit_from
 
@@ -63,14 +63,14 @@ def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("orbit", ORBITS, ids=repr)
 def test_the_least_margin_is_the_least_of_those_that_are_told(orbit: Orbit) -> None:
     verdict = orbit.admissibility()
-    assert least_margin(orbit.watch) == pytest.approx(verdict.margin, abs=1e-13)
+    assert least_margin(orbit.motion) == pytest.approx(verdict.margin, abs=1e-13)
     assert verdict.margin == min(verdict.neighbours, verdict.centre, verdict.far)
 
 
 @pytest.mark.parametrize("orbit", ORBITS, ids=repr)
 def test_no_site_climbs_higher_than_the_one_that_is_named(orbit: Orbit) -> None:
     site, time, height = highest_neighbour(orbit)
-    idle = list(orbit.watch.idle)
+    idle = list(orbit.motion.idle)
     if not idle:
         assert height == 0.0
         return
@@ -100,11 +100,11 @@ def test_between_impacts_no_ratio_is_less_than_the_margin(orbit: Orbit) -> None:
 def test_margins_are_the_same_bits_compiled_or_not(orbit: Orbit, request) -> None:
     def all_of() -> list[object]:
         site, time, _ = highest_neighbour(orbit)
-        found: list[object] = [least_margin(orbit.watch)]
-        if site in orbit.watch.idle:
-            found += other_contacts(orbit.watch, site, time)
+        found: list[object] = [least_margin(orbit.motion)]
+        if site in orbit.motion.idle:
+            found += other_contacts(orbit.motion, site, time)
         place = orbit.admissibility().places["centre"]
-        return [*found, *other_contacts(orbit.watch, *place), highest_neighbour(orbit)]
+        return [*found, *other_contacts(orbit.motion, *place), highest_neighbour(orbit)]
 
     compiled = all_of()
     request.getfixturevalue("uncompiled")
@@ -114,10 +114,10 @@ def test_margins_are_the_same_bits_compiled_or_not(orbit: Orbit, request) -> Non
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("orbit", ORBITS, ids=repr)
 def test_the_closest_of_other_contacts_has_the_least_margin(orbit: Orbit, mirrored: bool) -> None:
-    for site in list(orbit.watch.idle)[:3]:
+    for site in list(orbit.motion.idle)[:3]:
         time, _ = neighbour_peak(orbit, site)
-        others = other_contacts(orbit.watch, site, time, mirrored=mirrored)
-        closest = closest_other(orbit.watch, site, time, mirrored=mirrored)
+        others = other_contacts(orbit.motion, site, time, mirrored=mirrored)
+        closest = closest_other(orbit.motion, site, time, mirrored=mirrored)
         assert closest.margin == pytest.approx(min(gap.margin for gap in others), abs=1.1e-13)
         assert all(-1.0 < gap.margin <= 1.0 for gap in others)
 
@@ -145,8 +145,8 @@ def test_two_impacts_of_a_site_at_one_wall_in_the_wrong_order_have_no_margin_lef
     impacts = [(0, 1, 0.1, -0.4), (0, 1, 0.3, -0.4), (0, -1, 3.2, 0.8)]
     orbit = orbit_from(impacts, gamma=0.05)
     for late in (0.0, 0.1):
-        first, second, third = orbit.road.impacts
+        first, second, third = orbit.representation.impacts
         moved = first, second._replace(time=first.time - late), third
-        wrong = Orbit(replace(orbit.road, impacts=moved))
+        wrong = Orbit(replace(orbit.representation, impacts=moved))
         assert wrong.admissibility().centre <= -late
-        assert least_margin(wrong.watch) <= -late
+        assert least_margin(wrong.motion) <= -late

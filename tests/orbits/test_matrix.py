@@ -1,8 +1,8 @@
-"""Cases x roads: every orbit by every road that leads to it, each claim written once.
+"""Cases x representations: every orbit by every representation of it, each claim written once.
 
-A case is an orbit, a road a way to evaluate it: the closed form of one symmetric impact, the
-periodic Green's function, exact modes, and, sharing nothing with the package, the equation of
-motion integrated from impact to impact. A cell without a road has its reason in `EMPTY`.
+A case is an orbit, a representation a way to evaluate it: the closed form of one symmetric impact,
+the periodic Green's function, exact modes, and, sharing nothing with the package, the equation of
+motion integrated from impact to impact. A cell without a representation has its reason in `EMPTY`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.arms import asymmetric
-from contbreather.orbits.modal_road import Modes
+from contbreather.orbits.closed_form import ClosedForm
+from contbreather.orbits.constructors import asymmetric
+from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.green_function import GreensFunction
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.symmetric import ClosedForm
-from contbreather.orbits.wave_road import Waves
 
 from .field import FieldOf, farthest
 
@@ -125,9 +125,13 @@ def given(case: str) -> Orbit:
     return CASES[case].make()
 
 
-# --- roads --------------------------------------------------------------------------------------
+# --- representations ----------------------------------------------------------------------------
 
-ROADS: dict[str, Any] = {"closed form": ClosedForm, "Green's function": Waves, "exact modes": Modes}
+REPRESENTATIONS: dict[str, Any] = {
+    "closed form": ClosedForm,
+    "Green's function": GreensFunction,
+    "exact modes": ExactModes,
+}
 FIELD = "integrated field"
 
 SYMMETRIC_ONLY = "only one symmetric impact in half a period has a closed form"
@@ -152,9 +156,9 @@ EMPTY = {
     ("one wall", "closed form"): SYMMETRIC_ONLY,
     ("one wall", "Green's function"): CHAIN_ONLY,
 }
-FULL = [cell for cell in product(CASES, [*ROADS, FIELD]) if cell not in EMPTY]
+FULL = [cell for cell in product(CASES, [*REPRESENTATIONS, FIELD]) if cell not in EMPTY]
 SOLVED = [cell for cell in FULL if cell[1] != FIELD]
-INTEGRATED = [case for case, road in FULL if road == FIELD]
+INTEGRATED = [case for case, representation in FULL if representation == FIELD]
 
 
 def each(names: str, rows: Iterable[tuple[str, ...]]) -> pytest.MarkDecorator:
@@ -162,13 +166,13 @@ def each(names: str, rows: Iterable[tuple[str, ...]]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(names, found, ids=[" by ".join(row) for row in found])
 
 
-cells = each("case, road", SOLVED)
+cells = each("case, representation", SOLVED)
 integrated = pytest.mark.parametrize("case", INTEGRATED)
 
 
-def guess(case: str, road: str, off: float = 0.0) -> Orbit | None:
-    """The orbit put together from its impacts on one road, off by a little; None if it cannot."""
-    orbit, kind = given(case), ROADS[road]
+def guess(case: str, representation: str, off: float = 0.0) -> Orbit | None:
+    """The orbit put together from its impacts in one representation, off a little; None if none."""
+    orbit, kind = given(case), REPRESENTATIONS[representation]
     for told in (orbit, orbit.unfolded()):
         if kind.suits(orbit.conditions, told.section):
             times, impulses = told.times + off, told.impulses * (1.0 + off)
@@ -178,8 +182,8 @@ def guess(case: str, road: str, off: float = 0.0) -> Orbit | None:
 
 
 @functools.cache
-def solved(case: str, road: str) -> Orbit:
-    found = guess(case, road, 1e-4)
+def solved(case: str, representation: str) -> Orbit:
+    found = guess(case, representation, 1e-4)
     assert found is not None
     return found.solved()
 
@@ -187,29 +191,31 @@ def solved(case: str, road: str) -> Orbit:
 # --- the matrix itself --------------------------------------------------------------------------
 
 
-@each("case, road", product(CASES, [*ROADS, FIELD]))
-def test_a_cell_is_empty_where_that_road_does_not_lead_and_nowhere_else(case, road) -> None:
-    if road == FIELD:
-        assert ((case, road) in EMPTY) == (given(case).lattice.sites is None)
+@each("case, representation", product(CASES, [*REPRESENTATIONS, FIELD]))
+def test_a_cell_is_empty_where_that_representation_does_not_lead_and_nowhere_else(
+    case, representation
+) -> None:
+    if representation == FIELD:
+        assert ((case, representation) in EMPTY) == (given(case).lattice.sites is None)
     else:
-        assert ((case, road) in EMPTY) == (guess(case, road) is None)
+        assert ((case, representation) in EMPTY) == (guess(case, representation) is None)
 
 
 # --- the orbit itself ---------------------------------------------------------------------------
 
 
 @cells
-def test_its_equations_hold_and_only_there(case: str, road: str) -> None:
-    off = guess(case, road, 1e-3)
-    assert solved(case, road).residual < 2e-14
-    assert type(solved(case, road).road) is ROADS[road]
+def test_its_equations_hold_and_only_there(case: str, representation: str) -> None:
+    off = guess(case, representation, 1e-3)
+    assert solved(case, representation).residual < 2e-14
+    assert type(solved(case, representation).representation) is REPRESENTATIONS[representation]
     assert off is not None
     assert off.residual > 1e-5
 
 
 @cells
-def test_impacts_are_the_same_by_every_road(case: str, road: str) -> None:
-    orbit, wanted = solved(case, road), given(case)
+def test_impacts_are_the_same_by_every_representation(case: str, representation: str) -> None:
+    orbit, wanted = solved(case, representation), given(case)
     # those that come at once in the order of their sites
     by_time = [
         sorted(one.hits, key=lambda hit: (round(hit.time, 9), hit.site)) for one in (orbit, wanted)
@@ -225,8 +231,8 @@ def test_impacts_are_the_same_by_every_road(case: str, road: str) -> None:
 
 
 @cells
-def test_motion_is_the_same_by_every_road(case: str, road: str) -> None:
-    orbit, wanted = solved(case, road), given(case)
+def test_motion_is_the_same_by_every_representation(case: str, representation: str) -> None:
+    orbit, wanted = solved(case, representation), given(case)
     sites = np.arange(min(5, wanted.lattice.sites or 5))[:, None]
     t = np.linspace(-7.0, 7.0, 41)
     for name in ("displacement", "velocity", "acceleration"):
@@ -249,8 +255,8 @@ def test_the_integrated_motion_comes_back_through_the_same_impacts(case: str) ->
 
 
 @cells
-def test_clearance_is_the_same_by_every_road(case: str, road: str) -> None:
-    own, wanted = solved(case, road).admissibility(), given(case).admissibility()
+def test_clearance_is_the_same_by_every_representation(case: str, representation: str) -> None:
+    own, wanted = solved(case, representation).admissibility(), given(case).admissibility()
     assert own.ok == wanted.ok
     assert own.ok
     assert own.margin == pytest.approx(wanted.margin, abs=1e-10)
@@ -272,8 +278,10 @@ def test_clearance_is_what_the_integrated_motion_keeps(case: str) -> None:
 
 
 @cells
-def test_multipliers_and_verdict_are_the_same_by_every_road(case: str, road: str) -> None:
-    orbit, wanted = solved(case, road), given(case)
+def test_multipliers_and_verdict_are_the_same_by_every_representation(
+    case: str, representation: str
+) -> None:
+    orbit, wanted = solved(case, representation), given(case)
     own, other = orbit.stability(), wanted.stability()
     assert (own.stable, own.unstable) == (other.stable, other.unstable)
     assert own.largest == pytest.approx(other.largest, abs=1e-9)
@@ -293,9 +301,11 @@ def test_multipliers_are_those_of_the_integrated_map(case: str) -> None:
 
 
 @functools.cache
-def walked(case: str, road: str) -> cb.Branch:
+def walked(case: str, representation: str) -> cb.Branch:
     return cb.trace(
-        solved(case, road).problem, CASES[case].free, within={CASES[case].free: CASES[case].within}
+        solved(case, representation).problem,
+        CASES[case].free,
+        within={CASES[case].free: CASES[case].within},
     )
 
 
@@ -305,24 +315,26 @@ def kind_of(point: cb.continuation.Point, case: str) -> str:
     return "PF" if half and point.kind == "BP" else point.kind
 
 
-def named(case: str, road: str, kind: str) -> list[cb.continuation.Point]:
-    return [point for point in walked(case, road).special if kind_of(point, case) == kind]
+def named(case: str, representation: str, kind: str) -> list[cb.continuation.Point]:
+    return [point for point in walked(case, representation).special if kind_of(point, case) == kind]
 
 
-def first_road(case: str) -> str:
-    return next(road for one, road in SOLVED if one == case)
+def first_representation(case: str) -> str:
+    return next(representation for one, representation in SOLVED if one == case)
 
 
-def places(case: str, road: str) -> list[tuple[str, float]]:
-    found = ((kind_of(p, case), p[CASES[case].free]) for p in walked(case, road).special)
+def places(case: str, representation: str) -> list[tuple[str, float]]:
+    found = ((kind_of(p, case), p[CASES[case].free]) for p in walked(case, representation).special)
     return sorted(row for row in found if row[0] != "EP")
 
 
 @cells
-def test_special_points_are_the_same_by_every_road(case: str, road: str) -> None:
-    found = places(case, road)
+def test_special_points_are_the_same_by_every_representation(
+    case: str, representation: str
+) -> None:
+    found = places(case, representation)
     assert [kind for kind, _ in found] == sorted(CASES[case].special)
-    for own, other in zip(found, places(case, first_road(case)), strict=True):
+    for own, other in zip(found, places(case, first_representation(case)), strict=True):
         assert own[1] == pytest.approx(other[1], abs=1e-8)
 
 
@@ -355,11 +367,11 @@ FOLLOWED = [
 
 
 @functools.cache
-def ends_of_curves(case: str, road: str, kind: str) -> list[float]:
+def ends_of_curves(case: str, representation: str, kind: str) -> list[float]:
     """Where the curves from all points of a kind are at a larger k."""
     free, k = CASES[case].free, given(case).k
     found = []
-    for point in named(case, road, kind):
+    for point in named(case, representation, kind):
         window = {"k": (k - 0.001, k + 0.01)}
         line = cb.boundary(point, ("k", free), within=window, towards="up", events=[])
         assert line[-1]["k"] == pytest.approx(k + 0.01, abs=1e-12)
@@ -367,18 +379,22 @@ def ends_of_curves(case: str, road: str, kind: str) -> list[float]:
     return sorted(found)
 
 
-@each("case, road, kind", FOLLOWED)
-def test_curves_of_special_points_are_the_same_by_every_road(case, road, kind) -> None:
-    ends = ends_of_curves(case, road, kind)
+@each("case, representation, kind", FOLLOWED)
+def test_curves_of_special_points_are_the_same_by_every_representation(
+    case, representation, kind
+) -> None:
+    ends = ends_of_curves(case, representation, kind)
     assert len(ends) == CASES[case].special.count(kind)
-    assert ends == pytest.approx(ends_of_curves(case, first_road(case), kind), abs=1e-8)
+    assert ends == pytest.approx(ends_of_curves(case, first_representation(case), kind), abs=1e-8)
 
 
 LEFT = [row for row in FOLLOWED if row[2] in ("PF", "PD")]
 
 
-@each("case, road, kind", LEFT)
-def test_branches_that_leave_are_the_same_by_every_road(case, road, kind) -> None:
+@each("case, representation, kind", LEFT)
+def test_branches_that_leave_are_the_same_by_every_representation(
+    case, representation, kind
+) -> None:
     def arms(by: str) -> list[list[float]]:
         found = []
         for point in named(case, by, kind):
@@ -390,15 +406,15 @@ def test_branches_that_leave_are_the_same_by_every_road(case, road, kind) -> Non
                 found.append(sorted(abs(orbit.impulses).tolist()))
         return sorted(found)
 
-    own, wanted = arms(road), arms(first_road(case))
+    own, wanted = arms(representation), arms(first_representation(case))
     assert len(own) == len(wanted) > 0
     for one, other in zip(own, wanted, strict=True):
         assert one == pytest.approx(other, abs=1e-7)
 
 
 @cells
-def test_symmetry_related_orbits_solve_the_same_equations(case: str, road: str) -> None:
-    orbit = solved(case, road)
+def test_symmetry_related_orbits_solve_the_same_equations(case: str, representation: str) -> None:
+    orbit = solved(case, representation)
     problem = orbit.problem
     if problem.images is None or orbit.symmetric:
         assert orbit.symmetric
@@ -409,10 +425,12 @@ def test_symmetry_related_orbits_solve_the_same_equations(case: str, road: str) 
 
 
 @cells
-def test_orbit_comes_back_from_a_file_with_its_motion(case: str, road: str, tmp_path: Path) -> None:
-    branch = walked(case, road)
+def test_orbit_comes_back_from_a_file_with_its_motion(
+    case: str, representation: str, tmp_path: Path
+) -> None:
+    branch = walked(case, representation)
     cb.save(tmp_path / "branch.nc", branch)
-    back = cb.load(tmp_path / "branch.nc", problem=solved(case, road).problem)
+    back = cb.load(tmp_path / "branch.nc", problem=solved(case, representation).problem)
     assert [p.label for p in back.special] == [p.label for p in branch.special]
     t = np.linspace(0.0, 6.0, 9)
     one, other = branch[len(branch) // 2].solution, back[len(branch) // 2].solution

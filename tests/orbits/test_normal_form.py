@@ -1,5 +1,5 @@
 """Normal form of the pitchfork: against the closed form of the arms at 40 digits, and against arms
-that are followed, by every road."""
+that are followed, by every representation."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import pitchfork, symmetric
-from contbreather.orbits.arms import beside
-from contbreather.orbits.lifts import lift
-from contbreather.orbits.modal_road import Modes
-from contbreather.orbits.multi import multibreather
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.constructors import beside
+from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.multibreathers import multibreather
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
 
@@ -150,8 +150,8 @@ def test_where_the_multiplier_only_touches_1_there_is_none():
 def by_modes(point):
     """The pitchfork of a ring by its modes, put together from the impacts of its closed form."""
     b, section = point.solution, point.solution.section
-    orbit = Orbit(Modes.through(b.conditions, section, b.times, b.impulses, ())).solved()
-    assert isinstance(orbit.road, Modes)
+    orbit = Orbit(ExactModes.through(b.conditions, section, b.times, b.impulses, ())).solved()
+    assert isinstance(orbit.representation, ExactModes)
     return orbit
 
 

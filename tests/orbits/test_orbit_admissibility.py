@@ -10,7 +10,7 @@ import pytest
 
 from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.orbits import centre_margin, highest_neighbour, symmetric, symmetric_roots
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.section import Section
 
@@ -81,14 +81,14 @@ def test_the_highest_idle_site_is_found_among_all():
 def test_a_ring_in_resonance_looks_at_every_site():
     impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 0.8), (0, 1, 6.5, -0.7), (0, -1, 9.0, 0.9)]
     orbit = orbit_from(impacts, turns=2, gamma=0.2, lattice=Ring(30))
-    assert len(orbit.watch.idle) == 15  # of two alike one
+    assert len(orbit.motion.idle) == 15  # of two alike one
     assert highest_neighbour(orbit)[2] == pytest.approx(brute(orbit), abs=1e-4)
 
 
 def test_motion_is_displacement_velocity_and_acceleration():
     orbit = asymmetric(0.82, 0.04, 0.8)
     for site in (0, 1, -4, 300):
-        values = orbit.watch.at(site, 1.7)
+        values = orbit.motion.at(site, 1.7)
         exact = (orbit.displacement, orbit.velocity, orbit.acceleration)
         assert values == pytest.approx([of(site, 1.7) for of in exact], abs=1e-14)
 
@@ -121,7 +121,7 @@ def test_an_impact_that_loses_its_velocity_is_a_limit():
     margins = []
     for speed in (1.0, 0.1, 0.001):
         slow = first._replace(impulse=speed * first.impulse)
-        weak = Orbit(replace(good.flight, impacts=(slow, second)))
+        weak = Orbit(replace(good.representation, impacts=(slow, second)))
         margins.append(centre_margin(weak))
     assert margins[0] > 0.5
     assert margins[2] < 0.01

@@ -15,14 +15,13 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import symmetric
-from contbreather.orbits.arms import asymmetric
-from contbreather.orbits.images import SAME, images_of, shifted, simpler_than
-from contbreather.orbits.modal_road import Modes
+from contbreather.orbits.constructors import asymmetric, shooting
+from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.green_equations import OrbitEquations
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
-from contbreather.orbits.shooting import shooting
-from contbreather.orbits.wave_road import impact_problem
-from contbreather.orbits.waves import OrbitEquations
+from contbreather.orbits.symmetries import SAME, images_of, shifted, simpler_than
 
 from .by_hand import derivatives, orbit_from, repeats
 
@@ -156,7 +155,7 @@ def test_mean_impulses_tilt_the_chain_between_two_sites():
     impacts = [(0, 1, 0.0, -1.0), (0, -1, 3.0, 1.2), (3, 1, 0.5, -1.2), (3, -1, 3.5, 1.0)]
     tilt = 3 * 0.2 / (2 * math.pi * 0.1)
     orbit = orbit_from(impacts, (tilt, 0.0), a=0.3, gamma=0.1)
-    flight = orbit.flight
+    flight = orbit.representation
     assert np.abs(flight.equations.residual(flight.x, orbit.conditions.params)[8:]).max() < 1e-14
     assert flight.offset([-5, 0, 1, 2, 3, 9]) == pytest.approx(
         [tilt, tilt, tilt * 2 / 3, tilt / 3, 0, 0]
@@ -202,10 +201,10 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
                 assert after == pytest.approx(hit.after, abs=1e-11 + rounded)
                 bend = orbit.acceleration(hit.site, same)
                 assert bend == pytest.approx(hit.acceleration, abs=1e-9)
-                if isinstance(orbit.road, Modes):
-                    one = orbit.flight.at(hit.site, same)[:2]
+                if isinstance(orbit.representation, ExactModes):
+                    one = orbit.representation.at(hit.site, same)[:2]
                     assert one == pytest.approx((wall, hit.after), abs=1e-11 + rounded)
-                one = orbit.watch.at(hit.site, t + 1e-9)
+                one = orbit.motion.at(hit.site, t + 1e-9)
                 assert one == pytest.approx((wall, hit.after, hit.acceleration), abs=1e-6)
             before = np.array([t - 1e-7, t - 1e-8])
             assert orbit.velocity(hit.site, before) == pytest.approx(hit.before, abs=1e-5)
@@ -364,7 +363,7 @@ def moved(orbit, impact, late):
     """The orbit with one of its impacts late."""
     impacts = list(orbit.impacts)
     impacts[impact] = impacts[impact]._replace(time=impacts[impact].time + late)
-    return Orbit(replace(orbit.flight, impacts=tuple(impacts)))
+    return Orbit(replace(orbit.representation, impacts=tuple(impacts)))
 
 
 def test_an_orbit_written_over_twice_its_period_is_known_for_its_half() -> None:
@@ -401,4 +400,4 @@ def test_an_orbit_is_made_of_finite_numbers() -> None:
         {"impacts": tuple(one._replace(impulse=math.nan) for one in b.impacts)},
     ):
         with pytest.raises(BadInput, match="finite numbers are expected"):
-            replace(b.road, **spoilt)
+            replace(b.representation, **spoilt)

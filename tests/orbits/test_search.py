@@ -30,10 +30,10 @@ def test_search_goes_on_where_there_is_no_breather() -> None:
 def test_a_lower_breather_is_found_where_no_upper_one_is_in_the_window() -> None:
     found = find_symmetric("a", WHERE["a"], gamma=0.12, k=0.8)
     assert found.admissibility().ok
-    assert found.flight.family == "lower"
+    assert found.representation.family == "lower"
     # the upper one comes first, wherever in the window it is
     upper = find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8)
-    assert upper.flight.family == "upper"
+    assert upper.representation.family == "upper"
     assert upper == find_symmetric("gamma", (0.0, 0.2), a=0.9, k=0.8, root=1)
 
 

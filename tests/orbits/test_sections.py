@@ -10,9 +10,9 @@ import pytest
 
 import contbreather as cb
 from contbreather.errors import BadInput
-from contbreather.orbits.images import images_of, simpler_than
 from contbreather.orbits.orbit import orbit_at
 from contbreather.orbits.section import Section
+from contbreather.orbits.symmetries import images_of, simpler_than
 
 HERE: dict[str, Any] = {"a": 0.5, "gamma": 0.02, "k": 0.8}
 TWO = ((0, 1), (0, -1))
@@ -119,7 +119,7 @@ def test_sites_that_are_alike_are_exchanged_and_others_are_not() -> None:
         images = list(images_of(orbit))
         assert len(images) == wanted
         for image in images:  # a symmetric orbit of equal sites is its own
-            assert image.flight.x == pytest.approx(orbit.flight.x, abs=1e-9)
+            assert image.representation.x == pytest.approx(orbit.representation.x, abs=1e-9)
         whole = 2 * (wanted + 1) - 1
         assert len(list(images_of(orbit.unfolded()))) == whole
 

@@ -14,8 +14,8 @@ import contbreather as cb
 from contbreather.continuation.branch_to_dict import branch_to_dict
 from contbreather.continuation.diagram import Diagram
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.held import held
-from contbreather.orbits.arms import asymmetric
+from contbreather.lattice.on_site_spring import spring_response
+from contbreather.orbits.constructors import asymmetric
 from contbreather.storage import netcdf
 from contbreather.storage.serialise import from_dict, to_dict
 
@@ -226,7 +226,7 @@ def test_diagram_comes_back_with_its_tree(tmp_path: Path) -> None:
 
 VALUES = (
     cb.Harmonic(), cb.Fourier(cos={1: -1.0, 3: 0.1 / 3}, sin={5: 1e-7}),
-    cb.Symbolic("-cos(t)/(1 + e*cos(2*t))", e=0.1), held(cb.Fourier(sin={1: 1.0}), 0.3),
+    cb.Symbolic("-cos(t)/(1 + e*cos(2*t))", e=0.1), spring_response(cb.Fourier(sin={1: 1.0}), 0.3),
     cb.Samples(-np.cos(2 * np.pi * np.arange(16) / 16)), cb.InfiniteChain(0.1), cb.Ring(7),
     cb.Grid(2, 3, periodic=True),
     cb.Lattice([[2.0, -1 / 3], [-1 / 3, 1.0]], [1.0, 2.0], [0.5, 1.0]),

@@ -22,24 +22,23 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import centre_margin
-from contbreather.orbits.arms import asymmetric
-from contbreather.orbits.images import images_of, simpler_than
-from contbreather.orbits.lifts import lift
-from contbreather.orbits.modal_flight import ModalFlight
-from contbreather.orbits.modal_road import Modes, ShootingEquations
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.clearance import Inadmissible
+from contbreather.orbits.constructors import asymmetric, shooting
+from contbreather.orbits.exact_modes import ExactModes, ShootingEquations
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.refusals import ImpossibleSequence, Inadmissible
-from contbreather.orbits.section import Section, check_possible
-from contbreather.orbits.shooting import shooting
+from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
+from contbreather.orbits.shooting_equations import SectionFlight
+from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability import dense_half_map
-from contbreather.stability.section_map import ModalMap
+from contbreather.stability.modal_map import ModalMap
 from tests.orbits.field import farthest
 
 RING = 20
 AT = {"gamma": 0.04, "k": 0.8}
 
 
-# --- second roads -------------------------------------------------------------------------------
+# --- second ways -------------------------------------------------------------------------------
 
 
 def two_impacts(d: float, sites: int, gamma: float, k: float) -> SimpleNamespace:
@@ -138,7 +137,7 @@ class Itinerary:
         self.basis = lattice.basis(self.section.hit)
 
 
-def section_of(itinerary: Itinerary, x: np.ndarray, on=None, **params: float) -> Modes:
+def section_of(itinerary: Itinerary, x: np.ndarray, on=None, **params: float) -> ExactModes:
     """A section from arbitrary unknowns."""
     on = Conditions(a=0.7, gamma=0.11, k=0.8) if on is None else on
     on = replace(on, lattice=itinerary.lattice)
@@ -269,7 +268,7 @@ def test_slope_in_gamma_of_the_slowest_modes_has_no_cancellation() -> None:
 
 def test_impacts_of_two_sites_may_overtake_each_other_smoothly() -> None:
     """Times t2 just before and just after t1: the other order, the same equations."""
-    section = in_phase().flight
+    section = in_phase().representation
     before, after = (replace(section, t=section.t + np.array([0.0, s])) for s in (-1e-7, 1e-7))
     assert [one.which for one in before.arrivals] == [1, 0]
     assert [one.which for one in after.arrivals] == [0, 1]
@@ -301,12 +300,14 @@ def test_every_site_sits_off_centre_by_the_same_offset() -> None:
     total = np.zeros(RING)
     for start, end in ((times[0], times[1]), (times[1], times[0] + orbit.period)):
         half = 0.5 * (end - start)
-        total += half * weights @ orbit.flight.motion(0.5 * (start + end) + half * nodes)
+        total += (
+            half * weights @ orbit.representation.displacements(0.5 * (start + end) + half * nodes)
+        )
     assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
 
 
 def test_newton_converges_quadratically() -> None:
-    exact = tilted().flight.x
+    exact = tilted().representation.x
     itinerary = Itinerary(cb.Ring(RING), tilted().section.impacts)
     x = exact + 0.03 * np.cos(np.arange(exact.size))
     errors = []
@@ -340,7 +341,7 @@ def test_any_ring_gives_the_breather_of_that_ring(sites: int) -> None:
 def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
     """1 is a double eigenvalue of the free flight, yet the shooting equations are regular."""
     orbit = tilted()
-    one, lone = np.zeros(11), orbit.flight
+    one, lone = np.zeros(11), orbit.representation
     one[0] = 1.0
     free = replace(
         lone, conditions=replace(lone.conditions, k=0.0)
@@ -348,7 +349,7 @@ def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
     for leg in free.legs:
         one = leg.turn(one, np.zeros(11))[0]
     assert one[0] == 1.0
-    assert orbit.flight.condition < 1e4
+    assert orbit.representation.condition < 1e4
     x = lone.x.copy()
     x[2] += 0.5  # a push off centre: the impacts bring the ring back to its own offset
     problem = orbit.problem.at(q=x[2:13])
@@ -357,7 +358,9 @@ def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
 
 def test_condition_stays_bounded_with_the_size_of_the_ring() -> None:
     found = [
-        orbit_at(shooting(cb.symmetric(0.6, 0.04, 0.8), sites=n, symmetric=False)).flight.condition
+        orbit_at(
+            shooting(cb.symmetric(0.6, 0.04, 0.8), sites=n, symmetric=False)
+        ).representation.condition
         for n in (20, 100, 400)
     ]
     assert found[-1] < 1e6
@@ -369,15 +372,15 @@ def test_mode_in_resonance_with_the_period_is_reported_and_no_hindrance() -> Non
     breather = cb.symmetric(0.6, 1 / 16, 0.8)
     state = breather.state(RING, 0.3)
     orbit = orbit_at(shooting(state, a=0.6, gamma=1 / 16, k=0.8, t=0.3, period=4 * math.pi))
-    assert orbit.flight.resonance is not None
-    assert (orbit.flight.resonance.mode, orbit.flight.resonance.gap) == (
+    assert orbit.representation.resonance is not None
+    assert (orbit.representation.resonance.mode, orbit.representation.resonance.gap) == (
         RING // 2,
         pytest.approx(0, abs=1e-14),
     )
-    assert orbit.flight.resonance.frequency == pytest.approx(0.5)
+    assert orbit.representation.resonance.frequency == pytest.approx(0.5)
     assert orbit.residual < 1e-13
-    assert 10 < orbit.flight.condition < 1e6
-    assert orbit_at(shooting(breather, sites=1)).flight.resonance is None
+    assert 10 < orbit.representation.condition < 1e6
+    assert orbit_at(shooting(breather, sites=1)).representation.resonance is None
 
 
 # --- stability ----------------------------------------------------------------------------------
@@ -409,7 +412,7 @@ def test_newton_matrix_is_singular_with_the_monodromy_matrix() -> None:
     """Eliminating the times from the Jacobian leaves M - 1 up to known factors."""
 
     def ratio(orbit: Orbit) -> float:
-        flight = orbit.flight
+        flight = orbit.representation
         M = flight.map.matrix
         left = np.linalg.det(flight.jacobian())
         right = np.linalg.det(M - orbit.section.sign * np.eye(len(M)))
@@ -518,7 +521,7 @@ def test_arms_end_where_the_neighbour_grazes_and_never_double() -> None:
     verdict = end.admissibility()
     assert verdict.site == 1
     assert "site 1" in verdict.reason
-    # second road: the neighbour, densely sampled, just touches its wall
+    # second way: the neighbour, densely sampled, just touches its wall
     t = np.linspace(verdict.time - 1e-3, verdict.time + 1e-3, 4001)
     assert float(abs(end.displacement(1, t)).max()) == pytest.approx(1.0, abs=1e-11)
     t = np.linspace(0, 2 * math.pi, 4001)
@@ -1036,7 +1039,7 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
     with pytest.raises(cb.BadInput, match="not shot as a symmetric one"):
         shooting(tilted(), symmetric=True)
     with pytest.raises(cb.BadInput, match="threshold = 0"):
-        in_phase().road.problem(0.5)
+        in_phase().representation.problem(0.5)
     assert [event.kind for event in in_phase().problem.events] == [
         "LP", "BP", "PF", "NS", "GR",
     ]  # fmt: skip
@@ -1045,8 +1048,8 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
 def test_a_branch_of_a_large_ring_takes_few_derivatives_and_no_eigenproblem(monkeypatch) -> None:
     calls: Counter[str] = Counter()
     for owner, name in (
-        (ModalFlight, "jacobian"),
-        (ModalFlight, "residual"),
+        (SectionFlight, "jacobian"),
+        (SectionFlight, "residual"),
         (ModalMap, "outermost"),
         (np.linalg, "eigvals"),
     ):

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.lattice import InfiniteChain
-from contbreather.lattice.held import held
+from contbreather.lattice.on_site_spring import spring_response
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.stability import window
 
@@ -35,7 +35,7 @@ def test_amplitude_fold_and_pitchfork_are_those_of_the_theory(spring, gamma, k) 
     chain, q = InfiniteChain(spring), (1 - k) / (1 + k)
     chi = chain.chi(gamma)
     fold = (1 - spring) * q / math.hypot(chi, q)
-    least = smallest_amplitude(gamma, k, held(cb.Harmonic(), spring))
+    least = smallest_amplitude(gamma, k, spring_response(cb.Harmonic(), spring))
     assert least == pytest.approx(fold, abs=1e-12)
     for a in (1.1 * fold, 0.9 * (1 - spring)):
         for b in cb.orbits.symmetric_roots(a, gamma, k, spring=spring):
@@ -110,7 +110,7 @@ def test_neimark_sacker_points_are_ends_of_the_window_and_seen_on_a_ring() -> No
     ring = []
     for point in points:
         b = point.solution
-        assert abs(window(b.gamma, b.k, 0.3).miss(b.flight.b)) < 1e-10
+        assert abs(window(b.gamma, b.k, 0.3).miss(b.representation.b)) < 1e-10
         pairs = [
             cb.symmetric(point["a"] + e, 0.05, 0.8, spring=0.3).stability().unstable
             for e in (-1e-6, 1e-6)
@@ -169,7 +169,7 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
             chain = InfiniteChain(b.spring)
             assert b.residual < 1e-11
             if kind == "LP":
-                least = smallest_amplitude(b.gamma, b.k, held(b.forcing, b.spring))
+                least = smallest_amplitude(b.gamma, b.k, spring_response(b.forcing, b.spring))
                 assert b.a == pytest.approx(least, abs=1e-10)
             elif kind == "PF":
                 q = 1 / 9
@@ -183,7 +183,7 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
     assert not line.stop.failed
     for point in line:
         b = point.ground.solution
-        assert abs(window(b.gamma, b.k, b.spring).miss(b.flight.b)) < 1e-9
+        assert abs(window(b.gamma, b.k, b.spring).miss(b.representation.b)) < 1e-9
 
 
 def test_a_spring_of_zero_is_none_but_can_be_traced() -> None:

@@ -16,8 +16,8 @@ from scipy.linalg import expm
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
 from contbreather.orbits import Closure, smallest_amplitude, symmetric, symmetric_roots
-from contbreather.orbits.closed_form import SymmetricFlight, flight_of
 from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.symmetric_breather import SymmetricBreather, flight_of
 
 CHAIN = InfiniteChain()
 upper = partial(symmetric, root=1)  # admissible or not
@@ -417,10 +417,10 @@ def test_a_root_that_is_not_there_is_refused_with_those_that_are(root):
 def test_no_lower_breather_is_stable_and_families_alternate(forcing):
     for a in np.linspace(0.2, 0.9, 8) / forcing.peak():
         found = sorted(symmetric_roots(a, 0.12, 0.7, forcing=forcing), key=lambda b: b.phi)
-        families = [b.flight.family for b in found]
+        families = [b.representation.family for b in found]
         assert all(one != other for one, other in pairwise(families))
         for b in found:
-            assert b.flight.family == "upper" or b.stability().unstable >= 1
+            assert b.representation.family == "upper" or b.stability().unstable >= 1
 
 
 # ------------------------------------------------------------------------------------- errors
@@ -461,9 +461,9 @@ def test_bad_input_is_refused_with_what_was_given_and_what_is_wanted(call, says)
 )
 def test_a_breather_put_together_by_hand_is_checked(values, says):
     good = {"a": 0.5, "gamma": 0.12, "k": 0.4, "p": 0.68, "phi": -2.5}
-    assert Orbit(SymmetricFlight(**good)).residual > 1e-3  # allowed, and it says how wrong it is
+    assert Orbit(SymmetricBreather(**good)).residual > 1e-3  # allowed, and it says how wrong it is
     with pytest.raises(BadInput, match=says):
-        SymmetricFlight(**(good | values))
+        SymmetricBreather(**(good | values))
 
 
 def test_sites_and_times_must_be_whole_and_finite():

@@ -12,13 +12,13 @@ import pytest
 
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.arms import asymmetric
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import _is_impact, _is_mirrored
-from contbreather.orbits.images import simpler_than
-from contbreather.orbits.lifts import lift
+from contbreather.orbits.initial_guesses import Motion
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import Section, check_both_walls, check_possible
-from contbreather.orbits.seeds import Motion
+from contbreather.orbits.symmetries import simpler_than
 
 B = cb.symmetric(0.7, 0.04, 0.8)
 TWO = Section(((0, 1), (0, -1)))
@@ -28,7 +28,7 @@ def late(orbit: Orbit, by: float, harder: float = 0.0) -> Orbit:
     """With its last impact a little later, and harder."""
     *others, last = orbit.impacts
     moved = last._replace(time=last.time + by, impulse=last.impulse * (1.0 + harder))
-    return Orbit(replace(orbit.road, impacts=(*others, moved)))
+    return Orbit(replace(orbit.representation, impacts=(*others, moved)))
 
 
 def test_halves_that_are_alike() -> None:

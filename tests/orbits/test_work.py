@@ -15,9 +15,8 @@ from contbreather import kernels
 from contbreather.continuation import Steps, strider
 from contbreather.continuation.curve import Curve
 from contbreather.orbits import margins
-from contbreather.orbits.closed_form import SymmetricFlight
-from contbreather.orbits.grazing import solution_at
-from contbreather.orbits.other_contacts import other_contacts
+from contbreather.orbits.grazing import other_contacts, solution_at
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import half_period
 from contbreather.stability.arc import neimark_sacker, window
 
@@ -58,7 +57,7 @@ def test_derivatives_of_the_package_are_not_compared_with_differences(counted) -
 
 def test_a_point_of_a_boundary_is_made_into_a_breather_once_for_all_its_tests(counted) -> None:
     found = branch().first("PF")
-    made = counted(SymmetricFlight, "__post_init__")
+    made = counted(SymmetricBreather, "__post_init__")
     window_of = {"gamma": (0.0, 0.2), "a": (0.0, 1.0)}
     line = cb.boundary(found, ("gamma", "a"), within=window_of, steps=FINE)
     assert [point.kind for point in line.special] == ["EP", "PF-GR"]
@@ -74,7 +73,7 @@ def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.Monkey
     found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
     ends = sorted(neimark_sacker(found["gamma"], 0.8), key=lambda point: point.b)
     own = window(found["gamma"], 0.8)
-    assert abs(own.miss(found.solution.flight.b)) < 1e-10
+    assert abs(own.miss(found.solution.representation.b)) < 1e-10
     assert [own.low, own.high] == pytest.approx([point.nu for point in ends], abs=1e-12)
 
 
@@ -97,7 +96,7 @@ def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted, monkeypat
     found = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", within={"a": (0.3, 1)}).first("GR")
     orbit, filled = solution_at(found), counted(margins, "fill")
     monkeypatch.setattr(kernels.Kernel, "code", lambda kernel: None)
-    other_contacts(orbit.watch, 1, found.detail["t"])
+    other_contacts(orbit.motion, 1, found.detail["t"])
     assert filled["fill"] <= 4  # of thirteen
 
 

@@ -70,7 +70,7 @@ def test_no_pitchfork_where_there_is_none() -> None:
 
 @pytest.mark.parametrize("k", KS)
 def test_neimark_sacker_line_is_complete(k: float) -> None:
-    """Second road: all NS points at a coupling are roots in one variable with an explicit b, and
+    """Second way: all NS points at a coupling are roots in one variable with an explicit b, and
     b tells the amplitude. Each of them that is a breather must lie on the traced curve."""
     lines = zones(k).curves["NS"]
     assert len(lines) == 1
@@ -473,7 +473,7 @@ def test_on_a_ring_none_says_that_there_is_no_breather_of_the_families_drawn(
 def test_a_sheet_between_two_amplitudes_of_the_comb_is_found_next_to_its_fold() -> None:
     forcing = cb.Fourier(cos={1: -1.0, 5: -2.6852264924}, sin={5: 3.0800950413})
     diagram = cb.zones(k=0.073, forcing=forcing, within={"gamma": (0.24, 0.2499)})
-    assert any(one.flight.family == "upper" for one in diagram.breathers(0.2474, 0.4))
+    assert any(one.representation.family == "upper" for one in diagram.breathers(0.2474, 0.4))
     assert around(diagram, 0.2474, 0.4).verdict == "US"
 
 

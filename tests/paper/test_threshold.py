@@ -16,7 +16,7 @@ from contbreather.paper.threshold import (
     neimark_sacker_line,
     pitchfork_line,
 )
-from contbreather.stability.half_map import dense_half_map
+from contbreather.stability.ring_multipliers import dense_half_map
 
 SITES, THRESHOLD = 40, 1.02  # a short ring: its dense matrix is quick
 

@@ -15,7 +15,7 @@ import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain
 from contbreather.stability import unstable_count, unstable_multipliers
-from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.chain_map import OrbitMap
 from tests.campaigns.band_ends import by_modes
 
 OFF = (0.0, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.lattice.modal_flow import turn
+from contbreather.lattice.modal_flow import propagator
+from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
-from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.modal_map import ModalMap, ModalSaltation, ring_map
 from contbreather.stability.pairs import outermost
-from contbreather.stability.saltation import Kick, saltation
-from contbreather.stability.section_map import Blow, ModalMap, ring_map
+from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.verdict import verdict
 
 
@@ -22,8 +22,8 @@ def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float =
     """Half a period, mode by mode."""
     basis = Ring(sites).basis((0,))
     z, (shape,) = gamma * basis.lam, basis.at(np.array([0]))
-    turns = (turn(z, 0.0, damping), turn(z, math.pi, damping))
-    blow = Blow(shape, shape, saltation(k, b))
+    turns = (propagator(z, 0.0, damping), propagator(z, math.pi, damping))
+    blow = ModalSaltation(shape, shape, saltation(k, b))
     return ModalMap(
         Ring(sites), gamma, damping, z, gamma * basis.unseen, turns, (blow,), math.pi, sign=-1
     )
@@ -72,7 +72,7 @@ def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
     mu = ring.coupled[ring.coupled.imag > 1e-3]
     mu = mu[abs(mu).argmax()]
     angle, radius = float(np.angle(mu)) / math.pi, float(abs(mu))
-    whole = ring_map(Ring(24), gamma, k, (Kick(0, 0.0, b), Kick(0, math.pi, b)))
+    whole = ring_map(Ring(24), gamma, k, (Saltation(0, 0.0, b), Saltation(0, math.pi, b)))
     for map, turned, size in (
         (ring, angle, radius),
         (HalfMap(gamma, k, b, Ring(24)), angle, radius),
@@ -87,7 +87,7 @@ def test_two_halves_make_the_whole_orbit() -> None:
     for lattice in (InfiniteChain(), Ring(18)):
         for b in (-0.5, 0.4, 1.2):
             half = HalfMap(gamma, k, b, lattice)
-            kicks = (Kick(0, 0.0, b), Kick(0, math.pi, b))
+            kicks = (Saltation(0, 0.0, b), Saltation(0, math.pi, b))
             ring = lattice.sites and ring_map(lattice, gamma, k, kicks)
             whole = ring or OrbitMap(gamma, k, kicks)
             assert verdict(half).unstable == verdict(whole).unstable

@@ -12,13 +12,13 @@ import pytest
 from contbreather import stability
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability import isolated, unstable_count, unstable_multipliers, winding
+from contbreather.stability import counting, isolated, unstable_count, unstable_multipliers
+from contbreather.stability.chain_map import OrbitMap, _zeros
 from contbreather.stability.characteristic import D, D_gradient
-from contbreather.stability.half_map import dense_half_map, even_multipliers
 from contbreather.stability.isolated import closest_approach
-from contbreather.stability.orbit import OrbitMap, _zeros
-from contbreather.stability.saltation import Kick
-from contbreather.stability.section_map import ring_map
+from contbreather.stability.modal_map import ring_map
+from contbreather.stability.ring_multipliers import dense_half_map, even_multipliers
+from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
 
 UNSTABLE = (0.11, 0.8, -0.28657)  # two multipliers of the infinite chain outside
@@ -67,7 +67,10 @@ REFUSED = [
         (lambda x=x: stability.stability(0.1, 0.8, 0.1, sites=40, threshold=x), "threshold")
         for x in (1.0, 0.5, math.inf, math.nan)
     ),
-    (lambda: verdict(ring_map(Ring(5), 0.1, 0.8, tuple(map(Kick._make, ORBIT))), 1.0), "threshold"),
+    (
+        lambda: verdict(ring_map(Ring(5), 0.1, 0.8, tuple(map(Saltation._make, ORBIT))), 1.0),
+        "threshold",
+    ),
     (lambda: Ring(10**9), "sites = 1000000000: a ring has at most 10000000"),
     (lambda: dense_half_map(5001, 0.1, 0.8, 0.3), "written down for rings of up to 5000"),
     (lambda: even_multipliers(Ring(10**6), 0.1, 0.8, 0.3), "rings of up to 100000"),
@@ -172,7 +175,7 @@ def test_more_than_the_winding_number_says_is_cut_to_it(monkeypatch) -> None:
 
 
 def test_a_count_that_turns_too_fast_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr(winding, "MOST", 100)
+    monkeypatch.setattr(counting, "MOST", 100)
     with pytest.raises(NotConverged, match=r"D turns too fast on the circle of radius 1\.0000001"):
         unstable_count(0.1, 0.8, 0.3, Ring(20), radius=1.0 + 1e-7)
 
@@ -209,7 +212,7 @@ def test_on_the_chain_they_are_listed_from_the_largest_in_pairs_too() -> None:
 )
 def test_the_angle_of_a_count_is_where_the_circle_is_nearest_to_a_zero(gamma, k, b) -> None:
     found = unstable_count(gamma, k, b)
-    arc, F, _ = winding.resolved_arc(gamma, k, b)
+    arc, F, _ = counting.resolved_arc(gamma, k, b)
     size = np.abs(F[1:-1]) / (abs(b) + 1.0)
     if found.distance == pytest.approx(float(size.min()), rel=1e-12):
         assert found.nu == arc.nu[1:-1][int(size.argmin())]

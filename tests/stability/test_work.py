@@ -12,14 +12,14 @@ import pytest
 import contbreather as cb
 from contbreather.lattice import Ring
 from contbreather.stability import (
-    half_map,
+    counting,
     half_multipliers,
     isolated,
+    ring_multipliers,
     unstable_count,
     unstable_multipliers,
-    winding,
 )
-from contbreather.stability.orbit import OrbitMap
+from contbreather.stability.chain_map import OrbitMap
 
 UNSTABLE = (0.11, 0.8, -0.28657)
 STABLE = (0.05, 0.8, 0.2)
@@ -47,7 +47,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], Counter[str]]:
     ("at", "most"), [((0.1, 0.8, 0.1), 96), (UNSTABLE, 71), (STABLE, 71), ((0.15, 0.8, 0.3), 104)]
 )
 def test_the_circle_is_sampled_where_the_characteristic_function_turns(at, most) -> None:
-    arc, F, _ = winding.resolved_arc(*at)
+    arc, F, _ = counting.resolved_arc(*at)
     assert 65 <= arc.nu.size <= most
     turn = np.abs(np.angle(F[1:] * F[:-1].conj()))
     assert turn.max() < 1.0
@@ -64,14 +64,14 @@ def test_multipliers_of_the_chain_are_found_from_a_few_starts(seen) -> None:
 
 
 def test_waves_of_a_ring_are_found_in_four_steps(seen) -> None:
-    calls = seen(half_map, "_wave_step")
+    calls = seen(ring_multipliers, "_wave_step")
     assert half_multipliers(Ring(40), *UNSTABLE).size == 80
     assert calls["calls"] <= 5
     assert calls["places"] <= 55
 
 
 def test_a_count_on_a_ring_takes_places_in_proportion_to_its_waves(seen) -> None:
-    calls = seen(winding, "D")
+    calls = seen(counting, "D")
     assert unstable_count(*UNSTABLE, Ring(40), radius=1.0025).count == 22
     assert calls["calls"] <= 10
     assert calls["places"] <= 1030

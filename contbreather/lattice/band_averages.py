@@ -1,0 +1,289 @@
+"""What the linear lattice answers between impacts: its band, and means over its modes.
+
+Every mean we need is a function of ``w^2`` with simple poles at whole numbers, for example
+``tan(pi w/2)/w = (4/pi) sum over odd s of 1/(s^2 - w^2)``. The pole next to the band is kept
+exact (it alone diverges as gamma -> 1/4), the others are expanded in powers of ``w^2``: their
+sums are zeta functions, and the terms fall like ``9^-j``. So a mean costs one square root and
+one short polynomial, is at machine precision for every gamma in [0, 1/4), and needs no limit
+at w -> 0. A lattice enters only through the mean of ``z q/(1 - z q)``, ``q = sin^2(theta/2)``,
+and the moments of ``q``.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import real, shown
+from contbreather.errors import BadInput
+from contbreather.lattice.free_flight import TERMS, free_flight
+from contbreather.lattice.zeta import binomial, zeta
+from contbreather.parameters import NUMBERS
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def check_gamma(gamma: float, spring: float = 0.0) -> float:
+    """Return ``gamma`` as a float, or say why no breather can live at this coupling.
+
+    Raises
+    ------
+    BadInput
+        If the band ``[spring, spring + 4 gamma]`` of w^2 reaches the forcing frequency 1.
+    """
+    found, held = real(gamma), real(spring)
+    if found >= 0.0 and held >= 0.0 and 4.0 * found < 1.0 - held:
+        return found
+    if not held:
+        raise BadInput(f"gamma = {shown(gamma)}: {NUMBERS['gamma'].wanted}")
+    raise BadInput(
+        f"gamma = {gamma!r}, spring = {spring!r}: the band [spring, spring + 4 gamma] of w^2 must "
+        "stay below 1, the harmonic of the drive that the infinite chain would radiate; choose "
+        "0 <= gamma < (1 - spring)/4, or take a ring."
+    )
+
+
+class _Raw(NamedTuple):
+    """A function of ``w^2``: its value at 0, its poles as ``weight w^2/(P - w^2)``, and the
+    coefficients of w^2, w^4, ... of all the rest."""
+
+    constant: float
+    poles: tuple[tuple[float, float], ...]  # (weight, P)
+    tail: FloatArray
+
+
+@lru_cache(maxsize=1)
+def _functions() -> dict[str, _Raw]:
+    j = np.arange(1, TERMS + 1)
+    odd = 4.0**-j * zeta(2 * j, 1.5)  # sum over 3, 5, 7... of s^-2j
+    odd2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 1.5)  # the same of s^-(2j+2)
+    even = 4.0**-j * zeta(2 * j, 2.0)  # sum over 4, 6, 8... of s^-2j
+    even2 = 0.25 * 4.0**-j * zeta(2 * j + 2, 2.0)
+    f = 4.0 / math.pi
+    return {
+        "chi": _Raw(math.pi / 2, ((f, 1.0),), f * odd2),
+        "eta": _Raw(0.0, ((f, 1.0),), f * odd),
+        "sigma": _Raw(1 / math.pi, ((f / 2, 1.0), (-f / 2, 4.0)), f / 2 * (odd - even)),
+        "psi": _Raw(2 / math.pi, ((-f, 4.0),), -f * even),
+        "tau": _Raw(-math.pi / 6, ((-f / 4, 4.0),), -f * even2),  # without its pole at w = 0
+    }
+
+
+class _Series(NamedTuple):
+    """A mean as ``constant + sum of weight * excess(x/width) + polynomial(x)``, x = 4 gamma: a
+    quotient of floats is below 1 wherever x is below the width that it has up to its pole."""
+
+    constant: float
+    poles: tuple[tuple[float, float], ...]  # (weight, width)
+    powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
+    slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
+
+
+@lru_cache(maxsize=256)
+def means(sites: int | None, spring: float = 0.0) -> dict[str, _Series]:
+    """Expansions of the means; ``sites=None`` is the infinite chain."""
+    return {name: _series(raw, sites, spring) for name, raw in _functions().items()}
+
+
+def _series(raw: _Raw, sites: int | None, spring: float) -> _Series:
+    tail = np.concatenate([[raw.constant], raw.tail]) @ _shift(spring)
+    powers = tail[1:] * q_moments(sites, 0)[1:]
+    slopes = powers * np.arange(1, TERMS + 1)
+    held = [(weight * P / (P - spring), P - spring) for weight, P in raw.poles]
+    constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
+    # reversed once here, so that Horner runs straight through the tuple
+    return _Series(
+        constant, tuple(held), tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
+    )
+
+
+@lru_cache(maxsize=256)
+def _shift(spring: float) -> FloatArray:
+    """``(spring + x)^j`` in powers of x: row j, shape (TERMS + 1, TERMS + 1)."""
+    j = np.arange(TERMS + 1)
+    apart = np.maximum(j[:, None] - j, 0)
+    rows = binomial(j[:, None], j) * spring**apart
+    return np.asarray(np.tril(rows))
+
+
+@lru_cache(maxsize=64)
+def moments_of(lattice: Any, sites: tuple[int, ...]) -> FloatArray:
+    """Its moments of several sites, in rows."""
+    return np.array([lattice.moments(site) for site in sites]).reshape(len(sites), TERMS + 1)
+
+
+@lru_cache(maxsize=1024)
+def q_moments(sites: int | None, n: int) -> FloatArray:
+    """``<q^j cos(n theta)>`` for j = 0..TERMS with ``q = sin^2(theta/2)``; read-only.
+
+    ``(2 - 2 cos theta)^j`` has the Fourier coefficients ``(-1)^n binomial(2j, j + n)``; on a
+    ring the ones N apart fall together.
+    """
+    values, apart = np.empty(TERMS + 1), sites or 2**60
+    for j in range(TERMS + 1):
+        orders = range(-j + (n + j) % apart, j + 1, apart)
+        total = sum((-1) ** (m % 2) * math.comb(2 * j, j + m) for m in orders)
+        values[j] = total / 4**j  # whole numbers up to the last division
+    values.setflags(write=False)
+    return values
+
+
+class Lattice:
+    """The seam: a lattice answers for its modes and knows nothing of impacts.
+
+    Means are over the modes w(theta) = 2 sqrt(gamma) |sin(theta/2)| of a chain driven at site 0, by
+    `_excess` and its slope: the mean of ``z q/(1 - z q)``. Every method refuses a gamma outside
+    [0, 1/4) with `BadInput`.
+    """
+
+    sites: Any
+    spring: float
+    _expansions: dict[str, _Series]
+    _limit: float  # of gamma
+
+    if TYPE_CHECKING:
+
+        def __hash__(self) -> int: ...
+        def _excess(self, z: float) -> float: ...
+        def _dexcess(self, z: float) -> float: ...
+        def distance(self, n: Any) -> Any: ...
+        def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
+        def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
+        def moments(self, n: int) -> FloatArray: ...
+        def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray: ...
+        def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]: ...
+
+    def check(self, gamma: float) -> float:
+        """gamma as a float, or why there is no breather at this coupling."""
+        return check_gamma(gamma, self.spring)
+
+    def _coupling(self, gamma: float) -> float:
+        """A coupling as it is, or as `check` has it: most are inside, and asked for often."""
+        try:
+            return gamma if 0.0 <= gamma < self._limit else self.check(gamma)
+        except (TypeError, ValueError):  # no number at all: the sentence
+            return self.check(gamma)
+
+    def _mean(self, gamma: float, name: str) -> float:
+        series = self._expansions[name]
+        x = 4.0 * self._coupling(gamma)
+        total = 0.0
+        for c in series.powers:
+            total = total * x + c
+        total = total * x + series.constant
+        for weight, width in series.poles:
+            total += weight * self._excess(x / width)
+        return total
+
+    def means(self, gamma: FloatArray, name: str) -> FloatArray:
+        """`chi`, `eta`, `sigma` or `psi` of the infinite chain at many couplings inside of its
+        domain."""
+        series, x = self._expansions[name], 4.0 * gamma
+        total = np.polyval([*series.powers, series.constant], x)
+        for weight, width in series.poles:
+            total += weight * (1.0 / np.sqrt(1.0 - x / width) - 1.0)
+        return np.asarray(total)
+
+    def _slope(self, gamma: float, name: str) -> float:
+        series = self._expansions[name]
+        x = 4.0 * self._coupling(gamma)
+        total = 0.0
+        for c in series.slopes:
+            total = total * x + c
+        for weight, width in series.poles:
+            total += weight / width * self._dexcess(x / width)
+        return 4.0 * total
+
+    def expansion(self, name: str) -> list[float]:
+        """A mean as numbers: constant, how many poles and powers, weight and width of each pole,
+        coefficients of the powers of 4 gamma from the highest on and those of the slope."""
+        series = self._expansions[name]
+        poles = [entry for pole in series.poles for entry in pole]
+        counts = [series.constant, len(series.poles), len(series.powers)]
+        return [*counts, *poles, *series.powers, *series.slopes]
+
+    def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
+        """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
+        moments = moments_of(self, n) if isinstance(n, tuple) else self.moments(n)
+        powers = moments * (4.0 * gamma) ** np.arange(TERMS + 1)
+        return powers @ _shift(self.spring).T if self.spring else powers
+
+    def dpowers(self, gamma: float, n: int) -> FloatArray:
+        """Derivative of `powers` with respect to gamma."""
+        j = np.arange(TERMS + 1)
+        own = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
+        return _shift(self.spring) @ own if self.spring else own
+
+    def spring_powers(self, gamma: float, n: int) -> FloatArray:
+        """Derivative of `powers` with respect to the spring."""
+        own = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
+        return np.asarray(own)
+
+    def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]:
+        """Site n between two impacts of site 0, per unit p: its v, v' and v''.
+
+        ``v_n(s) = <cos(n theta) sin(w (pi/2 - s))/(w cos(pi w/2))>``, s = t - phi in [0, pi];
+        eq. (9) without its series, good to rounding up to and at the impacts.
+
+        Parameters
+        ----------
+        gamma : float
+            Coupling in [0, 1/4).
+        n : int
+            Site, counted from the one that impacts.
+        s : array_like
+            Times since the impact, in [0, pi].
+
+        Returns
+        -------
+        tuple of three ndarrays, the shape of ``s``
+        """
+        answer = free_flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
+        return answer.at(np.asarray(s, dtype=float) - 0.5 * math.pi)
+
+    def chi(self, gamma: float) -> float:
+        """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
+        return self._mean(gamma, "chi")
+
+    def eta(self, gamma: float) -> float:
+        """``<w tan(pi w/2)>``: the restoring acceleration at the impact per unit p."""
+        return self._mean(gamma, "eta")
+
+    def sigma(self, gamma: float) -> float:
+        """``<w/sin(pi w)>``: the harmonic pitchfork is at ``a = p sqrt(q^2 + 4 sigma^2)``."""
+        return self._mean(gamma, "sigma")
+
+    def psi(self, gamma: float) -> float:
+        """``<w cot(pi w/2)>``: the pitchfork of any forcing is at ``b = (1+k)^2 psi/2``."""
+        return self._mean(gamma, "psi")
+
+    def dchi(self, gamma: float) -> float:
+        """Derivative of `chi` with respect to gamma."""
+        return self._slope(gamma, "chi")
+
+    def deta(self, gamma: float) -> float:
+        """Derivative of `eta` with respect to gamma."""
+        return self._slope(gamma, "eta")
+
+    def dsigma(self, gamma: float) -> float:
+        """Derivative of `sigma` with respect to gamma."""
+        return self._slope(gamma, "sigma")
+
+    def dpsi(self, gamma: float) -> float:
+        """Derivative of `psi` with respect to gamma."""
+        return self._slope(gamma, "psi")
+
+    def by_spring(self, gamma: float, name: str) -> float:
+        """Derivative of `chi`, `eta`, `sigma` or `psi` with respect to the spring."""
+        raw, s, x = _functions()[name], self.spring, 4.0 * self.check(gamma)
+        total = float((np.arange(1, TERMS + 1) * raw.tail) @ self.powers(gamma, 0)[:-1])
+        for weight, P in raw.poles:
+            z = x / (P - s)
+            more = 1.0 + self._excess(z) + z * self._dexcess(z)
+            total += weight * P / (P - s) ** 2 * more
+        return total

@@ -1,0 +1,393 @@
+"""The infinite chain and the ring: the band of each, its means and its modes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.checks import number, whole
+from contbreather.errors import BadInput
+from contbreather.lattice.band_averages import Lattice, check_gamma, means, q_moments
+from contbreather.lattice.finite import PlaneWaves, plane_waves
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+LONGEST = 10**7  # sites of a ring: of longer ones a few rows of numbers fill the memory
+
+
+@dataclass(frozen=True)
+class InfiniteChain(Lattice):
+    """The infinite chain with nearest-neighbour coupling, eq. (1).
+
+    Examples
+    --------
+    >>> round(InfiniteChain().chi(0.12), 13)
+    2.0678739703938
+    """
+
+    spring: float = 0.0  # to the ground, at every site
+
+    def __post_init__(self) -> None:
+        wanted = "0 <= spring < 1, a band below the drive (above that take a ring of 40 sites)"
+        spring = number("spring", self.spring, 0.0, 1.0, wanted)
+        check_gamma(0.0, spring)
+        object.__setattr__(self, "spring", spring)
+        object.__setattr__(self, "_expansions", means(None, spring))
+        object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
+
+    @property
+    def sites(self) -> None:
+        """No end: there is a far field."""
+        return
+
+    def with_spring(self, spring: float) -> InfiniteChain:
+        """The same chain with springs to the ground."""
+        return self if spring == self.spring else _with_spring(spring)
+
+    def __repr__(self) -> str:
+        return f"InfiniteChain({self.spring or ''})"
+
+    def describe(self) -> str:
+        return "infinite chain"
+
+    def tau(self, gamma: float, edge: float | None = None) -> float:
+        """``<cot(pi w/2)/w>``: what a mean push does; infinite where no spring holds the chain.
+
+        ``edge``, the lower one of the band, is the root of the spring unless given: 1/tau is smooth
+        in both.
+        """
+        edge = math.sqrt(self.spring) if edge is None else edge
+        stiff = 0.5 * math.pi * edge * math.sqrt(edge * edge + 4.0 * gamma)
+        return (1.0 / stiff if stiff else math.inf) + self._mean(gamma, "tau")
+
+    def dtau(self, gamma: float) -> float:
+        """Derivative of `tau` with respect to gamma, for a spring above 0."""
+        s, edge = self.spring, self.spring + 4.0 * gamma
+        return self._slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
+
+    def _excess(self, z: float) -> float:
+        r = math.sqrt(1.0 - z)
+        return z / (r * (1.0 + r))
+
+    def _dexcess(self, z: float) -> float:
+        rr = 1.0 - z
+        return 0.5 / (rr * math.sqrt(rr))
+
+    def distance(self, n: Any) -> Any:
+        """How many bonds from site n to the impacting site 0; of an array for each."""
+        return abs(n)
+
+    def beside(self, n: int) -> tuple[int, ...]:
+        """The sites coupled to site n."""
+        return (n - 1, n + 1)
+
+    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing."""
+        rest = 1.0 - self.spring
+        x = 4.0 * self.check(gamma) / rest
+        r = math.sqrt(1.0 - x)
+        xi = -x / (1.0 + r) ** 2  # (A3): from one site to the next
+        return np.asarray(xi ** np.abs(np.asarray(n)) / (r * rest))
+
+    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to gamma."""
+        rest = 1.0 - self.spring
+        x = 4.0 * self.check(gamma) / rest
+        m = np.abs(np.asarray(n))
+        r = math.sqrt(1.0 - x)
+        rho = x / (1.0 + r) ** 2
+        ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
+        slope = ahead / (r * (1.0 + r)) ** 2 + rho**m / (2.0 * r**3)
+        return np.asarray(4.0 * (-1.0) ** m * slope / rest**2)
+
+    def first_by_spring(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to the spring: it is homogeneous in
+        gamma and ``1 - spring``, of degree -1."""
+        by_gamma = gamma * self.dfirst_harmonic(gamma, n)
+        return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
+
+    def moments(self, n: int) -> FloatArray:
+        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+        return q_moments(None, abs(int(n)))
+
+    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
+        """``<1/(w^2 - s^2)> = -1/sqrt(s^2 (s^2 - 4 gamma))``, the branch with -1/s^2 far away.
+
+        Parameters
+        ----------
+        gamma : float
+            Coupling in [0, 1/4).
+        s : array_like of complex
+            Anywhere off the band: Im s != 0 or |s| > 2 sqrt(gamma).
+
+        Returns
+        -------
+        ndarray of complex, the shape of ``s``.
+
+        Raises
+        ------
+        BadInput
+            Where s is real and in the band, the mean does not exist there.
+
+        Examples
+        --------
+        >>> complex(InfiniteChain().resolvent(0.0, 2.0)).real
+        -0.25
+        """
+        gamma = self.check(gamma)
+        s2 = np.square(np.asarray(s, dtype=complex)) - self.spring
+        if np.any((s2.imag == 0.0) & (s2.real <= 4.0 * gamma) & (s2.real >= 0.0)):
+            low, high = math.sqrt(self.spring), math.sqrt(self.spring + 4.0 * gamma)
+            raise BadInput(
+                f"the mean <1/(w^2 - s^2)> does not exist for real s in the band "
+                f"[{low:.6g}, {high:.6g}] of gamma = {gamma}; move s off the real axis."
+            )
+        # 1 - 4 gamma/s^2 is negative only on the band, so the principal root is the right one
+        return np.asarray(-1.0 / (s2 * np.sqrt(1.0 - 4.0 * gamma / s2)))
+
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]:
+        """Nodes, weights and frequencies of the trapezoid rule for means over the band.
+
+        Good to rounding for ``cos(n theta)`` with n <= reach times anything whose nearest
+        singularity is w = 1; evenness in theta leaves [0, pi].
+
+        Returns
+        -------
+        theta, weight, w : ndarray, shape (M,)
+        """
+        gamma = self.check(gamma)
+        r = math.sqrt(1.0 - 4.0 * gamma / (1.0 - self.spring))
+        width = 2.0 * math.atanh(min(r, 1.0 - 1e-12))  # strip of analyticity about the real axis
+        half = 8 + (int(40.0 / width) + int(reach) + 1) // 2
+        theta = np.linspace(0.0, math.pi, half + 1)
+        weight = np.full(half + 1, 1.0 / half)
+        weight[[0, -1]] *= 0.5
+        return theta, weight, np.sqrt(self.spring + 4.0 * gamma * np.sin(0.5 * theta) ** 2)
+
+
+@lru_cache(maxsize=64)
+def _with_spring(spring: float) -> InfiniteChain:
+    return InfiniteChain(spring)
+
+
+@dataclass(frozen=True)
+class Ring(Lattice):
+    """A ring of ``sites`` sites: the same chain closed on itself.
+
+    One site is a single oscillator (the coupling drops out); on two sites both neighbours are
+    the same one, so its stiffness matrix is ``gamma [[2, -2], [-2, 2]]``.
+
+    Examples
+    --------
+    >>> abs(Ring(200).chi(0.12) - InfiniteChain().chi(0.12)) < 1e-15
+    True
+    """
+
+    sites: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sites", whole("sites", self.sites, 1))
+        if self.sites > LONGEST:
+            raise BadInput(
+                f"sites = {self.sites}: a ring has at most {LONGEST}; one that long is the "
+                "infinite chain, InfiniteChain()."
+            )
+        object.__setattr__(self, "_expansions", means(self.sites))
+        object.__setattr__(self, "_limit", 0.25)
+
+    @property
+    def spring(self) -> float:  # type: ignore[override]
+        """Closed forms of rings are without."""
+        return 0.0
+
+    def _excess(self, z: float) -> float:
+        r = math.sqrt(1.0 - z)
+        odd = self.sites % 2
+        if z > 0.5:  # T/r with T = tanh or coth stays exact where 1/r and the correction cancel
+            t = math.tanh(self.sites * math.atanh(r))
+            return (t if odd else 1.0 / t) / r - 1.0
+        e = (z / (1.0 + r) ** 2) ** self.sites
+        if odd:
+            e = -e
+        return (z / (1.0 + r) + 2.0 * e / (1.0 - e)) / r
+
+    def _dexcess(self, z: float) -> float:
+        r = math.sqrt(1.0 - z)
+        n = self.sites
+        if n % 2 and n * r < 1.0:  # the closed form cancels to order r^2; so few modes, sum them
+            q, c, weight = _quarter_waves(n)
+            return float(np.dot(weight, q / ((1.0 - z) + z * c) ** 2))
+        r, rho, sign, gap = self._laps(z)
+        t = (2.0 - gap) / gap
+        slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
+        return (t + r * slope) / (2.0 * r**3)
+
+    # ----------------------------------------------------------------- as a finite lattice
+
+    @property
+    def masses(self) -> FloatArray:
+        return np.ones(self.sites)
+
+    @property
+    def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The drive moves the ring as a whole."""
+        root = math.sqrt(self.sites)
+        return np.zeros(1), np.full((self.sites, 1), 1.0 / root), np.array([root])
+
+    @property
+    def uniform(self) -> bool:
+        return True
+
+    @property
+    def highest_gamma(self) -> float:
+        """At 1/4 the band of the chain reaches the forcing frequency."""
+        return 0.25
+
+    def basis(self, hit: tuple[int, ...]) -> PlaneWaves:
+        """The modes that impacts at the sites `hit` can excite."""
+        return plane_waves(self.sites, hit)
+
+    def beside(self, n: int) -> tuple[int, ...]:
+        """The sites coupled to site n."""
+        return tuple(sorted({(n + d) % self.sites for d in (-1, 1)} - {n}))
+
+    def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
+        """Sites that are not in `hit`; around one site alone, one of each pair of mirror images."""
+        if len(hit) == 1:
+            return np.asarray((hit[0] + np.arange(1, self.sites // 2 + 1)) % self.sites)
+        return np.setdiff1d(np.arange(self.sites), hit)
+
+    def describe(self) -> str:
+        return f"ring of {self.sites}"
+
+    # ------------------------------------------------------------------ as a chain of period N
+
+    def distance(self, n: Any) -> Any:
+        """How many bonds from site n to the impacting site 0, the shorter way round; of an array
+        for each."""
+        half = self.sites // 2
+        return abs((n + half) % self.sites - half)
+
+    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """``(1/N) sum of cos(n theta)/(1 - w^2)``: the chain's, from both sides and all laps."""
+        gamma = check_gamma(gamma)
+        m = np.asarray(n) % self.sites
+        m = np.minimum(m, self.sites - m)
+        r, rho, sign, lap = self._laps(4.0 * gamma)
+        return np.asarray((-1.0) ** m * (rho**m + sign * rho ** (self.sites - m)) / (r * lap))
+
+    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to gamma."""
+        gamma = check_gamma(gamma)
+        m = np.asarray(n) % self.sites
+        m, size = np.minimum(m, self.sites - m), self.sites
+        r, rho, sign, lap = self._laps(4.0 * gamma)
+        if size % 2 and size * r < 1.0:  # as in `_dexcess`
+            q, c, weight = _quarter_waves(size)
+            wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))
+            return np.asarray(
+                4.0 * wave @ (weight * q / ((1.0 - 4.0 * gamma) + 4.0 * gamma * c) ** 2)
+            )
+        ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
+        behind = sign * (size - m) * rho ** (size - m - 1)
+        both = rho**m + sign * rho ** (size - m)
+        turn = (ahead + behind) + both * sign * size * rho ** (size - 1) / lap
+        slope = turn / (r * (1.0 + r)) ** 2 + both / (2.0 * r**3)
+        return np.asarray(4.0 * (-1.0) ** m * slope / lap)
+
+    def _laps(self, z: float) -> tuple[float, float, float, float]:
+        """r, the factor rho of (A3) from site to site, the sign and 1 - sign * rho^N of a lap."""
+        r = math.sqrt(1.0 - z)
+        rho = z / (1.0 + r) ** 2
+        if self.sites % 2:
+            return r, rho, -1.0, 1.0 + rho**self.sites
+        # near the band's edge rho -> 1: the difference must not be formed
+        return r, rho, 1.0, -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0
+
+    def moments(self, n: int) -> FloatArray:
+        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+        return q_moments(self.sites, self.distance(n))
+
+    def frequencies(self, gamma: float) -> FloatArray:
+        """``w_j = 2 sqrt(gamma) |sin(pi j/N)|``, j = 0..N-1."""
+        gamma = check_gamma(gamma)
+        j = np.arange(self.sites)
+        # sin(pi j/N) and sin(pi (N-j)/N) must be the same number: degenerate pairs stay so
+        return 2.0 * math.sqrt(gamma) * np.sin(np.pi * np.minimum(j, self.sites - j) / self.sites)
+
+    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
+        """``(1/N) sum of 1/(w_j^2 - s^2)`` in closed form; see `InfiniteChain.resolvent`.
+
+        Real s inside the band is allowed, except the frequencies themselves.
+
+        Raises
+        ------
+        BadInput
+            If s is a frequency of the ring.
+
+        Examples
+        --------
+        >>> complex(Ring(1).resolvent(0.2, 0.5)).real
+        -4.0
+        """
+        gamma = check_gamma(gamma)
+        s2 = np.square(np.asarray(s, dtype=complex))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = 4.0 * gamma / s2
+            r = np.sqrt(1.0 - z)
+            e = (-z / (1.0 + r) ** 2) ** self.sites
+            value = np.asarray(-(1.0 + e) / ((1.0 - e) * r * s2))
+        if not np.all(np.isfinite(value)):
+            raise BadInput(
+                f"the mean <1/(w^2 - s^2)> has a pole at each frequency of the ring of "
+                f"{self.sites} sites (0 among them); move s off them."
+            )
+        return value
+
+    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]:
+        """The ring's own modes, those at theta and -theta counted together; ``reach`` is free.
+
+        Returns
+        -------
+        theta, weight, w : ndarray, shape (N//2 + 1,)
+        """
+        gamma = check_gamma(gamma)
+        half = self.sites // 2
+        j = np.arange(half + 1)
+        weight = np.where((j == 0) | (2 * j == self.sites), 1.0, 2.0) / self.sites
+        return (
+            2.0 * np.pi * j / self.sites,
+            weight,
+            2.0 * math.sqrt(gamma) * np.sin(np.pi * j / self.sites),
+        )
+
+
+def lattice_of(given: object) -> Lattice:
+    """The lattice that was given, the infinite chain if none was; anything else is refused."""
+    if given is None:
+        return InfiniteChain()
+    if isinstance(given, type) or not hasattr(given, "first_harmonic"):
+        raise BadInput(
+            f"lattice = {given!r}: this needs InfiniteChain() or, for a ring of 20 sites, Ring(20)."
+        )
+    if getattr(given, "spring", 0.0):
+        raise BadInput(
+            f"lattice = {given!r}: springs to the ground belong to the motion, not to its lattice; "
+            "give them by spring=..., on InfiniteChain()."
+        )
+    return cast(Lattice, given)
+
+
+@lru_cache(maxsize=32)
+def _quarter_waves(sites: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """sin^2 and cos^2 of theta/2 over the modes of a ring, with their weights."""
+    theta, weight, _ = Ring(sites).nodes(0.0)
+    rest = np.pi * (sites - 2.0 * np.arange(theta.size)) / (2 * sites)  # pi/2 - theta/2, exactly
+    return np.sin(0.5 * theta) ** 2, np.sin(rest) ** 2, weight

@@ -1,0 +1,147 @@
+"""Lattices and walls as they are typed: `ring:20`, `grid:5x5`, a file; `-1,1`, `3:none,0.8`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from contbreather.errors import BadInput
+from contbreather.files import read_text
+from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.conditions import Walls
+
+if TYPE_CHECKING:
+    from contbreather.lattice.finite import Lattice
+
+KNOWN = (
+    "ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a .csv with a stiffness matrix "
+    "or a .graphml with a graph"
+)
+
+
+def lattice_by(typed: str | None, sites: int | None = None) -> Any:
+    """The lattice of `--lattice`, or of `--sites`, which is short for a ring."""
+    if typed is None:
+        return InfiniteChain() if sites is None else Ring(sites)
+    if sites is not None:
+        raise BadInput(f"--lattice {typed} and --sites {sites}: give one of the two")
+    if typed.lower().endswith(".csv"):
+        return _of_matrix(typed)
+    if typed.lower().endswith(".graphml"):
+        return _of_graph(typed)
+    return _usual(typed)
+
+
+def _usual(typed: str) -> Any:
+    """Ring, open chain or grid, by its sizes."""
+    from contbreather.lattice.finite import Grid, OpenChain
+
+    name, size, *ends = typed.lower().split(":") if ":" in typed else (typed, "")
+    sizes = [int(word) if word.isdecimal() and len(word) < 10 else 0 for word in size.split("x")]
+    if all(sizes):
+        match name, len(sizes), ends:
+            case "ring", 1, []:
+                return Ring(*sizes)
+            case "open", 1, ([] | ["free" | "fixed"]):
+                return OpenChain(*sizes, ends=ends[0] if ends else "free")
+            case "grid", 2, ([] | ["periodic"]):
+                return Grid(*sizes, periodic=bool(ends))
+    raise BadInput(f"--lattice {typed}: expected {KNOWN}")
+
+
+def _of_matrix(path: str) -> Lattice:
+    """A row of the stiffness matrix on each line, its numbers apart by commas or spaces."""
+    from contbreather.lattice.finite import Lattice
+
+    lines = read_text(path).replace(",", " ").replace(";", " ").splitlines()
+    try:
+        rows = [[float(word) for word in line.split()] for line in lines if line.strip()]
+    except ValueError as error:
+        raise BadInput(f"no stiffness matrix in {path}: {error}") from error
+    widths = {len(row) for row in rows}
+    if widths != {len(rows)}:
+        found = f"{len(rows)} rows of {', '.join(map(str, sorted(widths))) or 'no'} numbers"
+        raise BadInput(f"no stiffness matrix in {path}: {found}; a square matrix is expected")
+    return Lattice(rows)
+
+
+def _of_graph(path: str) -> Lattice:
+    """Edges with their `weight`, nodes with their `mass` and `drive`."""
+    from xml.etree.ElementTree import ParseError
+
+    import networkx as nx
+
+    from contbreather.lattice.finite import Lattice
+
+    text = read_text(path)
+    try:
+        graph = nx.parse_graphml(text)
+    except (nx.NetworkXException, ParseError, ValueError, KeyError, TypeError) as error:
+        raise BadInput(f"no graph in {path}: {' '.join(str(error).split())}") from error
+    return Lattice.from_graph(graph)
+
+
+def as_code(typed: str) -> str:
+    """Python that makes what `lattice_by` makes.
+
+    Examples
+    --------
+    >>> as_code("open:9"), as_code("grid:5x5:periodic")
+    ('cb.OpenChain(9)', 'cb.Grid(5, 5, periodic=True)')
+    """
+    name, *sizes = typed.lower().split(":")
+    match name, sizes:
+        case "ring", [size]:
+            return f"cb.Ring({size})"
+        case "open", [size, *ends]:
+            return f"cb.OpenChain({size}" + (f", ends={ends[0]!r})" if ends else ")")
+        case "grid", [size, *ends]:
+            return f"cb.Grid({size.replace('x', ', ')}" + (", periodic=True)" if ends else ")")
+    return f"cb.lattice.parse.lattice_by({typed!r})"
+
+
+def walls_by(typed: Sequence[str], sites: int | None) -> Any:
+    """The walls of `--walls` as `symmetric` takes them; None where none were typed."""
+    of_all = [_pair(text, text) for text in typed if ":" not in text]
+    own = dict(_own(text) for text in typed if ":" in text)
+    if len(of_all[:1]) + len(own) < len(typed):
+        raise BadInput(f"--walls {' '.join(typed)}: one pair for all sites, one for each of them")
+    if not own or sites is None:
+        return of_all[0] if of_all else own or None
+    return {**dict.fromkeys(range(sites), *of_all), **own} if of_all else own
+
+
+def as_typed(walls: Walls) -> str:
+    """What `walls_by` makes them of; nothing for the usual ones.
+
+    Examples
+    --------
+    >>> as_typed(Walls.given({3: (None, 0.8)}))
+    '3:none,0.8'
+    """
+    usual = walls.of_all == Walls().of_all
+    pairs = ([] if usual else [("", walls.of_all)]) + [(f"{n}:", pair) for n, pair in walls.own]
+    ends = {-math.inf: "none", math.inf: "none"}
+    return " ".join(
+        f"{site}{ends.get(low, repr(low))},{ends.get(high, repr(high))}"
+        for site, (low, high) in pairs
+    )
+
+
+def _own(text: str) -> tuple[int, Any]:
+    site, _, pair = text.partition(":")
+    if not site.isdecimal():
+        raise BadInput(f"--walls {text}: SITE:LOW,HIGH is expected, for instance 3:none,0.8")
+    return int(site), _pair(pair, text)
+
+
+def _pair(words: str, text: str) -> tuple[float | None, ...]:
+    try:
+        low, high = (None if word == "none" else float(word) for word in words.split(","))
+    except ValueError as error:
+        raise BadInput(
+            f"--walls {text}: LOW,HIGH is expected, for instance -1,1; none for a wall that is not "
+            "there"
+        ) from error
+    return low, high

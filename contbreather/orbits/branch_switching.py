@@ -1,0 +1,117 @@
+"""The same orbit where its symmetry or its period can break: what leaves a pitchfork or a doubling.
+
+At its pitchfork a symmetric orbit is a singular point of the problem of its whole period, at its
+period doubling any orbit is one of the problem of twice the period: one section and the next as
+one. The null vector there tells where the new orbits are: along it the parameter does not change
+at first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import check_kind
+from contbreather.continuation import Event, Lift, Point, Problem
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.point import Examined
+from contbreather.errors import BadInput, NotConverged
+from contbreather.orbits.orbit import Orbit, checked, orbit_at
+
+FloatArray = NDArray[np.float64]
+
+EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
+ALONG = 1e-3  # by how much they change along an arm there, and not along symmetric orbits
+SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
+
+
+class OrbitSwitching(Lift):
+    """An orbit at a pitchfork or a period doubling, as a problem that knows the orbits that
+    branch off there: of the whole, or of the doubled, period. Along `direction` the first impact
+    comes earlier; its negative leads to their mirror images, or to the same orbits a period later.
+    """
+
+    def arm(self, amplitude: float = 0.01, free: str | None = None) -> Problem:
+        """As `Lift.arm`, for amplitudes at which the solution is a sequence of impacts."""
+        problem = super().arm(amplitude, free)
+        try:
+            checked(orbit_at(problem))
+        except BadInput as error:
+            raise NotConverged(f"no orbit at the amplitude {amplitude:g}: {error}") from error
+        return problem
+
+
+def lift(point: Point) -> OrbitSwitching:
+    """The orbit of a pitchfork or a period doubling with one section and the next as one.
+
+    Parameters
+    ----------
+    point : Point
+        A located PF or PD on a branch of orbits, ``branch.first("PF")``.
+
+    Raises
+    ------
+    BadInput
+        If it is none, or if orbits of twice the period radiate: on the infinite chain from
+        gamma = 1/(16 n^2) on.
+    NotConverged
+        If the equations of the longer orbit are regular there.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", towards="up", within={"a": (0, 0.8)})
+    >>> arm = orbit_at(lift(branch.first("PF")).arm(0.02))
+    >>> round(arm.asymmetry, 3)
+    0.028
+    """
+    problem, free = _orbit_at(point).representation.lifted(), point.curve.free[-1]
+    times = [name for name in problem.start if name[0] == "t" and name[1:].isdigit()]
+    found = OrbitSwitching(problem, free, times, both=point.kind == "PF")
+    curve, (tangent, _) = Curve(problem, (free,)), found.tangents
+    off = max(float(abs(curve.equations(curve.start)).max()), abs(float(tangent[-1])))
+    if off > SINGULAR:
+        raise NotConverged(
+            f"{point!r} is not a {point.kind}: there the equations of the longer orbit do not "
+            f"hold, or are regular, by {off:.2g}",
+            residual=off,
+        )
+    return found
+
+
+def from_arms(event: Event) -> Event:
+    """BP of the whole period, which is PF where an arm comes to the symmetric orbit it left."""
+    return replace(event, examine=partial(_examine_crossing, event))
+
+
+def _examine_crossing(event: Event, point: Point) -> Examined:
+    why, orbit = event.examine(point) if event.examine else "", point.solution
+    if why or point.tangent is None or not orbit.section.mirrored:
+        return why
+    first, second = point.tangent[: orbit.section.count].reshape(2, -1)
+    leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
+    return {"kind": "PF"} if leaves else ""
+
+
+def _orbit_at(point: Point) -> Orbit:
+    """The orbit of a point that others of a longer section leave."""
+    check_kind(point, Point, "a point of a branch")
+    if point.kind not in ("PF", "PD"):
+        raise BadInput(
+            f"{point!r} is {'a ' + point.kind if point.kind else 'not a special point'}: a "
+            "located PF or PD of a branch of orbits was expected, see branch.special."
+        )
+    if not point.located:
+        raise BadInput(f"{point!r} was seen but not located: nothing can start there.")
+    orbit = point.solution
+    if not isinstance(orbit, Orbit):
+        raise BadInput(f"{point!r} is on no branch of orbits with impacts.")
+    if orbit.symmetric != (point.kind == "PF"):
+        raise BadInput(
+            f"{point!r}: with half a section a symmetric orbit has pitchforks, and must break its "
+            "symmetry first to double its period; other orbits have period doublings."
+        )
+    return orbit

@@ -1,0 +1,429 @@
+"""Orbits from parameters: symmetric breathers, their asymmetric arms, and orbits of finite lattices
+shot from impact to impact, from whatever is known of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from contbreather.checks import flag, kind_of, number, one_of, real
+from contbreather.continuation import Point, Problem, trace
+from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
+from contbreather.lattice import (
+    Forcing,
+    InfiniteChain,
+    Lattice,
+    Ring,
+    forcing_of,
+    lattice_of,
+)
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.finite import Finite, finite
+from contbreather.lattice.finite import Lattice as FiniteLattice
+from contbreather.lattice.on_site_spring import spring_response
+from contbreather.orbits.branch_switching import OrbitSwitching, lift
+from contbreather.orbits.clearance import LIMIT, Inadmissible
+from contbreather.orbits.closed_form import closed_forms
+from contbreather.orbits.exact_modes import ExactModes, modal_problem
+from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
+from contbreather.orbits.normal_form import pitchfork_form
+from contbreather.orbits.one_site import symmetric_orbits
+from contbreather.orbits.orbit import Orbit, checked, orbit_at
+from contbreather.orbits.orbit_events import pitchfork
+from contbreather.orbits.section import Section, check_possible, checked_impacts
+from contbreather.parameters import NAMES, NEEDED, parameter
+from contbreather.stability.verdict import THRESHOLD
+
+OFF = 2e-3  # asymmetry of a start beside a pitchfork
+LONGEST = 10_000  # periods of the forcing that a seed is followed over
+
+
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
+    root: int | None = None,
+) -> Orbit:
+    """The symmetric breather of one impacting site, eqs. (11) to (13).
+
+    Of several solutions the admissible one with the largest p. For `Harmonic` forcing that is the
+    upper sign of (13), the only one that can be stable, wherever it keeps off the walls.
+
+    Parameters
+    ----------
+    a : float
+        Amplitude of the forcing, at least the fold (14).
+    gamma : float
+        Coupling in [0, 1/4).
+    k : float
+        Restitution coefficient in [0, 1].
+    forcing : Forcing or str, optional
+        `Harmonic` unless given.
+    lattice : InfiniteChain, Ring or Lattice, optional
+        `InfiniteChain` unless given.
+    site : int
+        The one that impacts.
+    damping, spring : float, optional
+        ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
+        ``spring + 4 gamma < 1``.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given, ``low = -high``; on finite lattices.
+    root : int, optional
+        Which solution of (11), by falling p from 1, admissible or not.
+
+    Returns
+    -------
+    Orbit
+        A solution of (11). Where none keeps off the walls between its impacts (to 1e-9, at the
+        limit) it is that with the largest p, and its `admissibility` says what is in the way.
+
+    Raises
+    ------
+    BadInput
+        gamma, k or a outside its range, or no solution of that number.
+    NoSolution
+        a below the fold; the sentence names the smallest a.
+
+    Examples
+    --------
+    >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    >>> round(b.p, 12), round(b.phi, 12)
+    (0.680056001966, -2.519293143359)
+    """
+    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
+    return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
+
+
+def rooted(found: tuple[Orbit, ...], root: int | None) -> Orbit:
+    """The solution of (11) with that number, counted from 1 by falling p; without one the first
+    that is admissible, or the first of all where none is."""
+    if root is None:
+        own = found if len(found) > 1 else ()
+        # on GR rounding must not decide which of two breathers it is
+        return next((one for one in own if one.admissibility().margin > -LIMIT), found[0])
+    if not (isinstance(root, int | np.integer) and 1 <= root <= len(found)):
+        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
+        raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
+    return found[root - 1]
+
+
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
+) -> tuple[Orbit, ...]:
+    """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Fourier
+    >>> two = Fourier.from_response(cos={1: 1.0, 3: 0.3})
+    >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
+    4
+    """
+    drive = forcing_of(forcing)
+    more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
+    held_ring = isinstance(lattice, Ring) and (more or spring is not None)
+    if isinstance(lattice, FiniteLattice) or held_ring:
+        at = Walls.given(walls)
+        spring = 0.0 if spring is None else spring
+        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
+        return symmetric_orbits(site, on)
+    chain = lattice_of(lattice)
+    if more:
+        parameter("damping", damping)
+        raise BadInput(
+            f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
+            "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
+            "finite lattice."
+        )
+    if spring is not None and chain.sites is None:
+        drive = spring_response(drive, InfiniteChain(spring).spring)
+    return closed_forms(a, gamma, k, drive, chain)
+
+
+@keeping()
+def asymmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    arm: int = 1,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | None = None,
+    inadmissible: bool = False,
+) -> Orbit:
+    """The asymmetric breather at given parameters, followed from its pitchfork.
+
+    Parameters
+    ----------
+    a, gamma, k : float
+        Amplitude of the forcing, coupling, restitution coefficient.
+    arm : {1, -1}
+        Which of the two mirror images: t2 - t1 > pi for 1.
+    forcing : Forcing or str, optional
+        `Harmonic` unless given.
+    lattice : Lattice, optional
+        `InfiniteChain` unless given.
+    inadmissible : bool
+        Return the solution of the equations also where it is no orbit of the chain, beyond GR.
+
+    Raises
+    ------
+    NoSolution
+        If the arms do not reach that amplitude; the sentence says where they are. `Inadmissible`,
+        which carries the `orbit`, if a `site` meets a wall before, and at what `time`.
+
+    Examples
+    --------
+    >>> orbit = asymmetric(0.82, 0.04, 0.8)
+    >>> round(orbit.p, 7), round(abs(orbit.c), 7)
+    (1.093139, 0.0373542)
+    """
+    one_of("arm", arm, (1, -1))
+    drive, lattice = forcing_of(forcing), lattice_of(lattice)
+    start = symmetric(a, gamma, k, forcing=drive, lattice=lattice, root=1)
+    a, gamma, k = start.a, start.gamma, start.k
+    reach = {"a": (0.05 * a, 20.0 * a)}
+    walked = partial(trace, free="a", inadmissible=True, progress=False)  # the end is judged below
+    branch = walked(start, events=[pitchfork()], within=reach)
+    tried = []
+    for point in (p for p in branch.special if p.kind == "PF"):
+        bend = pitchfork_form(point.solution).coefficient
+        up = bend > 0.0
+        tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
+        if (a > point["a"]) != up:
+            continue
+        window = {"a": (point["a"], a) if up else (a, point["a"])}
+        lifted = lift(point)
+        seed = beside(lifted, arm * OFF)
+        if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
+            seed = beside(lifted, arm * math.sqrt((a - point["a"]) * bend))
+            return _solved(seed.at(a=a), inadmissible)
+        side = "up" if up else "down"
+        last = walked(seed, events=(), within=window, towards=side)[-1]
+        if abs(last["a"] - a) <= 1e-12 * a:
+            return _solved(last.problem.at(a=a), inadmissible)
+    where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
+    raise NoSolution(
+        f"no asymmetric breather at a = {a!r} (gamma = {gamma}, k = {k}, {drive.describe()}) "
+        f"on the arms that leave the symmetric branch: {where}."
+    )
+
+
+def beside(lifted: OrbitSwitching, asymmetry: float) -> Problem:
+    """The problem started on the arm where t2 - t1 - pi is about as given, small."""
+    slots = lifted.problem.slots
+    return lifted.arm(
+        asymmetry / float(lifted.direction[slots["t2"]] - lifted.direction[slots["t1"]])
+    )
+
+
+def _solved(problem: Problem, inadmissible: bool) -> Orbit:
+    solved, _ = problem.solve(tolerance=1e-11)
+    orbit = orbit_at(solved)
+    verdict = orbit.admissibility()
+    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
+        raise Inadmissible(
+            f"no asymmetric breather at a = {orbit.a!r} (gamma = {orbit.gamma}, k = {orbit.k}): "
+            f"{verdict.reason} With inadmissible=True it is returned nevertheless.",
+            orbit=orbit,
+        )
+    return orbit
+
+
+def shooting(
+    seed: Any,
+    *,
+    sites: int | None = None,
+    lattice: Finite | None = None,
+    sequence: Sequence[tuple[int, int]] | None = None,
+    period: float = 2.0 * math.pi,
+    symmetric: bool | None = None,
+    a: float | None = None,
+    gamma: float | None = None,
+    k: float | None = None,
+    damping: float | None = None,
+    spring: float | None = None,
+    walls: Any = None,
+    forcing: Forcing | str | None = None,
+    t: float = 0.0,
+    threshold: float = THRESHOLD,
+    inadmissible: bool = False,
+) -> Problem:
+    """An orbit with impacts on a finite lattice, shot from impact to impact: a problem to trace.
+
+    Parameters
+    ----------
+    seed : Orbit, Problem or Point, pair of arrays, or dict
+        Where to begin. An orbit, a problem or a point of a branch of orbits; a state
+        ``(u, v)`` of the ring at time `t`, of a simulation for instance; or impact times by hand,
+        ``{"t1": ..., "t2": ...}``.
+    sites : int, optional
+        N of a ring, 1 to some hundred; that of the seed unless given. 1 is the single oscillator.
+    lattice : Ring or Lattice, optional
+        Any finite lattice, in place of `sites`. Seeds of other lattices are taken there by their
+        impact times.
+    sequence : sequence of (site, wall), optional
+        The impacts of a period in order (of half a period if symmetric). For a breather or an
+        orbit that of the seed; for a state what it is seen to hit, if not given.
+    period : float
+        ``2 pi n``, for states and impact times; n odd for symmetric orbits.
+    symmetric : bool, optional
+        Shoot half the period and close with ``u -> -u``. By default as the seed: True for a
+        symmetric breather. False on a symmetric seed opens it up, so that it may become
+        asymmetric.
+    a, gamma, k, forcing, damping, spring : optional
+        The first three are needed for states and times; all overrule those of other seeds.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given; None in place of a wall that is not there.
+    t : float
+        Time of a state.
+    threshold : float
+        Modulus over the whole period that counts as a Neimark-Sacker point on this ring.
+    inadmissible : bool
+        Return the solution of the equations also where a site is behind a wall between impacts.
+
+    Returns
+    -------
+    Problem
+        Its start solves the equations. ``orbit_at(problem)`` is the orbit.
+
+    Raises
+    ------
+    BadInput
+        Times out of order, parameters out of range; `ImpossibleSequence`, with the `sequence`,
+        for impacts that cannot be, or that the seed does not have.
+    NotConverged
+        If Newton's iteration does not end at an orbit of this sequence; carries `residual`,
+        `iterations` and, as `last`, what it ended at.
+    Inadmissible
+        If what solves the equations is no orbit of the ring; a `NoSolution`, it carries the
+        `orbit`, and the `site` and the `time` of the contact.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> b = cb.symmetric(a=0.7, gamma=0.04, k=0.8)
+    >>> shot = shooting(b, sites=20)
+    >>> orbit = orbit_at(shot)
+    >>> orbit.stability()
+    <ring of 20: unstable, 2 multipliers; largest |multiplier| over 2 pi 1.00607444 > threshold \
+1.005>
+    """
+    given: dict[str, Any] = {
+        "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
+        "walls": walls,
+    }  # fmt: skip
+    t = number("t", t, -math.inf, math.inf, "the time of a state")
+    threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
+    sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
+    flight = _guess(seed, given, _lattice(lattice, sites), sequence, _turns(period), sign, t)
+    check_possible(flight.section, flight.conditions)
+    problem = modal_problem(Orbit(flight), threshold)
+    try:
+        solved, found = problem.solve()
+    except NotConverged as error:
+        raise NotConverged(
+            f"no orbit of {Orbit(flight).describe()} near the seed: {error}",
+            residual=error.residual,
+            iterations=error.iterations,
+            last=orbit_at(error.last) if isinstance(error.last, Problem) else None,
+        ) from error
+    orbit = orbit_at(solved)
+    checked(orbit, found.iterations)
+    verdict = orbit.admissibility()
+    if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
+        raise Inadmissible(
+            f"{verdict.reason} What solves the equations is returned with inadmissible=True.",
+            orbit=orbit,
+        )
+    return solved
+
+
+def _turns(period: float) -> int:
+    given = real(period)
+    turns = round(given / (2.0 * math.pi)) if abs(given) < math.inf else 0
+    if not 1 <= turns <= LONGEST or abs(given - 2.0 * math.pi * turns) > 1e-9 * turns:
+        raise BadInput(
+            f"period = {period!r}: the forcing has period 2 pi, so an orbit has a multiple of it, "
+            f"2 pi n with n = 1, 2, ... up to {LONGEST}."
+        )
+    return turns
+
+
+def _lattice(given: Any, sites: int | None) -> Finite | None:
+    """The finite lattice that was asked for, None where that of the seed is meant."""
+    if given is None:
+        return None if sites is None else Ring(sites)
+    lattice = finite(given)
+    if sites is not None and sites != lattice.sites:
+        raise BadInput(f"sites = {sites} and the {lattice.describe()}: give one of the two.")
+    return lattice
+
+
+def _guess(
+    seed: Any,
+    given: dict[str, Any],
+    lattice: Finite | None,
+    sequence: Sequence[tuple[int, int]] | None,
+    turns: int,
+    sign: int | None,
+    t: float,
+) -> ExactModes:
+    """A first guess from any kind of seed."""
+    if isinstance(seed, Problem):
+        seed = orbit_at(seed)
+    if isinstance(seed, Point):
+        seed = seed.solution
+    if isinstance(seed, Orbit):
+        if lattice is None and seed.lattice.sites is None:
+            raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
+        on = _conditions(given, lattice or seed.lattice, seed)
+        return from_orbit(seed, on, sequence, sign)
+    if isinstance(seed, Mapping):
+        if lattice is None or sequence is None:
+            raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
+        section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
+        return from_times(_conditions(given, lattice), section, seed)
+    listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
+    if isinstance(seed, str) or not listed or len(seed) != 2:
+        raise BadInput(
+            f"a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact times; "
+            f"got {kind_of(seed)}."
+        )
+    size = np.size(seed[0])
+    if lattice is not None and lattice.sites != size:
+        raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
+    on = _conditions(given, lattice or Ring(size))
+    return from_state(on, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
+
+
+def _conditions(given: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None) -> Conditions:
+    values: dict[str, Any] = {
+        name: getattr(seed, name, None) if value is None else value for name, value in given.items()
+    }
+    missing = [name for name in NEEDED if values[name] is None]
+    if missing:
+        raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
+    known = {name: values[name] for name in NAMES if values[name] is not None}
+    walls, drive = Walls.given(values["walls"]), forcing_of(values["forcing"])
+    return Conditions(**known, forcing=drive, walls=walls, lattice=lattice).checked()

@@ -1,0 +1,232 @@
+"""The equations of any periodic orbit with impacts, on any lattice.
+
+Between impacts the lattice is linear. With impacts j = 1..m in a period T = 2 pi n, at sites n_j,
+times t_j, walls +-1 and with impulses J_j,
+
+    ``u_n(t) = a f(t) + c_n + sum over j of J_j h_{n n_j}(t - t_j)``,
+
+h the periodic Green's function without its static part (`contbreather.lattice.periodic_green`) and
+c the static part: it balances the mean impulses N_s of the impacting sites, straight from one such
+site to the next and level beyond. With one impacting site c is the same everywhere, the free offset
+of a lattice without springs to the ground, and sum J = 0. The equations:
+
+    ``u_{n_j}(t_j) = wall_j``,  ``J_j = -(1 + k) u'_{n_j}(t_j-)``,  ``N_s + T gamma (L c)_s = 0``.
+
+Unknowns: t_1..t_m, J_1..J_m and one offset for each impacting site. Symmetric, asymmetric,
+multi-site and period-n breathers, on rings and on the infinite chain, are all this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.periodic_green import responses, wave
+from contbreather.lattice.response import MEETINGS
+from contbreather.orbits.closure import forcing_with
+from contbreather.orbits.section import (
+    Section,
+    check_both_walls,
+    told_apart,
+    told_apart_slopes,
+)
+
+FloatArray = NDArray[np.float64]
+Params = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class OrbitEquations:
+    """The equations of the module's docstring for one sequence of impacts.
+
+    ``x = (t_1..t_m, J_1..J_m, c...)``; ``params`` names a, gamma, k and those of the forcing.
+
+    Parameters
+    ----------
+    section : Section
+        The impacts of one period, in order.
+    forcing : Forcing
+    lattice : InfiniteChain or Ring
+
+    Examples
+    --------
+    >>> from contbreather.orbits.constructors import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> x = np.array([b.phi, b.phi + math.pi, -2 * b.p, 2 * b.p, 0.0])
+    >>> same = OrbitEquations(Section(((0, 1), (0, -1))))
+    >>> bool(abs(same.residual(x, {"a": 0.5, "gamma": 0.12, "k": 0.4})).max() < 1e-14)
+    True
+    """
+
+    section: Section
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Lattice = field(default_factory=InfiniteChain)
+
+    def __post_init__(self) -> None:
+        check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns, in order."""
+        impacts = range(1, self.section.count + 1)
+        sites = [""] if self.section.local else range(1, len(self.section.hit) + 1)
+        numbered = ("t", impacts), ("J", impacts), ("c", sites)
+        return tuple(f"{letter}{i}" for letter, numbers in numbered for i in numbers)
+
+    @cached_property
+    def walls(self) -> FloatArray:
+        return np.array([float(wall) for _, wall in self.section.impacts])
+
+    @cached_property
+    def own(self) -> NDArray[np.int64]:
+        """Which of the sites that hit each impact belongs to."""
+        return np.array([self.section.hit.index(site) for site, _ in self.section.impacts])
+
+    @cached_property
+    def links(self) -> FloatArray:
+        """Stiffness between the offsets, per gamma: symmetric, its rows add up to zero."""
+        hit = self.section.hit
+        r = len(hit)
+        stiffness = np.zeros((r, r))
+        pairs = [(i, i + 1, hit[i + 1] - hit[i]) for i in range(r - 1)]
+        if self.lattice.sites is not None and r > 1:  # and on around the ring
+            pairs.append((r - 1, 0, self.lattice.sites - hit[-1] + hit[0]))
+        for i, j, bonds in pairs:
+            stiffness[i, i] -= 1.0 / bonds
+            stiffness[j, j] -= 1.0 / bonds
+            stiffness[i, j] += 1.0 / bonds
+            stiffness[j, i] += 1.0 / bonds
+        return stiffness
+
+    def meetings(self, gamma: float, times: FloatArray, *, slope: bool = False) -> FloatArray:
+        """``h_ij`` and its first three derivatives at t_i - t_j, shape (4, m, m).
+
+        On the diagonal the first derivative is left out: its jump is in the reset law.
+        """
+        sites = tuple(site for site, _ in self.section.impacts)
+        mutual = responses(self.lattice, gamma, sites, sites, self.section.turns, slope=slope)
+        out = np.empty((4, times.size, times.size))
+        MEETINGS(mutual, np.ascontiguousarray(times, dtype=float), out)
+        return out
+
+    def _in_turn(self, h: FloatArray, times: FloatArray) -> FloatArray:
+        """As if impacts of one site at one wall kept their order: smooth where they become one."""
+        for i, j in self.section.repeats:
+            late = times[j] - times[i]
+            if late < 0.0:
+                h[:2, j, i] += late, 1.0
+                h[:2, i, j] += late, -1.0
+        return h
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Times, impulses, offsets."""
+        m = self.section.count
+        return x[:m], x[m : 2 * m], x[2 * m :]
+
+    def residual(self, x: FloatArray, params: Params) -> FloatArray:
+        """All equations, shape (2m + sites,): walls, reset laws, balance of mean impulses."""
+        a, gamma, k, f = self._unpack(x, params)
+        times, impulses, offsets = self.split(x)
+        h = self._in_turn(self.meetings(gamma, times), times)
+        q = (1.0 - k) / (1.0 + k)
+        return np.concatenate(
+            [
+                self._told(x, params, h),
+                a * f.df(times) + h[1] @ impulses + 0.5 * q * impulses,
+                self._balance(impulses, offsets, gamma),
+            ]
+        )
+
+    def _told(self, x: FloatArray, params: Params, h: FloatArray) -> FloatArray:
+        """How far sites are beyond their walls at their impacts."""
+        a, gamma, _, f = self._unpack(x, params)
+        times, impulses, offsets = self.split(x)
+
+        def speed(i: int, j: int, since: FloatArray) -> FloatArray:
+            own, late = a * f.df(times[i] + since), times[j] - times[i]
+            for time, J, (site, _) in zip(times, impulses, self.section.impacts, strict=True):
+                apart = self.lattice.distance(site - self.section.impacts[i][0])
+                answer = wave(self.lattice, gamma, apart, self.section.turns)
+                own = own + J * np.array(answer.at(times[i] + since - time)[1])
+            return np.asarray(own + (impulses[i] - impulses[j] if late < 0.0 else 0.0))
+
+        walls = a * f.f(times) + offsets[self.own] + h[0] @ impulses - self.walls
+        return told_apart(self.section, times, walls, speed)
+
+    def _balance(self, impulses: FloatArray, offsets: FloatArray, gamma: float) -> FloatArray:
+        mean = np.zeros(len(self.section.hit))
+        np.add.at(mean, self.own, impulses)
+        return mean + (self.section.period * gamma) * (self.links @ offsets)
+
+    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
+        """Derivatives with respect to x."""
+        a, gamma, k, f = self._unpack(x, params)
+        times, impulses, _ = self.split(x)
+        h = self._in_turn(self.meetings(gamma, times), times)
+        m, r = self.section.count, len(self.section.hit)
+        own = np.arange(m)
+        out = np.zeros((2 * m + r, 2 * m + r))
+        walls, resets, balance = slice(0, m), slice(m, 2 * m), slice(2 * m, None)
+        bent = h[2].copy()
+        bent.flat[:: m + 1] = 0.0  # an impact does not move against itself
+        out[walls, walls] = -h[1] * impulses
+        out[resets, walls] = -bent * impulses
+        out[own, own] = a * f.df(times) + h[1] @ impulses
+        out[m + own, own] = a * f.d2f(times) + bent @ impulses
+        out[walls, resets], out[resets, resets] = h[0], h[1]
+        out[m + own, m + own] += 0.5 * (1.0 - k) / (1.0 + k)
+        out[own, 2 * m + self.own] = 1.0
+        out[2 * m + self.own, m + own] = 1.0
+        out[balance, balance] = (self.section.period * gamma) * self.links
+        if self.section.repeats:
+            told = self._told(x, params, h)
+            out[walls] = told_apart_slopes(self.section, times, told, out[walls])
+        return out
+
+    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
+        """Derivatives with respect to the parameter ``name``."""
+        a, gamma, k, f = self._unpack(x, params)
+        times, impulses, offsets = self.split(x)
+        balance = np.zeros(len(self.section.hit))
+        if name == "a":
+            walls, resets = f.f(times), f.df(times)
+        elif name == "gamma":
+            h = self.meetings(gamma, times, slope=True)
+            walls, resets = h[0] @ impulses, h[1] @ impulses
+            balance = self.section.period * (self.links @ offsets)
+        elif name == "k":
+            walls, resets = np.zeros(times.size), -impulses / (1.0 + k) ** 2
+        else:  # a parameter of the forcing
+            moved = ([f.f_param(name, float(t), order) for t in times] for order in (0, 1))
+            walls, resets = (a * np.array(row) for row in moved)
+        return np.concatenate([told_apart(self.section, times, walls), resets, balance])
+
+    def _unpack(self, x: FloatArray, params: Params) -> tuple[float, float, float, Forcing]:
+        a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
+        restitution_ratio(k)
+        if not (math.isfinite(a) and np.isfinite(x).all()):
+            raise BadInput(f"a = {a}, x = {x}: the orbit needs finite numbers.")
+        return a, gamma, k, forcing_at(self.forcing, params)
+
+
+def forcing_at(forcing: Forcing, params: Params) -> Forcing:
+    """The forcing with its own parameters taken from ``params`` where they are named there."""
+    own = forcing.params
+    if not own:
+        return forcing
+    values = tuple((name, float(params.get(name, value))) for name, value in own.items())
+    return forcing if values == tuple(own.items()) else forcing_with(forcing, values)
+
+
+@lru_cache(maxsize=256)
+def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitEquations:
+    """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
+    return OrbitEquations(section, forcing, lattice)

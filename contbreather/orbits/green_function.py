@@ -1,0 +1,505 @@
+"""Orbits of the infinite chain and of rings by the periodic Green's function: problems to trace."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contbreather.continuation import Event, Lift, Locus, Point, Problem, branch_point, fold
+from contbreather.continuation.boundary import meeting
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import Undefined
+from contbreather.continuation.point import Always
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
+from contbreather.lattice.periodic_green import Wave, check_coupling, wave, wave_slope
+from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
+from contbreather.orbits.branch_switching import from_arms, lift
+from contbreather.orbits.closure import EPS
+from contbreather.orbits.grazing import GrazingSite, solution_at
+from contbreather.orbits.green_equations import OrbitEquations, Params, equations_of
+from contbreather.orbits.on_circle import OnCircle, by_differences, off_the_edge
+from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.orbit_events import events_of
+from contbreather.orbits.orbit_problem import on_ring, orbit_problem, read_by, unstable_by
+from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
+from contbreather.orbits.section import Impact, Section, check_order
+from contbreather.orbits.site_motion import GreenMotion, Terms
+from contbreather.orbits.symmetries import simpler_than
+from contbreather.parameters import parameter
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.modal_map import ModalMap, ring_map
+from contbreather.stability.saltation import Saltation
+from contbreather.stability.verdict import THRESHOLD, check_threshold
+
+FloatArray = NDArray[np.float64]
+
+EQUAL = 1e-9  # flights that differ by less are equal
+LEAST = 1e-12  # an impulse smaller than this is none
+ACROSS = Section(((0, 1), (0, -1)))
+
+
+@representation(2)
+@dataclass(frozen=True)
+class GreensFunction:
+    """Any impacts, by the periodic Green's function: what solves `OrbitEquations`.
+
+    Attributes
+    ----------
+    conditions : Conditions
+        Of the infinite chain or a ring, without damping and springs.
+    section : Section
+    impacts : tuple of Impact
+        Those of one period; times count modulo the period.
+    offsets : tuple of float
+        Static displacement of each impacting site, from left to right.
+
+    Raises
+    ------
+    BadInput
+        For impulses that push a site into its wall, or parameters out of range.
+    """
+
+    conditions: Conditions
+    section: Section
+    impacts: tuple[Impact, ...]
+    offsets: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        on = self.conditions
+        parameter("a", on.a)
+        restitution_ratio(on.k)
+        check_coupling(on.lattice, on.gamma, self.section.turns)
+        sites = self.equations.section.hit  # or a sentence why there are no equations
+        if len(self.offsets) != len(sites):
+            raise BadInput(
+                f"{len(self.offsets)} offsets for {len(sites)} impacting sites {list(sites)}: one "
+                "for each is expected."
+            )
+        if not np.isfinite(self.x).all():
+            raise BadInput(
+                f"impacts {self.impacts}, offsets {self.offsets}: finite numbers are expected."
+            )
+        for i, impact in enumerate(self.impacts):
+            if impact.wall * impact.impulse >= 0.0:
+                raise BadInput(
+                    f"impact {i + 1} has the impulse {impact.impulse:.6g} at the wall "
+                    f"{impact.wall:+d}: a wall pushes away from itself, so the sign must be "
+                    f"{-impact.wall:+d}."
+                )
+
+    @cached_property
+    def equations(self) -> OrbitEquations:
+        """The equations it solves, as functions of all unknowns and parameters."""
+        return equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """All unknowns of `equations`."""
+        times, impulses = zip(*((one.time, one.impulse) for one in self.impacts), strict=True)
+        return np.array([*times, *impulses, *self.offsets], dtype=float)
+
+    @property
+    def error(self) -> float:
+        return float(np.abs(self.equations.residual(self.x, self.conditions.params)).max())
+
+    @property
+    def c(self) -> float:
+        if len(self.offsets) > 1:
+            raise BadInput(f"this orbit has an offset for each of {len(self.offsets)} sites.")
+        return self.offsets[0]
+
+    @property
+    def accelerations(self) -> FloatArray:
+        times, impulses, _ = self.equations.split(self.x)
+        on = self.conditions
+        h = self.equations.meetings(on.gamma, times)
+        return np.asarray(on.a * on.forcing.d2f(times) + h[2] @ impulses)
+
+    def offset(self, n: ArrayLike) -> FloatArray:
+        """Static displacement of sites: straight lines between the impacting ones, level beyond.
+
+        At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
+        """
+        sites = np.asarray(n, dtype=float)
+        places, values = list(self.section.hit), list(self.offsets)
+        ring = self.conditions.lattice.sites
+        if self.conditions.gamma == 0.0:
+            return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
+        if ring is None or len(places) == 1:
+            return np.asarray(np.interp(sites, places, values))
+        return np.asarray(np.interp(sites % ring, places, values, period=ring))
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        n, t = np.broadcast_arrays(n, t)
+        on = self.conditions
+        f = on.forcing
+        total = np.array(on.a * (f.f, f.df, f.d2f)[order](t), dtype=float)
+        if order == 0:
+            total += self.offset(n)
+        for impact in self.impacts:
+            since = self._since(t, impact.time)
+            for m in np.unique(np.abs(n - impact.site)):
+                at = np.abs(n - impact.site) == m
+                distance = on.lattice.distance(int(m))
+                answer = wave(on.lattice, on.gamma, distance, self.section.turns)
+                total[at] += impact.impulse * answer.at(since[at])[order]
+        return total
+
+    def answers(self, site: int, t: float, make: Callable[..., Wave] = wave) -> FloatArray:
+        """What a unit impulse of each impact does to a site: value, slope, curvature."""
+        on, rows = self.conditions, []
+        for impact in self.impacts:
+            distance = on.lattice.distance(site - impact.site)
+            answer = make(on.lattice, on.gamma, distance, self.section.turns)
+            rows.append(answer.at(t - impact.time)[:3])
+        return np.array(rows)
+
+    def without_offset(self, site: int, t: float) -> FloatArray:
+        """Displacement, velocity and acceleration but for the static part."""
+        on, impulses = self.conditions, self.equations.split(self.x)[1]
+        return on.a * np.array(on.forcing.motion(t)) + impulses @ self.answers(site, t)
+
+    def at(self, site: int, t: float) -> Terms:
+        u, v, w = self.without_offset(site, t).tolist()
+        return u + float(self.offset(site)), v, w
+
+    def _since(self, t: FloatArray, impact: float) -> FloatArray:
+        """Time since the last occurrence of an impact; within rounding of one it counts as one."""
+        T = self.section.period
+        s = (t - impact) % T
+        return np.where(T - s <= 4.0 * EPS * (T + np.abs(t) + abs(impact)), 0.0, s)
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a ring at one time."""
+        sites, time = np.arange(self.conditions.lattice.sites), np.array(t)
+        return self.profile(sites, time, 0), self.profile(sites, time, 1)
+
+    @cached_property
+    def map(self) -> OrbitMap | ModalMap:
+        """The map of small perturbations over one period, of a ring by its modes."""
+        on, first, T = self.conditions, self.impacts[0].time, self.section.period
+        _, impulses, _ = self.equations.split(self.x)
+        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
+        kicks = [
+            Saltation(impact.site, first + (impact.time - first) % T, entry)
+            for impact, entry in zip(self.impacts, b.tolist(), strict=True)
+        ]
+        kicks.sort(key=lambda kick: kick.time)
+        if on.lattice.sites is not None:
+            return ring_map(on.lattice, on.gamma, on.k, tuple(kicks), T)
+        return OrbitMap(on.gamma, on.k, tuple(kicks), self.section.turns)
+
+    # --------------------------------------------------------------------- as a representation
+
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        plain = not (on.damping or on.spring) and on.walls == Walls()
+        return plain and section.sign > 0 and isinstance(on.lattice, InfiniteChain | Ring)
+
+    @classmethod
+    def through(
+        cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
+    ) -> GreensFunction:
+        if not section.count == len(times) == len(impulses):
+            raise BadInput(
+                f"{section.count} impacts, {len(times)} times, {len(impulses)} impulses: one time "
+                "and one impulse for each impact is expected."
+            )
+        check_order(section, times)
+        offsets = offsets or (0.0,) * len(section.hit)
+        return cls.of(on, section, [*times, *impulses, *offsets], on.params)
+
+    @classmethod
+    def of(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
+        """With these times, impulses and offsets."""
+        m, values = section.count, np.asarray(x, dtype=float).tolist()
+        named = zip(section.impacts, values[:m], values[m : 2 * m], strict=True)
+        impacts = tuple(Impact(*impact, t, J) for impact, t, J in named)
+        return cls(on.at(params), section, impacts, tuple(values[2 * m :]))
+
+    @classmethod
+    def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
+        """With ``p, t1, t2, c`` of two impacts."""
+        p, t1, t2, c = x
+        return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
+
+    def problem(self, threshold: float) -> Problem:
+        orbit = Orbit(self)
+        if self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
+            return asymmetric_problem(orbit, threshold)
+        return impact_problem(orbit, threshold)
+
+    def guess(self) -> Problem:
+        return impact_problem(Orbit(self))
+
+    @property
+    def motion(self) -> GreenMotion:
+        return GreenMotion(self)
+
+    def weakly(self) -> None:
+        """Where there is no coupling, the closest site is meant."""
+
+    def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        endless = self.conditions.lattice.sites is None
+        return of.locus(by_differences if nu is None or not endless else off_the_edge, nu, **more)
+
+    def crest(self, site: int) -> GrazingSite:
+        return _crest(Orbit(self), site)
+
+    def speed_slope(self, j: int) -> None:
+        """An impulse of 0 pushes away from no wall."""
+
+    def lifted(self) -> Problem:
+        return Orbit(self).doubled().problem
+
+    def rewritten(
+        self, section: Section, impacts: Impacts, offsets: Offsets
+    ) -> Representation | None:
+        if not section.symmetric:
+            return replace(self, section=section, impacts=tuple(impacts), offsets=tuple(offsets))
+        if section.count > 1 or section.impacts[0] != (0, 1):
+            return None
+        (one,) = impacts
+        return orbit_of(self.conditions, section, [one.time], [one.impulse]).representation
+
+    def on(self, lattice: Any) -> None:
+        """Its impacts are as good a guess as any."""
+
+
+# --- any impacts ----------------------------------------------------------------------------------
+
+
+@read_by("orbit with impacts", GreensFunction.of)
+def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The equations of an orbit with any impacts, with the orbit as their start.
+
+    Columns: t1..tm, J1..Jm and c (c1, c2, ... where several sites take impacts); a, gamma, k and
+    the parameters of the forcing; ``unstable``, the number of multipliers outside; for two impacts
+    ``p``, and ``asymmetry`` where half a symmetric orbit may do. Every branch point of the
+    equations is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
+    """
+    motion = orbit.representation
+    equations: OrbitEquations = motion.equations
+    record: dict[str, Any] = {"unstable": unstable_by(threshold)}
+    own = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
+    record |= {name: attrgetter(f"solution.{name}") for name, there in own.items() if there}
+    return orbit_problem(
+        "orbit with impacts",
+        partial(GreensFunction.of, orbit.conditions, orbit.section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=dict(zip(equations.names, motion.x.tolist(), strict=True)),
+        params=_params(orbit),
+        jacobian=equations.jacobian,
+        sensitivity=equations.sensitivity,
+        events=(
+            fold(),
+            from_arms(branch_point()),
+            *_events(orbit, threshold),
+        ),
+        record=record,
+        domain=domain_of(equations),
+        label="orbit with impacts",
+    )
+
+
+def _events(orbit: Orbit, threshold: float) -> tuple[Event, ...]:
+    if isinstance(orbit.lattice, Ring):
+        check_threshold(threshold)
+    return events_of(orbit.section, orbit.lattice, threshold)
+
+
+def _params(orbit: Orbit) -> dict[str, float]:
+    """a, gamma, k and the parameters of the forcing."""
+    held = ("damping", "spring")
+    return {name: v for name, v in orbit.conditions.params.items() if name not in held}
+
+
+def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
+    """Where the parameters mean something, and each impulse pushes away from its wall."""
+    edge = 0.25 if equations.lattice.sites is not None else 0.25 / equations.section.turns**2
+    domain = {"gamma": (0.0, edge), "k": (0.0, 1.0), "a": (0.0, math.inf)}
+    for i, (_, wall) in enumerate(equations.section.impacts):
+        domain[f"J{i + 1}"] = (-math.inf, -LEAST) if wall > 0 else (LEAST, math.inf)
+    return domain
+
+
+# --- two impacts of one site ----------------------------------------------------------------------
+
+
+@read_by("asymmetric breather", GreensFunction.arm)
+def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The four equations with an orbit of two impacts as their start, and all its events.
+
+    Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
+    t2 - t1 - pi, ``unstable`` the number of multipliers outside.
+    """
+    first = orbit.impacts[0].time
+    times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
+    equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
+    return orbit_problem(
+        "asymmetric breather",
+        partial(GreensFunction.arm, orbit.conditions, orbit.section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
+        params=_params(orbit),
+        jacobian=equations.jacobian,
+        sensitivity=equations.sensitivity,
+        events=(pitchfork_of_arms(), fold_of_arms(), *_events(orbit, threshold)),
+        record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
+        domain={
+            "gamma": (0.0, 0.25),
+            "k": (0.0, 1.0),
+            "a": (0.0, math.inf),
+            "p": (LEAST, math.inf),
+        },
+        images=_mirror_image,
+        lifts={"PF": symmetric_again, "PD": lift},
+        label=f"asymmetric breather{on_ring(orbit.lattice, threshold)}",
+    )
+
+
+def _asymmetry(point: Point) -> float:
+    return float(point["t2"] - point["t1"] - math.pi)
+
+
+def _mirror_image(x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
+    p, t1, t2, c = x
+    return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
+
+
+def pitchfork_of_arms() -> Event:
+    """PF of an orbit with two impacts: both flights become equal, ``t2 - t1 = pi``.
+
+    Nothing changes sign there but the asymmetry itself: both arms are mirror images.
+    """
+    return Event("PF", _unequal, locus=Always(Locus({}, _equal_flights, _equal_flights_slope)))
+
+
+def _unequal(point: Point) -> float:
+    return solution_at(point).asymmetry
+
+
+def _equal_flights(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    return np.array([z[curve.slots["t2"]] - z[curve.slots["t1"]] - math.pi])
+
+
+def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    row = np.zeros((1, z.size))
+    row[0, curve.slots["t2"]], row[0, curve.slots["t1"]] = 1.0, -1.0
+    return row
+
+
+def symmetric_again(point: Point) -> Lift:
+    """The branch of symmetric breathers, in its own problem."""
+    breather = simpler_than(solution_at(point))
+    if breather is None:
+        raise Undefined("the flights are not equal here")
+    return Lift(breather.problem, point.curve.free[-1])
+
+
+def fold_of_arms() -> Event:
+    """LP of an orbit with two impacts and unequal flights.
+
+    Where its flights become equal the branch turns back as well, but that is its pitchfork. There
+    the test of a fold and the asymmetry vanish together, and their ratio does not.
+    """
+    return replace(_off_pitchfork(fold()), locus=_fold_locus)
+
+
+def _off_pitchfork(event: Event) -> Event:
+    return replace(event, test=partial(_per_asymmetry, event))
+
+
+def _per_asymmetry(event: Event, point: Point) -> float:
+    asymmetry = _unequal(point.ground)
+    return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
+
+
+def _fold_locus(point: Point) -> Locus:
+    # on its curve, so does the test of a cusp where both folds of mirror images meet
+    own = fold().locus
+    assert own is not None
+    locus = own(point)
+    return replace(locus, events=tuple(map(_off_pitchfork, locus.events)))
+
+
+# --- a site that grazes -------------------------------------------------------------------------
+
+
+def _crest(orbit: Orbit, site: int) -> GrazingSite:
+    """A site with its share of the offsets as it is where the curve sets out.
+
+    The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
+    begins: the margin of the mirrored crest vanishes together with the asymmetry, and their ratio
+    does not. So that this end is known by one name, margins are those per asymmetry.
+    """
+    share = _offset_share(orbit, site)
+    followed = GrazingSite(
+        site, partial(_motion_slopes, site, share), partial(_motion, site, share)
+    )
+    asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
+    if abs(asymmetry) <= EQUAL:
+        return replace(followed, meets={"PF": ()})
+    side = math.copysign(1.0, asymmetry)
+    pitchfork = meeting("GR", pitchfork_of_arms())
+    end = replace(pitchfork, test=partial(_towards, side), ends="domain")
+    scale = partial(_while_asymmetric, side)
+    return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
+
+
+def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
+    u, v, w = orbit.representation.without_offset(site, t)
+    return u + float(share @ orbit.offsets), v, w
+
+
+def _offset_share(orbit: Orbit, site: int) -> FloatArray:
+    """Weights of the offsets in the static displacement of a site.
+
+    On a boundary that runs into gamma = 0 a site keeps to what holds for gamma > 0.
+    """
+    size = len(orbit.offsets)
+    if orbit.gamma == 0.0 and site not in orbit.section.hit:
+        return np.zeros(size)
+    flight = orbit.representation
+    unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
+    return np.array(unit, dtype=float)
+
+
+def _motion_slopes(
+    site: int, share: FloatArray, curve: Curve, orbit: Orbit, t: float
+) -> FloatArray:
+    """Of displacement and velocity at a fixed time."""
+    f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
+    answers = orbit.representation.answers(site, t)
+    slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
+    slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
+    for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
+        slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
+    slopes |= {f"c{i}": (own, 0.0) for i, own in enumerate(share, start=1)}
+    if "gamma" in curve.free:
+        slopes["gamma"] = impulses @ orbit.representation.answers(site, t, wave_slope)[:, :2]
+    for name in {*f.params} & {*curve.free}:
+        slopes[name] = a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
+    return np.array([slopes[name] for name in (*curve.problem.start, *curve.free)]).T
+
+
+def _towards(side: float, point: Point) -> float:
+    return side * solution_at(point.ground).asymmetry
+
+
+def _while_asymmetric(side: float, point: Point) -> float:
+    asymmetry = _towards(side, point)
+    return asymmetry if asymmetry > EQUAL else math.nan

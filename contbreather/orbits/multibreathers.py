@@ -1,0 +1,302 @@
+"""Multibreathers: several impacting sites, continued from the limit without coupling.
+
+At gamma = 0 every site is a single oscillator under the same forcing, so any choice of one of its
+orbits for each impacting site is a solution, and where it is regular it goes on to gamma > 0.
+What ends it is a fold, where it merges with another choice, or a site that grazes a wall.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from contbreather.continuation import Branch, Point, Stop, fold, trace
+from contbreather.continuation.curve import Curve
+from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
+from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
+from contbreather.orbits.clearance import Inadmissible
+from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.grazing import grazing
+from contbreather.orbits.one_site import symmetric_orbits
+from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.section import Section
+from contbreather.stability.verdict import THRESHOLD
+
+ROOTS = ("upper", "lower")
+# Without symmetry nothing holds the idle sites at gamma = 0: such orbits set out from here.
+LOOSE = 1e-4
+TOGETHER = 9  # digits to which times are compared: impacts at once are listed by their sites
+
+
+Single = tuple[int, Orbit]  # a site, and the orbit it has in the limit without coupling
+
+
+def multibreather(
+    choice: Sequence[int] | Mapping[int, Any],
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    lattice: Finite,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+    forcing: Forcing | str | None = None,
+) -> Orbit:
+    """An orbit of several impacting sites, continued from gamma = 0 to the coupling asked for.
+
+    Parameters
+    ----------
+    choice : sequence of int, or dict
+        The sites that impact; or for each the orbit it has without coupling: ``"upper"`` or
+        ``"lower"``, the root of the closure with the larger or the smaller p, or any orbit of the
+        single oscillator (symmetric, asymmetric or doubled) under the same forcing.
+    a, gamma, k, damping, spring, walls, forcing
+        As for `symmetric`.
+    lattice : Ring or Lattice
+
+    Returns
+    -------
+    Orbit
+
+    Raises
+    ------
+    BadInput
+        For sites that are not there, or orbits of other parameters.
+    NoSolution
+        Where a fold or a grazing comes first; the sentence names the coupling reached.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> two = multibreather([0, 6], a=0.5, gamma=0.03, k=0.8, lattice=Ring(12))
+    >>> two.section.impacts, bool(two.admissibility())
+    (((0, 1), (6, 1)), True)
+    """
+    at, drive = Walls.given(walls), forcing_of(forcing)
+    on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
+    branch = _from_the_limit(_singles(choice, on), on)
+    if branch is None or branch[-1]["gamma"] < on.gamma:
+        raise NoSolution(_refusal(choice, branch, on))
+    orbit: Orbit = branch[-1].solution
+    return orbit
+
+
+def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
+    if branch is None:
+        return f"{choice!r}: without coupling these impacts are no orbit of the lattice already."
+    end = branch[-1]
+    why = {
+        # at EP it has come back to where it set out, through a point where it doubles or unfolds
+        "LP": "it turns back, into an orbit of another choice",
+        "EP": "it turns back, into an image of itself",
+    }.get(end.kind) or str(end.solution.admissibility().reason)
+    return (
+        f"{choice!r}: this orbit reaches gamma = {branch['gamma'].max():.9g}, not {on.gamma:.9g}; "
+        f"there {why.removesuffix('.')}."
+    )
+
+
+# --- from one site to many ----------------------------------------------------------------------
+
+
+def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[Single]:
+    try:
+        chosen = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "upper")
+    except TypeError:
+        raise BadInput(
+            f"{choice!r}: a list of sites is expected, or a dict of sites and orbits."
+        ) from None
+    if not chosen or len(chosen) < len(choice):
+        raise BadInput(f"{choice!r}: name at least one site, and each once.")
+    return [_single(site, what, replace(on, gamma=0.0)) for site, what in chosen.items()]
+
+
+def _single(site: int, what: Any, on: Conditions) -> Single:
+    """One site without coupling: by the name of a root, or by an orbit of its own."""
+    if isinstance(what, str) and what in ROOTS:
+        roots = symmetric_orbits(site, on)
+        what = roots[min(ROOTS.index(what), len(roots) - 1)]
+        site = what.section.impacts[0][0]
+    elif not isinstance(what, Orbit):
+        raise BadInput(
+            f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single "
+            "oscillator is expected."
+        )
+    elif what.lattice.sites != 1 and (what.gamma != 0.0 or not what.section.local):
+        raise BadInput(
+            f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
+            "without coupling, is expected."
+        )
+    return site, what
+
+
+def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
+    """All impacts in order of time over one common section."""
+    turns = math.lcm(*(one.section.turns for _, one in singles))
+    symmetric = turns % 2 == 1 and all(one.section.symmetric for _, one in singles)
+    length = math.pi * turns * (1 if symmetric else 2)
+    impacts = sorted(
+        (
+            (time, site, wall)
+            for site, one in singles
+            for _, wall, time, _ in one.section.course(
+                one.impacts, round(length / one.section.length)
+            )
+        ),
+        key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
+    )
+    sequence = tuple((n, wall) for _, n, wall in impacts)
+    return Section(sequence, turns, -1 if symmetric else 1), [time for time, _, _ in impacts]
+
+
+def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
+    """The branch from the limit up to the coupling asked for; None if it does not begin."""
+    section, times = _section(singles)
+    section = section.placed(on.lattice)
+    loose = not section.symmetric and on.spring == 0.0 and on.lattice.sites > 1
+    first = min(LOOSE, on.gamma) if loose else 0.0
+    try:
+        seed = ExactModes.from_times(replace(on, gamma=first), section, times)
+        start, _ = seed.problem().solve(tolerance=1e-11)
+    except NotConverged:
+        return None
+    orbit = orbit_at(start)
+    if abs(orbit.times - seed.t).max() > 0.1:  # not the orbit that was chosen
+        return None
+    if (margin := orbit.admissibility()).margin < 0.0:
+        raise Inadmissible(f"without coupling already {margin.reason}", orbit=orbit)
+    if on.gamma <= first:
+        curve = Curve(start, ("gamma",))
+        return Branch((Point(curve, curve.start),), Stop.START)
+    ends = (replace(fold(), ends="branch"), grazing())
+    return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
+
+
+# --- all of them --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Multibreather:
+    """One entry of the catalogue: a choice of sites, and what becomes of it.
+
+    Attributes
+    ----------
+    sites : tuple of int
+        One representative of all choices that a symmetry of the lattice makes alike.
+    copies : int
+        How many those are.
+    gamma : float
+        The coupling it reaches, at most the one asked for.
+    ended : str
+        What ended it there: GR, LP or another kind; empty where it exists.
+    orbit : Orbit or None
+        The last one of its branch.
+    """
+
+    sites: tuple[int, ...]
+    copies: int
+    gamma: float
+    ended: str
+    orbit: Orbit | None
+
+    @property
+    def exists(self) -> bool:
+        """Whether it lives at the coupling that was asked for."""
+        return self.orbit is not None and not self.ended
+
+    def stable(self, threshold: float = THRESHOLD) -> bool:
+        """Whether it exists, and no multiplier of it is beyond the threshold."""
+        orbit = self.orbit if self.exists else None
+        return orbit is not None and orbit.stability(threshold=threshold).stable
+
+
+def multibreathers(
+    lattice: Finite,
+    *,
+    a: float,
+    gamma: float,
+    k: float,
+    most: int = 3,
+    damping: float = 0.0,
+    spring: float = 0.0,
+    walls: Any = None,
+    forcing: Forcing | str | None = None,
+) -> tuple[Multibreather, ...]:
+    """All choices of up to `most` sites that impact on their upper root, one for each class of
+    choices that a symmetry of the lattice maps into each other.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> found = multibreathers(Ring(6), a=0.5, gamma=0.02, k=0.8, most=2)
+    >>> [(one.sites, one.copies, one.exists) for one in found]
+    [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
+    """
+    finite(lattice)
+    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= lattice.sites:
+        raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
+    at, drive = Walls.given(walls), forcing_of(forcing)
+    on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
+    found: list[Multibreather] = []
+    with keeping(lambda: tuple(found)):
+        for count in range(1, most + 1):
+            for sites, copies in _classes(lattice, count):
+                found.append(_entry(sites, copies, on))
+    return tuple(found)
+
+
+def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather:
+    try:
+        branch = _from_the_limit(_singles(sites, on), on)
+    except NoSolution:  # a site that the forcing does not bring to its walls
+        branch = None
+    if branch is None:
+        return Multibreather(sites, copies, 0.0, "no orbit without coupling", None)
+    end = branch[-1]
+    ended = "" if end["gamma"] >= on.gamma else end.kind
+    return Multibreather(sites, copies, float(branch["gamma"].max()), ended, end.solution)
+
+
+def _classes(lattice: Finite, count: int) -> list[tuple[tuple[int, ...], int]]:
+    """Choices of sites up to the symmetries of the lattice, with the size of each class."""
+    alike_by = nx.algorithms.isomorphism
+    same = partial(
+        nx.is_isomorphic,
+        node_match=alike_by.categorical_node_match("colour", ""),
+        edge_match=alike_by.categorical_edge_match("weight", ""),
+    )
+    found: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
+    for sites in itertools.combinations(range(lattice.sites), count):
+        graph = _coloured(lattice, sites)
+        mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
+        alike = found.setdefault(mark, [])
+        for i, (first, other, copies) in enumerate(alike):
+            if same(graph, other):
+                alike[i] = (first, other, copies + 1)
+                break
+        else:
+            alike.append((sites, graph, 1))
+    return [(sites, copies) for alike in found.values() for sites, _, copies in alike]
+
+
+def _coloured(lattice: Finite, sites: tuple[int, ...]) -> nx.Graph:
+    """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
+    matrix = stiffness_of(lattice).toarray()
+    drive = lattice.drive if isinstance(lattice, Lattice) else np.ones(lattice.sites)
+    graph = nx.Graph()
+    for n in range(lattice.sites):
+        own = (matrix[n, n], lattice.masses[n], drive[n])
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in own) + f" {n in sites}")
+    for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
+        graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")
+    return graph

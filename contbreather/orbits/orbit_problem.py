@@ -1,0 +1,135 @@
+"""An orbit as a problem to trace: what that has on every representation, besides its equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Point, Problem
+from contbreather.continuation.point import Counting
+from contbreather.continuation.points import Points
+from contbreather.lattice import InfiniteChain
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.orbit import Orbit, with_parameters
+from contbreather.orbits.representation import Representation
+from contbreather.orbits.section import Section
+from contbreather.orbits.symmetries import images_of, simpler_than
+from contbreather.stability.counting import many_outside
+from contbreather.storage.serialise import serialised
+
+FloatArray = NDArray[np.float64]
+Params = Mapping[str, float]
+At = Callable[[FloatArray, Params], Representation]
+Make = TypeVar("Make", bound=Callable[..., Problem])
+
+
+def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
+    """A `Problem` with orbits for its points.
+
+    Parameters
+    ----------
+    kind : str
+        By which files make it again, see `read_by`.
+    at : callable
+        The representation with given unknowns and parameters.
+    orbit : Orbit
+    threshold : float
+        Of its events, on finite lattices.
+    **equations
+        What else a `Problem` takes: the equations, their start, events and columns.
+    """
+    shared: dict[str, Any] = {
+        "interpret": partial(_interpreted, at),
+        "images": partial(_images, at),
+        "simpler": _simpler,
+        "lifts": {"PF" if orbit.symmetric else "PD": lift},
+        "wider": partial(with_parameters, threshold),
+        "serialised": {
+            "kind": kind,
+            "conditions": orbit.conditions,
+            "section": orbit.section,
+            "threshold": threshold,
+        },
+    }
+    return Problem(**{**shared, **equations})
+
+
+def on_ring(lattice: Any, threshold: float) -> str:
+    """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
+    sites = lattice.sites
+    return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
+
+
+def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
+    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
+    parameters are a representation by `of`, and that is a problem."""
+
+    def entered(problem: Make) -> Make:
+        serialised(kind)(partial(_from_dict, of, problem))
+        return problem
+
+    return entered
+
+
+def _from_dict(
+    of: Callable[..., Representation],
+    problem: Callable[..., Problem],
+    *,
+    conditions: Conditions,
+    section: Mapping[str, Any],
+    threshold: float,
+    start: Mapping[str, Any],
+    params: Params,
+) -> Problem:
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
+
+
+def _interpreted(at: At, point: Point) -> Orbit:
+    return Orbit(at(point.x, point.params))
+
+
+def _images(at: At, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
+    return tuple(image.representation.x for image in images_of(Orbit(at(x, params))))
+
+
+def _simpler(point: Point) -> Problem | None:
+    """With fewer impacts; or as any two of one site by the four equations that they have."""
+    orbit: Orbit = point.solution
+    found = (simpler_than(orbit) or orbit).problem
+    return found if len(found.start) < len(point.curve.problem.start) else None
+
+
+def unstable_by(threshold: float, lattice: Any = None) -> Counting:
+    """The column of the multipliers outside: isolated ones on the infinite chain, those beyond the
+    threshold on a finite lattice; of a symmetric breather also as one of another lattice."""
+    return Counting(partial(_unstable, threshold, lattice), partial(_rows, lattice))
+
+
+def _unstable(threshold: float, lattice: Any, point: Point) -> float:
+    map = point.solution.map
+    count: float = (map if lattice is None else map.on(lattice)).unstable(threshold)
+    return count
+
+
+def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
+    """Of all points of a branch at once, -1 where each has to be asked; None where none can be: but
+    for symmetric breathers of the infinite chain without springs."""
+    curve, on = points.curve, points[0].solution
+    closed = on.symmetric and isinstance(on.lattice, InfiniteChain) and not on.spring
+    if not closed or not isinstance(lattice, InfiniteChain | None):
+        return None
+    if not {*curve.free} <= {"a", "gamma", "k"}:
+        return None
+    p, phi, *free = points.z.T
+    values = curve.fixed | dict(zip(curve.free, free, strict=True))
+    a, gamma, k = (np.broadcast_to(values[name], p.shape) for name in ("a", "gamma", "k"))
+    with np.errstate(all="ignore"):
+        acceleration = a * on.forcing.d2f(phi) - p * on.lattice.means(gamma, "eta")
+        b = 0.5 * (1.0 + k) ** 2 * acceleration / p
+    return np.where(p > 0.0, many_outside(gamma, k, b), -1)

@@ -1,0 +1,121 @@
+"""Representations of the motion between impacts: what each of them answers, and which there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Locus, Point, Problem
+from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.site_motion import SiteMotion, Terms
+
+FloatArray = NDArray[np.float64]
+Impacts = Sequence[Impact]
+Offsets = Sequence[float]
+
+
+class Representation(Protocol):
+    """How the flights of one orbit are evaluated, with the equations and events that belong to it.
+
+    A representation supports some lattices and sections only: see `suits`; what it cannot do is
+    None.
+    """
+
+    @property
+    def conditions(self) -> Conditions: ...
+    @property
+    def section(self) -> Section: ...
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        """Those of a section, in its order."""
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Static displacement of each impacting site, where it is an unknown of its own."""
+
+    @property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre."""
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Of the site that hits, just before each impact."""
+
+    @property
+    def error(self) -> float:
+        """Largest error of the equations of the orbit."""
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        """Displacement, velocity or acceleration of sites at times, broadcast against each other;
+        at an impact the value just after it."""
+
+    def at(self, site: int, t: float) -> Terms:
+        """Displacement, velocity and acceleration of one site at one time."""
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a finite lattice."""
+
+    @property
+    def map(self) -> Any:
+        """What small perturbations become over a section; of a finite lattice it has all
+        ``multipliers()``."""
+
+    @staticmethod
+    def suits(on: Conditions, section: Section) -> bool:
+        """Whether orbits with such impacts can be evaluated like this."""
+
+    @classmethod
+    def through(
+        cls, on: Conditions, impacts: Section, times: Any, impulses: Any, offsets: Offsets
+    ) -> Representation:
+        """The motion with these impacts, or the one that comes closest to them."""
+
+    def problem(self, threshold: float) -> Problem: ...
+    def guess(self) -> Problem:
+        """The problem for what need not be a solution yet."""
+
+    @property
+    def motion(self) -> SiteMotion:
+        """What the clearance from the walls is measured on."""
+
+    def weakly(self) -> SiteMotion | None:
+        """The same with a little coupling, if that is at hand: it tells idle sites apart."""
+
+    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
+        """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
+
+    def crest(self, site: int) -> Any:
+        """How the motion of a site is followed, `grazing.GrazingSite`."""
+
+    def speed_slope(self, j: int) -> Any:
+        """The derivative, as that of a `Locus`, of the velocity of the site before an impact; None
+        where the equations do not hold with one of velocity 0."""
+
+    def lifted(self) -> Problem:
+        """The problem of orbits that leave this one where its symmetry or its period breaks."""
+
+    def rewritten(
+        self, section: Section, impacts: Impacts, offsets: Offsets
+    ) -> Representation | None:
+        """The same motion from the same start in other words; None if that cannot be."""
+
+    def on(self, lattice: Any) -> Any:
+        """The `Orbit` of another lattice by means of its own; None where that needs another."""
+
+
+REPRESENTATIONS: dict[int, type[Representation]] = {}
+R = TypeVar("R", bound=type[Representation])
+
+
+def representation(rank: int) -> Callable[[R], R]:
+    """Enter a representation; of several that suit an orbit the lowest rank takes it."""
+
+    def entered(kind: R) -> R:
+        REPRESENTATIONS[rank] = kind
+        return kind
+
+    return entered

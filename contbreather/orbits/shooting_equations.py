@@ -1,0 +1,477 @@
+"""A lattice flown from impact to impact: states, and their slopes, through flows and impacts.
+
+Between impacts the free part of the motion, ``u_n - a f_n(t)``, turns mode by mode, exactly (18).
+At an impact of site n one velocity jumps, ``u_n' -> -k u_n'``. So the state after a section is a
+closed form of the state before it and of the impact times, and so is its derivative. Where times
+are not set but follow from the impacts, each impact acts on small perturbations by its own
+saltation matrix (19): those make the monodromy matrix.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import Basis, Finite
+from contbreather.lattice.modal_flow import (
+    Driven,
+    ModalPropagator,
+    driven,
+    free_multipliers,
+    propagator,
+    propagator_slope,
+    propagator_slope_in_damping,
+)
+from contbreather.orbits.section import (
+    Impact,
+    Section,
+    in_turn,
+    told_apart,
+    told_apart_slopes,
+)
+from contbreather.stability.modal_map import ModalMap, ModalSaltation
+from contbreather.stability.saltation import saltation, saltation_entry
+
+FloatArray = NDArray[np.float64]
+Array = NDArray[Any]
+
+EPS = float(np.finfo(float).eps)
+NOWHERE = -1  # in place of the index of an impact: a time that does not move
+
+
+class Arrival(NamedTuple):
+    """One impact of a section as it was flown."""
+
+    which: int  # in the section, from 0
+    site: int
+    wall: int
+    time: float
+    velocity: float  # of the site that hits, just before
+    acceleration: float
+
+
+class Leg(NamedTuple):
+    """One free flight, between two of the times t; the section starts and ends with ``t[0]``."""
+
+    start: int  # index of the time it starts at
+    stop: int
+    since: float
+    flight: float  # how long; backwards where an impact overtakes the first one
+    propagator: ModalPropagator
+    q: FloatArray  # the modes at its start
+    r: FloatArray
+    q_end: FloatArray
+    r_end: FloatArray
+    arrival: Arrival | None  # at its end; none at that of the section
+
+
+class Resonance(NamedTuple):
+    """The mode that is closest to closing after a section without any impact."""
+
+    mode: int  # of those that impacts see, by frequency, from 1
+    frequency: float
+    gap: float  # |exp(i w T) - sign|: 0 in resonance
+
+
+class Tangents(NamedTuple):
+    """Derivatives along a section, each with one column for every variable."""
+
+    walls: FloatArray  # of the wall conditions, (m, ...)
+    speeds: FloatArray  # of the velocities before the impacts
+    starts: list[tuple[FloatArray, FloatArray]]  # of the modes at the start of each leg
+    Y: FloatArray  # of their displacements at the end of the section, (K, ...)
+    R: FloatArray  # of their velocities
+
+
+@dataclass(frozen=True, eq=False)
+class SectionFlight:
+    """One section flown, from before its first impact to before that impact's return.
+
+    Parameters
+    ----------
+    section : Section
+    t : ndarray, shape (m,)
+        Impact times.
+    q, r : ndarray, shape (K,)
+        Free part ``u - a f`` of displacements and velocities at ``t[0]``, before any impact of the
+        section, in the modes of `basis`.
+    conditions : Conditions
+    """
+
+    section: Section
+    t: FloatArray
+    q: FloatArray
+    r: FloatArray
+    conditions: Conditions
+    offsets: ClassVar[tuple[float, ...]] = ()  # are part of the state
+
+    def __post_init__(self) -> None:
+        if not np.ptp(self.t) < self.section.length:
+            early, late = int(self.t.argmin()) + 1, int(self.t.argmax()) + 1
+            raise BadInput(
+                f"impact times {self.t.tolist()}: t{late} is a section of length "
+                f"{self.section.length:.6g} or more after t{early}, so it has been overtaken by "
+                f"the next one of those; list the impacts from t{late} on."
+            )
+
+    @cached_property
+    def basis(self) -> Basis:
+        """The modes that its impacts can excite."""
+        basis: Basis = self.conditions.lattice.basis(self.section.hit)
+        return basis
+
+    @cached_property
+    def z(self) -> FloatArray:
+        """Squared frequencies of the modes."""
+        return self.conditions.gamma * self.basis.lam + self.conditions.spring
+
+    @cached_property
+    def forced(self) -> Driven:
+        """The forced motion of all sites, at unit amplitude."""
+        on = self.conditions
+        return driven(self.conditions.lattice, on.forcing, on.gamma, on.spring, on.damping)
+
+    @cached_property
+    def shapes(self) -> FloatArray:
+        """The modes at the sites of the impacts, by index, shape (m, K)."""
+        return _shapes(self.section, self.conditions.lattice)
+
+    @cached_property
+    def kicks(self) -> FloatArray:
+        """What a unit change of velocity at the sites of the impacts does to the modes, (m, K)."""
+        masses = self.conditions.lattice.masses
+        return self.shapes * masses[[n for n, _ in self.section.impacts], None]
+
+    @cached_property
+    def legs(self) -> tuple[Leg, ...]:
+        """The free flights, one more than there are impacts."""
+        start = float(self.t[0])
+        lags = [(float(self.t[j]) - start, j) for j in in_turn(self.section, self.t)]
+        legs: list[Leg] = []
+        at, now, q, r = 0, 0.0, self.q, self.r
+        for lag, j in [*lags, (self.section.length, 0)]:
+            fly = propagator(self.z, lag - now, self.conditions.damping)
+            end = fly(q, r)
+            one = self._arrival(j, start + lag, *end) if len(legs) < len(lags) else None
+            legs.append(Leg(at, j, start + now, lag - now, fly, q, r, *end, one))
+            if one is not None:
+                loss = (1.0 + self.conditions.k) * one.velocity
+                at, now, q, r = j, lag, end[0], end[1] - loss * self.kicks[j]
+        return tuple(legs)
+
+    @cached_property
+    def arrivals(self) -> tuple[Arrival, ...]:
+        """The impacts in order of time."""
+        return tuple(leg.arrival for leg in self.legs if leg.arrival is not None)
+
+    def _arrival(self, j: int, time: float, q: FloatArray, r: FloatArray) -> Arrival:
+        site, wall = self.section.impacts[j]
+        e, a = self.shapes[j], self.conditions.a
+        _, speed, bend = self.forced.at(site, time)
+        velocity, pull = float(e.dot(r)), float(e.dot(self.pulled(q, r)))
+        return Arrival(j, site, wall, time, velocity + a * speed, pull + a * bend)
+
+    def pulled(self, q: FloatArray, r: FloatArray) -> FloatArray:
+        """Acceleration of free modes."""
+        damping = self.conditions.damping
+        return -self.z * q - damping * r if damping else -self.z * q
+
+    # -------------------------------------------------------------------------------- motion
+
+    @cached_property
+    def impacts(self) -> tuple[Impact, ...]:
+        loss = -(1.0 + self.conditions.k)
+        in_order = sorted(self.arrivals)
+        return tuple(Impact(x.site, x.wall, x.time, loss * x.velocity) for x in in_order)
+
+    @property
+    def accelerations(self) -> FloatArray:
+        return np.array([one.acceleration for one in sorted(self.arrivals)])
+
+    @property
+    def x(self) -> FloatArray:
+        """All unknowns."""
+        return np.concatenate([self.t, self.q, self.r])
+
+    @property
+    def error(self) -> float:
+        return float(abs(self.residual()).max())
+
+    @cached_property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre, its mean over sites and time."""
+        if self.section.symmetric:
+            return 0.0
+        share = self.basis.at(np.arange(self.conditions.lattice.sites)).mean(axis=0)
+        # by Gauss's rule: to rounding for as many nodes, and modes may drift, turn or decay
+        nodes, weights = np.polynomial.legendre.leggauss(
+            12 + int(math.sqrt(float(self.z.max())) * self.section.length)
+        )
+        shift = 0.0
+        for leg in self.legs:
+            times = 0.5 * leg.flight * (1.0 + nodes)[:, None]
+            fly = propagator(self.z, times, self.conditions.damping)
+            path = fly.cosine * leg.q + fly.reach * leg.r
+            shift += 0.5 * leg.flight * float(weights @ (path @ share))
+        return shift / self.section.length
+
+    @property
+    def chi(self) -> float:
+        """Of the impact of one site: where it is without its forced motion, per unit p."""
+        (one,), a = self.impacts, self.conditions.a
+        place = self.conditions.walls.position(one.site, one.wall)
+        return 2.0 * (place - a * self.forced.at(one.site, one.time)[0]) / abs(one.impulse)
+
+    def at(self, n: int, t: float) -> tuple[float, float, float]:
+        """Displacement, velocity and acceleration of one site at one time."""
+        _, leg, sign = self._cut(t)
+        q, r, a = sign * leg.q_end, sign * leg.r_end, self.conditions.a
+        e = self.basis.at(n)
+        u, v, w = self.forced.at(n, t)
+        bend = float(e.dot(self.pulled(q, r)))
+        return float(e.dot(q)) + a * u, float(e.dot(r)) + a * v, bend + a * w
+
+    def displacements(self, times: FloatArray) -> FloatArray:
+        """Displacements of all sites at many times, shape (times, sites)."""
+        free = self.basis.to_sites(self.modes(times)[0])
+        return free + self.conditions.a * self.forced.everywhere(times, 0)
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        a, free = self.conditions.a, self.modes(np.array(t))
+        forced = (a * self.forced.everywhere(t, order) for order in (0, 1))
+        u, v = (self.basis.to_sites(own) + f for own, f in zip(free, forced, strict=True))
+        return u, v
+
+    def modes(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Free part of displacements and velocities of the modes, shape (..., K)."""
+        flight, ahead, sign = self._places(times)
+        sign, (_, starts_q, starts_r) = sign[..., None], self._flights
+        now, fast = starts_q[flight], starts_r[flight]
+        flown = propagator(self.z, ahead[..., None], self.conditions.damping)
+        return (
+            sign * (flown.cosine * now + flown.reach * fast),
+            sign * (flown.swing * fast - flown.pull * now),
+        )
+
+    def _places(self, times: FloatArray) -> tuple[Array, FloatArray, Array]:
+        """In which flight after the first impact times fall, how far ahead of its start, and with
+        which sign the section repeats there."""
+        starts = self._flights[0]
+        T, first = self.section.length, starts[0]
+        sections = np.floor((times - first) / T)
+        since = times - first - sections * T
+        # an impact time + T in floating point is not quite an impact; it is meant to be one
+        slack = 4.0 * EPS * (T + np.abs(times) + abs(first))
+        late = T - since <= slack
+        sections, since = np.where(late, sections + 1.0, sections), np.where(late, 0.0, since)
+        flight = np.searchsorted(starts - first, since + slack, side="right") - 1
+        ahead = np.maximum(since - (starts - first)[flight], 0.0)
+        return flight, ahead, np.where(sections % 2.0 == 0.0, 1, self.section.sign)
+
+    def _cut(self, t: float) -> tuple[int, Leg, int]:
+        """The same at one time: which leg it falls on, that leg up to there, and its sign."""
+        flight, ahead, sign = self._places(np.array(t))
+        i, time = int(flight) + 1, float(ahead)
+        leg = self.legs[i]
+        fly = propagator(self.z, time, self.conditions.damping)
+        q, r = fly(leg.q, leg.r)
+        return i, Leg(leg.start, NOWHERE, leg.since, time, fly, leg.q, leg.r, q, r, None), int(sign)
+
+    @cached_property
+    def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Start, displacements and velocities of the modes of each flight of a section."""
+        legs = self.legs[1:]
+        rows = (np.array([getattr(leg, name) for leg in legs]) for name in ("since", "q", "r"))
+        return tuple(rows)  # type: ignore[return-value]
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        q, r = self.modes(t)
+        own = (q, r, self.pulled(q, r))[order]
+        free = np.einsum("...k,...k->...", self.basis.at(n), own)
+        forced = self.forced.everywhere(t, order)
+        if forced.shape[-1] == 1:
+            return np.asarray(free + self.conditions.a * forced[..., 0])
+        i, n = np.broadcast_arrays(np.arange(t.size).reshape(t.shape), n)
+        return np.asarray(free + self.conditions.a * forced.reshape(t.size, -1)[i, n])
+
+    # ---------------------------------------------------------------- equations and their slopes
+
+    def residual(self) -> FloatArray:
+        """Every impact is on its wall, and the section closes: m + 2K numbers."""
+        sign, last = self.section.sign, self.legs[-1]
+        closing = last.q_end - sign * self.q, last.r_end - sign * self.r
+        return np.concatenate([self._walls, *closing])
+
+    def _speed_between(self, i: int, j: int, since: FloatArray) -> FloatArray | None:
+        """Of a site from one impact to the next one, at times since then; None where another site
+        impacts in between."""
+        leg = next(leg for leg in self.legs[1:] if leg.start == i)
+        if leg.stop != j:
+            return None
+        fly = propagator(self.z, since[:, None], self.conditions.damping)
+        forced = self.forced.everywhere(leg.since + since, 1)  # of all sites alike, or of each
+        own = forced[:, self.section.impacts[i][0] if forced.shape[-1] > 1 else 0]
+        free = fly.swing * leg.r - fly.pull * leg.q
+        return np.asarray(free @ self.shapes[i] + self.conditions.a * own)
+
+    @cached_property
+    def _walls(self) -> FloatArray:
+        """How far sites are beyond their walls at their impacts."""
+        value = np.empty(self.t.size)
+        for leg in self.legs[:-1]:
+            one: Any = leg.arrival
+            own = float(self.shapes[one.which].dot(leg.q_end))
+            forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
+            wall = self.conditions.walls.position(one.site, one.wall)
+            value[one.which] = own + forced - wall
+        return told_apart(self.section, self.t, value, self._speed_between)
+
+    def tangents(self, names: Sequence[str] = ()) -> Tangents:
+        """Derivatives along the flight, in t, q, r, then in `names`."""
+        m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
+        width = m + 2 * K
+        walls, speeds = np.zeros((2, m, width + len(names)))
+        Y, R = np.zeros((2, K, width + len(names)))
+        Y[own, m + own] = R[own, m + K + own] = 1.0
+        starts = []
+        for leg in self.legs:
+            starts.append((Y, R))
+            Y, R = self._carried(leg, Y, R, names)
+            one = leg.arrival
+            if one is None:
+                break
+            e = self.shapes[one.which]
+            wall, speed = e @ Y, e @ R
+            for i, name in enumerate(names, start=width):
+                moved = self.driven(name, one.site, one.time)
+                wall[i] += moved[0]
+                speed[i] += moved[1]
+            _, tilt, bend = self.forced.at(one.site, one.time)
+            wall[one.which] += self.conditions.a * tilt
+            speed[one.which] += self.conditions.a * bend
+            loss = (1.0 + self.conditions.k) * speed
+            loss[width:] += [one.velocity if name == "k" else 0.0 for name in names]
+            walls[one.which], speeds[one.which] = wall, speed
+            R = R - np.multiply.outer(self.kicks[one.which], loss)
+        return Tangents(walls, speeds, starts, Y, R)
+
+    def _carried(self, leg: Leg, Y: Array, R: Array, names: Sequence[str]) -> tuple[Array, Array]:
+        """Derivatives at the end of a leg from those at its start; its ends in time move."""
+        if not leg.flight and leg.start == leg.stop:  # from the first impact to itself
+            return Y, R
+        Y, R = leg.propagator(Y, R)
+        pull = self.pulled(leg.q_end, leg.r_end)
+        for j, side in ((leg.stop, 1.0), (leg.start, -1.0)):
+            if j != NOWHERE:
+                Y[:, j] += side * leg.r_end
+                R[:, j] += side * pull
+        damping = self.conditions.damping
+        for column, name in enumerate(names, start=Y.shape[1] - len(names)):
+            if name == "damping":
+                slope = propagator_slope_in_damping(self.z, leg.flight, leg.propagator, damping)
+            elif name in ("gamma", "spring"):
+                slope = propagator_slope(self.z, leg.flight, leg.propagator, damping)
+            else:
+                continue
+            rise = self.basis.lam if name == "gamma" else 1.0
+            y, v = slope(leg.q, leg.r)
+            Y[:, column] += rise * y
+            R[:, column] += rise * v
+        return Y, R
+
+    def jacobian(self, names: Sequence[str] = ()) -> FloatArray:
+        """Derivative of `residual` in (t, q, r) and `names`, shape ``(m + 2K, m + 2K + ...)``."""
+        m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
+        found, sign = self.tangents(names), self.section.sign
+        walls = told_apart_slopes(self.section, self.t, self._walls, found.walls)
+        matrix = np.vstack([walls, found.Y, found.R])
+        matrix[m + own, m + own] -= sign
+        matrix[m + K + own, m + K + own] -= sign
+        return matrix
+
+    def slopes_at(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
+        """Derivatives of displacement and velocity of a site at a fixed time in t, q, r and
+        `names`, shape ``(2, ...)``."""
+        i, leg, sign = self._cut(time)
+        Y, R = self._carried(leg, *self.tangents(names).starts[i], names)
+        e = self.basis.at(site)
+        rows = np.array([sign * (e @ Y), sign * (e @ R)])
+        for column, name in enumerate(names, start=rows.shape[1] - len(names)):
+            rows[:, column] += self.driven(name, site, time)
+        return rows
+
+    def driven(self, name: str, site: int, time: float) -> tuple[float, float]:
+        """Derivatives of the forced displacement and velocity of a site in one parameter."""
+        if name == "a":
+            return self.forced.at(site, time)[:2]
+        u, v = self.forced.slope(name, site, time)
+        return self.conditions.a * u, self.conditions.a * v
+
+    # -------------------------------------------------------------------------- perturbations
+
+    @cached_property
+    def impact_slopes(self) -> FloatArray:
+        """Derivatives in (q, r) of velocity and acceleration at each impact in turn, (2m, 2K).
+
+        The flight is linear in its state at fixed times, and `map` knows no more of the state.
+        """
+        Y, R = np.eye(2 * self.q.size).reshape(2, self.q.size, -1)
+        rows = []
+        for leg, one in zip(self.legs, self.arrivals, strict=False):
+            Y, R = leg.propagator(Y, R)
+            e = self.shapes[one.which]
+            speed = e @ R
+            rows += [speed, -(e * self.z) @ Y - self.conditions.damping * speed]
+            R = R - np.multiply.outer(self.kicks[one.which], (1.0 + self.conditions.k) * speed)
+        return np.array(rows)
+
+    @cached_property
+    def map(self) -> ModalMap:
+        """What small perturbations become over a section."""
+        on, blows = self.conditions, []
+        for one in self.arrivals:
+            # velocity and acceleration change sign with the side; braked less after the impact
+            # than before, a site turns round faster by damping (1 + k) v
+            b = saltation_entry(one.acceleration, one.velocity, on.k) + (1.0 + on.k) * on.damping
+            shape, kick = self.shapes[one.which], self.kicks[one.which]
+            blows.append(ModalSaltation(shape, kick, saltation(on.k, b)))
+        unseen, turns = (
+            on.gamma * self.basis.unseen + on.spring,
+            tuple(x.propagator for x in self.legs),
+        )
+        own = self.z, unseen, turns, tuple(blows), self.section.length, self.section.sign
+        return ModalMap(on.lattice, on.gamma, on.damping, *own)
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the Newton matrix. It grows where a multiplier comes close to +1
+        (to -1, on half a symmetric orbit)."""
+        return float(np.linalg.cond(self.jacobian()))
+
+    @property
+    def resonance(self) -> Resonance | None:
+        """The mode that is nearest to closing on its own; None if there is but a mean.
+
+        In resonance the impacts alone no longer tell how strongly that mode moves: on an
+        eigenfrequency n w = j the orbit is found nevertheless, its condition number says how well.
+        """
+        z = np.sort(self.z[self.z > 0.0])
+        if z.size == 0:
+            return None
+        one, _ = free_multipliers(z, self.conditions.damping, self.section.length)
+        gap = abs(one - self.section.sign)
+        j = int(gap.argmin())
+        return Resonance(j + 1, math.sqrt(float(z[j])), float(gap[j]))
+
+
+@lru_cache(maxsize=128)
+def _shapes(section: Section, lattice: Finite) -> FloatArray:
+    return lattice.basis(section.hit).at(np.array([n for n, _ in section.impacts]))

@@ -1,0 +1,203 @@
+"""The closed form of the symmetric breather: site 0 hits its walls in turn, at phi and phi + pi.
+
+Eqs. (3) to (13), for any antisymmetric forcing, on the infinite chain and on rings. Between
+impacts everything is in closed form in time (see `contbreather.lattice.free_flight`): no
+Fourier series of (9) or (12) is summed anywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.checks import real
+from contbreather.errors import BadInput
+from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
+from contbreather.lattice.on_site_spring import SpringResponse
+from contbreather.orbits.closure import EPS, Closure, sprung
+from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.site_motion import ClosedFormMotion, Terms, phase
+from contbreather.parameters import parameter
+from contbreather.stability.half_period import HalfMap
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+HALF = Section(((0, 1),), sign=-1)
+
+
+@lru_cache(maxsize=4096)
+def flight_of(lattice: Lattice, gamma: float, distance: int) -> FreeFlight:
+    """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
+    return free_flight(
+        float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance)
+    )
+
+
+@lru_cache(maxsize=1024)
+def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamma") -> FreeFlight:
+    """Derivative of `flight_of` in gamma or the spring, at the same time since the impact."""
+    if name == "spring":
+        first, powers = lattice.first_by_spring, lattice.spring_powers
+    else:
+        first, powers = lattice.dfirst_harmonic, lattice.dpowers
+    return free_flight(float(first(gamma, distance)), powers(gamma, distance))
+
+
+@dataclass(frozen=True)
+class SymmetricBreather:
+    """The motion of a symmetric breather, from the roots (p, phi) of (11).
+
+    Attributes
+    ----------
+    a, gamma, k : float
+        Amplitude of the forcing, coupling, restitution coefficient.
+    p, phi : float
+        Half the momentum of an impact, and its phase lag.
+    forcing : Forcing
+        Where springs hold the sites to the ground, `SpringResponse`, the response to a forcing.
+    lattice : InfiniteChain or Ring
+    """
+
+    a: float
+    gamma: float
+    k: float
+    p: float
+    phi: float
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Lattice = field(default_factory=InfiniteChain)
+
+    section: ClassVar[Section] = HALF
+    offsets: ClassVar[tuple[float, ...]] = (0.0,)
+    c: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
+        self.lattice.check(self.gamma)
+        restitution_ratio(self.k)
+        parameter("a", self.a)
+        if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
+            raise BadInput(
+                f"p = {self.p!r}, phi = {self.phi!r}: a breather needs a finite phase and an "
+                "impact with p > 0; use symmetric(a, gamma, k) to find them."
+            )
+
+    # ------------------------------------------------------------------------ as any motion
+
+    @property
+    def conditions(self) -> Conditions:
+        on, f = (self.a, self.gamma, self.k), self.forcing
+        if isinstance(f, SpringResponse):
+            return Conditions(*on, spring=f.spring, forcing=f.of, lattice=InfiniteChain())
+        return Conditions(*on, forcing=f, lattice=self.lattice)
+
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        return (Impact(0, 1, self.phi, -2.0 * self.p),)
+
+    @property
+    def error(self) -> float:
+        here = {"a": self.a, "gamma": self.gamma, "k": self.k}
+        closure = Closure(self.forcing, self.lattice)
+        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), here))))
+
+    # ------------------------------------------------------------------ what follows from (11)
+
+    @property
+    def q(self) -> float:
+        """``(1 - k)/(1 + k)``."""
+        return restitution_ratio(self.k)
+
+    @property
+    def chi(self) -> float:
+        return self.lattice.chi(self.gamma)
+
+    @property
+    def family(self) -> str:
+        """``"upper"`` before a fold, ``"lower"`` behind it: the sign of the determinant of (11),
+        which changes at folds and nowhere else. With one harmonic that of the larger p is upper.
+
+        Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
+        """
+        f = self.forcing
+        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)
+        return "upper" if turn >= 0.0 else "lower"
+
+    @property
+    def w_minus(self) -> float:
+        """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
+        return 2.0 * self.p / (1.0 + self.k)
+
+    @property
+    def acceleration(self) -> float:
+        """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
+        return float(self.a * self.forcing.d2f(self.phi) - self.p * self.lattice.eta(self.gamma))
+
+    @property
+    def accelerations(self) -> FloatArray:
+        return np.array([self.acceleration])
+
+    @property
+    def b(self) -> float:
+        """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
+        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p
+
+    # ------------------------------------------------------------------------------- profile
+
+    def flight(self, n: int) -> FreeFlight:
+        """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
+        return flight_of(self.lattice, self.gamma, self.lattice.distance(int(n)))
+
+    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
+        """Eq. (12) in closed form, and its derivatives."""
+        n, t = np.broadcast_arrays(n, t)
+        y, sign = self._phase(t)
+        # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
+        first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
+        own = np.asarray(FreeFlight(first, ()).at(y)[order])
+        away = self.lattice.distance(n)
+        for m in np.unique(away[away <= TERMS]):
+            at = away == m
+            own[at] = self.flight(int(m)).at(y[at])[order]
+        f = self.forcing
+        return np.asarray(self.a * (f.f, f.df, f.d2f)[order](t) + self.p * sign * own)
+
+    def at(self, site: int, t: float) -> Terms:
+        """Displacement, velocity and acceleration of a site at one time."""
+        (y, sign), (f, df, d2f) = phase(self, t), self.forcing.motion(t)
+        (u, v, w), a, p = self.flight(site).at(y), self.a, sign * self.p
+        return a * f + p * u, a * df + p * v, a * d2f + p * w
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Displacements and velocities of all sites of a ring at one time."""
+        sites, time = np.arange(self.lattice.sites or 0), np.array(t)
+        return self.profile(sites, time, 0), self.profile(sites, time, 1)
+
+    def _phase(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
+        since = t - self.phi
+        flights = np.floor(since / math.pi)
+        s = since - flights * math.pi
+        # phi + pi in floating point is not quite an impact; it is meant to be one
+        late = math.pi - s <= 4.0 * EPS * (math.pi + np.abs(t) + abs(self.phi))
+        flights = np.where(late, flights + 1.0, flights)
+        s = np.where(late, 0.0, np.maximum(s, 0.0))
+        return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
+
+    @property
+    def motion(self) -> ClosedFormMotion:
+        """What its clearance from the walls is measured on."""
+        return ClosedFormMotion(self)
+
+    # ----------------------------------------------------------------------------- stability
+
+    @cached_property
+    def map(self) -> HalfMap:
+        return HalfMap(self.gamma, self.k, self.b, self.lattice)

@@ -1,0 +1,176 @@
+"""One orbit, many descriptions: its mirror image, other impacts first, a smaller problem.
+
+The forcing changes sign after pi, so ``u(t) -> -u(t + pi)`` makes an orbit of an orbit, and so do
+exchanges of sites that the lattice does not tell apart. What then hits the same walls in the same
+order, begun with another impact, solves the same equations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from contbreather.errors import BadInput
+from contbreather.lattice.finite import Lattice
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.section import Impact, Section
+
+SAME = 1e-7  # descriptions whose equations are off by less are right
+ALIKE = 1e-9  # answers of sites to each other that differ by less, relative to the largest
+
+
+def images_of(orbit: Orbit) -> Iterator[Orbit]:
+    """What the shifts by pi, 2 pi, ... with their signs, and exchanges of alike sites, make of an
+    orbit, among those that have the same sequence of impacts; each begins with the impact that
+    comes closest in time to the first one. A shift of half a symmetric orbit is itself."""
+    # by odd multiples of pi the walls change places
+    stride = 1 if orbit.walls.symmetric else 2
+    shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
+    hit, walls = orbit.section.hit, orbit.walls
+    others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
+    orders = [one for one in _exchanges(_answers(orbit)) if _idle_alike(orbit, one)]
+    for order, shift in product(orders, shifts):
+        places = {site: hit[i] for site, i in zip(hit, order, strict=True)}
+        moved = [(walls.at(one), walls.at(to)) for one, to in places.items() if one != to]
+        if (not moved and not shift) or (moved and (others or any(a != b for a, b in moved))):
+            continue
+        image = shifted(orbit, shift, places)
+        if image is not None:
+            yield image
+
+
+def _answers(orbit: Orbit) -> Any:
+    """How the sites that hit answer to impacts of each other, up to a function of all."""
+    hit, lattice = np.array(orbit.section.hit), orbit.lattice
+    if lattice.sites is None:
+        return abs(hit[:, None] - hit)
+    basis = lattice.basis(orbit.section.hit)
+    shapes = basis.at(hit)
+    return (shapes / (1.0 + basis.lam)) @ shapes.T * lattice.masses[hit]
+
+
+def _exchanges(answers: Any, first: tuple[int, ...] = ()) -> Iterator[tuple[int, ...]]:
+    """Orders in which they are the same, of those that begin so."""
+    n = len(first)
+    if n == len(answers):
+        yield first
+        return
+    for i in sorted({*range(len(answers))} - {*first}):
+        off = answers[i, [*first, i]] - answers[n, : n + 1]
+        if abs(off).max() <= ALIKE * abs(answers).max():
+            yield from _exchanges(answers, (*first, i))
+
+
+def _idle_alike(orbit: Orbit, order: tuple[int, ...]) -> bool:
+    """Whether the others cannot tell that order from the first: on some trees two sites answer each
+    other alike that no symmetry exchanges."""
+    lattice, hit = orbit.lattice, orbit.section.hit
+    if not isinstance(lattice, Lattice) or order == (*range(len(order)),):
+        return True  # of a chain or a ring every exchange is a symmetry
+    basis = lattice.basis(hit)
+    answers = (basis.shapes / (1.0 + basis.lam)) @ basis.at(hit).T
+    own = np.pi * lattice.masses + np.e * lattice.drive
+    # one number for each site, of all that it is and does
+    weights = np.sqrt(2.0 + np.arange(len(order)))
+    before, after = np.sort([answers @ weights + own, answers[:, list(order)] @ weights + own])
+    return bool(abs(before - after).max() <= ALIKE * abs(before).max())
+
+
+def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -> Orbit | None:
+    """``(-1)^shift u(t + shift pi)`` with the same sequence of impacts, if it has that; on other
+    sites, by number, where there are `places`.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.constructors import asymmetric
+    >>> one = asymmetric(0.82, 0.04, 0.8)
+    >>> other = shifted(one, 1)
+    >>> abs(other.displacement(0, 1.0) + one.displacement(0, 1.0 + math.pi)) < 1e-14
+    True
+    """
+    section, sign, places = orbit.section, -1 if shift % 2 else 1, places or {}
+    moved = [
+        Impact(places.get(n, n), sign * wall, t - shift * math.pi, sign * J)
+        for n, wall, t, J in sorted(orbit.impacts, key=lambda one: one.time)
+    ]
+    found: list[tuple[float, int, Any, list[Impact]]] = []
+    for window in _windows(moved, section):
+        if impacts := _named(window, section):
+            times = np.array([one.time for one in impacts])
+            times -= orbit.period * round((times[0] - orbit.times[0]) / orbit.period)
+            found.append((float(abs(times - orbit.times).sum()), len(found), times, impacts))
+    if not found:
+        return None
+    _, _, times, impacts = min(found)
+    impulses = [one.impulse for one in impacts]
+    at = {places.get(n, n): sign * c for n, c in zip(section.hit, orbit.offsets, strict=False)}
+    offsets = [at[n] for n in section.hit if at]
+    try:
+        representation = type(orbit.representation).through(
+            orbit.conditions, section, times, impulses, offsets
+        )
+    except BadInput:  # two sites at once, in an order that no section has
+        return None
+    return Orbit(representation) if representation.error < SAME + orbit.residual else None
+
+
+def _windows(impacts: Sequence[Impact], section: Section) -> Iterator[Sequence[Impact]]:
+    """Sections of a motion, begun with each impact of a period in turn."""
+    m, course = len(impacts), section.course(impacts, 3)
+    for start in range(m if section.sign > 0 else 2 * m):
+        yield course[start : start + m]
+
+
+def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
+    """Its impacts in the order of a section, in which those of different sites may overtake each
+    other. Empty if it has others."""
+    of_site: dict[int, deque[Impact]] = {n: deque() for n in section.hit}
+    for one in window:
+        of_site[one.site].append(one)
+    impacts = [of_site[n].popleft() for n, _ in section.impacts if of_site[n]]
+    return impacts if tuple(one[:2] for one in impacts) == section.impacts else []
+
+
+def simpler_than(orbit: Orbit) -> Orbit | None:
+    """The same motion with fewer impacts: a part of its period, or half of it where the other half
+    is its mirror image."""
+    for section in _parts(orbit):
+        if section.symmetric and max(map(abs, orbit.offsets), default=0.0) > SAME:
+            continue
+        impacts = _first_of(orbit, section)
+        representation = (
+            orbit.representation.rewritten(section, impacts, orbit.offsets) if impacts else None
+        )
+        if representation is not None and representation.error < SAME:
+            return Orbit(representation)
+    return None
+
+
+def _first_of(orbit: Orbit, section: Section) -> tuple[Impact, ...]:
+    """The impacts of one of several equal parts, their mean; empty if the parts are not equal."""
+    m = section.count
+    part = np.arange(orbit.section.count // m)[:, None]
+    times = orbit.times.reshape(-1, m) - section.length * part
+    impulses = orbit.impulses.reshape(-1, m) * float(section.sign) ** part
+    if max(np.ptp(times, axis=0).max(), np.ptp(impulses, axis=0).max()) > SAME:
+        return ()
+    means = zip(section.impacts, times.mean(axis=0), impulses.mean(axis=0), strict=True)
+    return tuple(Impact(*impact, float(t), float(J)) for impact, t, J in means)
+
+
+def _parts(orbit: Orbit) -> Iterator[Section]:
+    """Sections of which the orbit may consist, going by its walls."""
+    own, turns = orbit.section.impacts, orbit.section.turns
+    if orbit.symmetric:
+        return
+    for parts in (2, 3, 5, 7):
+        m = len(own) // parts
+        if m and turns % parts == 0 and own == own[:m] * parts:
+            yield Section(own[:m], turns // parts)
+    if orbit.section.mirrored and orbit.walls.symmetric:
+        yield Section(own[: len(own) // 2], turns, -1)

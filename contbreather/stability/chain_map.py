@@ -1,0 +1,423 @@
+"""Stability of periodic orbits with impacts on the infinite chain, reduced to the impacts.
+
+Over n forcing periods ``M = Q(T_m) S_m ... Q(T_1) S_1``: free flights Q and one 2x2 block ``S_j``
+at the impacting site for each of the m impacts (19). A perturbation that grows by mu a period is
+known from what it is at the impacts, ``x_i = sum over j of X_ij(mu) (S_j - 1) x_j`` with the mean
+propagators X of `contbreather.stability.propagators`. So, with as many sites as there are,
+
+    ``D(mu) = det(1 - X(mu) (S - 1))``,   2m x 2m,   D -> 1 as mu -> infinity,
+
+vanishes at the multipliers the impacts make. With mu = exp(2 pi i kappa) the aliases kappa and
+kappa - 1 may lie in the band, and kappa + 1 comes next to it. Each enters X as a matrix of rank one
+times its resolvent g, infinite at mu = 1 and at the band's edges, and, with several sites, one that
+stays bounded there: sites answer each other as on a chain that is held at the first of them, plus
+what the motion of that one brings. We border the determinant by the vectors of rank one, with 1/g
+in the corner. ``F = -D/(g(kappa) g(kappa - 1) g(kappa + 1))`` is that bordered determinant but for
+its sign, continuous and bounded along the whole unit circle, arcs and their ends included (there:
+the limit from outside). Its turning along the upper half of the circle is a whole number of half
+turns and counts the multipliers outside: ``count = 1 - turning/pi``; the 1 is what the resolvents
+themselves turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice import InfiniteChain
+from contbreather.lattice.periodic_green import check_coupling
+from contbreather.parameters import parameter
+from contbreather.stability.bordered import (
+    APPROACH,
+    AROUND,
+    CERTAIN,
+    END,
+    EVERYWHERE,
+    FARTHEST,
+    FLAT,
+    HIGHEST,
+    LEAST,
+    MOST,
+    NEAR,
+    ON_CIRCLE,
+    POWERS,
+    RESOLVED,
+    START,
+    TURNING,
+    WHERE,
+    CircleSamples,
+    Impacts,
+    Room,
+)
+from contbreather.stability.counting import Count
+from contbreather.stability.propagators import DEEP, deep, inverse, moments, series
+from contbreather.stability.saltation import Saltation, saltation
+from contbreather.stability.zeros import distinct, multipliers_of, newton
+
+Array = NDArray[Any]
+
+ALIASES = (-1, 0, 1)  # that may lie in the band, or, the last, reach its end from outside
+
+
+@dataclass(frozen=True)
+class OrbitMap:
+    """The map of small perturbations over one period of an orbit with impacts.
+
+    Parameters
+    ----------
+    gamma, k : float
+        Coupling and restitution coefficient.
+    kicks : sequence of (site, time, b)
+        The impacts of one period in order; b as in `saltation_entry`.
+    periods : int
+        n, for an orbit of period 2 pi n.
+
+    Raises
+    ------
+    BadInput
+        Without impacts, times out of order or beyond one period, gamma or k out of range, or a
+        resonance (see `contbreather.lattice.periodic_green.wave`).
+
+    Examples
+    --------
+    The symmetric breather hits both walls half a period apart; it is stable below its pitchfork:
+
+    >>> [OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, math.pi, b)]).count().count for b in (0.9, 1.1)]
+    [0, 1]
+    """
+
+    gamma: float
+    k: float
+    kicks: tuple[Saltation, ...]
+    periods: int = 1
+    lattice: ClassVar[InfiniteChain] = InfiniteChain()
+
+    def __post_init__(self) -> None:
+        kicks = tuple(Saltation(int(site), float(time), float(b)) for site, time, b in self.kicks)
+        object.__setattr__(self, "kicks", kicks)
+        if not kicks:
+            raise BadInput("an orbit without impacts is neutral: give at least one impact.")
+        if not all(math.isfinite(kick.time + kick.b) for kick in kicks):
+            raise BadInput("the times of impact and the entries b must be finite numbers.")
+        parameter("k", self.k)
+        times = [kick.time for kick in kicks]
+        late = times[-1] - times[0] - 2.0 * math.pi * self.periods
+        if late > 0.0 or any(b < a for a, b in pairwise(times)):
+            raise BadInput(
+                f"impacts at {times}: give them in order of time, all within one period "
+                f"2 pi {self.periods}."
+            )
+        check_coupling(self.lattice, self.gamma, self.periods)
+
+    @property
+    def period(self) -> float:
+        return 2.0 * math.pi * self.periods
+
+    @property
+    def scaled(self) -> float:
+        """The coupling in units of n forcing periods."""
+        return self.periods**2 * self.gamma
+
+    @property
+    def edge(self) -> float:
+        """Upper edge of the band as a kappa."""
+        return 2.0 * math.sqrt(self.scaled)
+
+    # --- the reduced matrix ---
+
+    @cached_property
+    def _sites(self) -> tuple[Array, Array]:
+        """Sites of the impacts, from the first one on, and distances between any two impacts."""
+        sites = np.array([kick.site for kick in self.kicks])
+        sites = sites - sites.min()
+        return sites, np.abs(sites[:, None] - sites)
+
+    @cached_property
+    def _impacts(self) -> Impacts:
+        """Those of the kernels, with room for what their propagators are expanded in."""
+        m, n, sites = len(self.kicks), self.periods, self._sites[0]
+        return Impacts(
+            self.scaled,
+            -(1.0 + self.k),
+            np.array([kick.time / n for kick in self.kicks]),
+            np.array([n * kick.b for kick in self.kicks]),
+            sites,
+            moments(self.scaled, int(sites.max())),
+            np.empty((m * m, 3 * POWERS, 2)),
+            np.empty((m * m, 2 * NEAR + 1, 2)),
+        )
+
+    def _room(self, most: int) -> Room:
+        rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
+        answers, matrix = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
+        return Room(np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4)))
+
+    def _deep(self, kappa: Array) -> Array:
+        """``det(1 - X (S - 1))`` far off the circle."""
+        m, apart = len(self.kicks), self._sites[1]
+        times = self._impacts.times[:, None] - self._impacts.times
+        X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
+        for distance in np.unique(apart):
+            i, j = np.nonzero(apart == distance)
+            entries = deep(self.scaled, int(distance), times[i, j], kappa)
+            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = entries.turn.T
+            X[:, i, 0, j, 1] = entries.reach.T
+            X[:, i, 1, j, 0] = entries.pull.T
+        jumps = [saltation(self.k, self.periods * kick.b) - np.eye(2) for kick in self.kicks]
+        kicked = np.einsum("kiajb,jbc->kiajc", X, jumps).reshape(-1, 2 * m, 2 * m)
+        return np.asarray(np.linalg.det(np.eye(2 * m) - kicked))
+
+    def D(self, kappa: Any) -> Array:
+        """The reduced determinant at ``mu = exp(2 pi i kappa)``, Im kappa <= 0.
+
+        On the chain's band it is the limit from |mu| > 1; infinite at mu = 1 and at its edges.
+        """
+        values = np.atleast_1d(np.asarray(kappa, dtype=complex))
+        values = values - np.round(values.real)
+        mirrored = values.real < 0.0  # D at -conj(kappa) is conj(D)
+        values = np.abs(values.real) + 1j * values.imag
+        out = np.empty_like(values)
+        far = values.imag <= -DEEP
+        if np.any(far):
+            out[far] = self._deep(values[far])
+        if not np.all(far):
+            near = values[~far]
+            poles = [inverse(self.scaled, near + alias) for alias in ALIASES]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                out[~far] = -self.F(near) / np.prod(poles, axis=0)
+        return np.where(mirrored, out.conj(), out).reshape(np.shape(kappa))
+
+    def F(self, kappa: Array) -> Array:
+        """D over the resolvents of three aliases, one negative: bounded for kappa in [0, 1/2]."""
+        places = np.ascontiguousarray(kappa, dtype=complex)
+        values = np.empty(places.shape, dtype=complex)
+        pairs = (places.view(float).reshape(-1, 2), values.view(float).reshape(-1, 2))
+        EVERYWHERE(self._impacts, series(), self._room(0), *pairs)
+        return values
+
+    # --- real multipliers as scalars ---
+
+    def crosses(self, mu: float) -> float:
+        """Changes sign where a multiplier is mu, 1 or -1."""
+        return self._plus_one() if mu > 0.0 else self._minus_one()
+
+    def _plus_one(self) -> float:
+        """Vanishes where a multiplier is +1: D at mu = 1 without the poles of the band's ends.
+
+        It is the determinant of the orbit's own equations, offsets included: folds, pitchforks
+        and branch points alike.
+        """
+        if len({kick.site for kick in self.kicks}) > 1:
+            raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
+        return -float(self.F(np.zeros(1))[0].real)
+
+    def _minus_one(self) -> float:
+        """Vanishes where a multiplier is -1, a period doubling.
+
+        ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
+        """
+        if self.gamma == 0.0:
+            F = self.F(np.array([0.5]))[0].real
+        else:
+            F = self._circle.samples[-1, 2]
+        size = abs(1.0 - 16.0 * self.scaled) / 16.0  # 1/|g|^2 at kappa = 1/2, and 1/g at 3/2
+        third = 1.5 * math.sqrt(2.25 - 4.0 * self.scaled)
+        return float(F / third / (1.0 + size))
+
+    # --- counting ---
+
+    def count(self) -> Count:
+        """Number of multipliers over the period outside the unit circle, a complex pair counting
+        two: the exact question of stability, answered on the circle itself.
+
+        Returns
+        -------
+        Count
+            ``nu`` is 2 kappa: the place nearest to zero is at ``mu = exp(i pi nu)``.
+        """
+        if self.gamma == 0.0:
+            return _counted(self._uncoupled())
+        found = self._circle.found
+        half_turns = round(found[TURNING] / math.pi)
+        certain = found[RESOLVED] and found[LEAST] > CERTAIN
+        certain = certain and abs(found[TURNING] / math.pi - half_turns) < 0.01
+        pairs = (1 - half_turns - int(found[START] > 0.0) - int(found[END] < 0.0)) // 2
+        nu = 2.0 * float(found[WHERE])
+        return Count(1 - half_turns, bool(certain), float(found[LEAST]), nu, pairs)
+
+    def unstable(self, threshold: float) -> int:
+        """How many multipliers are outside the unit circle: exact, without a threshold."""
+        return self.count().count
+
+    def beyond(self, place: float) -> int:
+        """The same, of which those beyond 1 or -1 are some: it changes where one passes there."""
+        return self.count().count
+
+    @property
+    def _circle(self) -> CircleSamples:
+        return _around(self)
+
+    @cached_property
+    def _terms(self) -> float:
+        """Size of what may cancel in F."""
+        return float(np.prod([1.0 + abs(self.periods * kick.b) for kick in self.kicks]))
+
+    @property
+    def _samples(self) -> tuple[Array, Array]:
+        """kappa in [0, 1/2] and F there, so close that F turns by less than a radian between."""
+        _, kappa, real, imag = self._circle.samples.T
+        return kappa, real + 1j * imag
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """How far the next pair is off the circle, negative while an odd number is outside, and
+        how many are."""
+        outside = self.count().pairs
+        return (-self.approach() if outside % 2 else self.approach()), outside
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """Vanishes where ``exp(i pi angle)`` is a multiplier; of real ones the scalar."""
+        if angle in (0.0, 1.0):
+            return self.crosses(1.0 - 2.0 * angle)
+        return complex(self.F(np.array([0.5 * angle + 0j]))[0])
+
+    def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
+        """The same: it is smooth wherever it is evaluated."""
+        return OrbitMap.on_circle
+
+    def nearest(self) -> float:
+        """Angle, over pi, at which a multiplier is closest to passing the circle."""
+        x, F = self._samples
+        inner = np.flatnonzero((x > 0.0) & (x < 0.5))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = F / np.gradient(F, x)
+        best = inner[int(np.nanargmin(np.abs(step[inner])))]
+        near = x[best] - step[best].real
+        kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
+        return 2.0 * float(kappa)
+
+    def approach(self) -> float:
+        """How close a complex pair comes to the circle: 0 on it, at most `FARTHEST`.
+
+        The distance of a zero of F from the circle over that from +1 and -1, which are not meant:
+        on straight lines between the samples, F/F' is how far off its zero is.
+        """
+        if self.gamma == 0.0:
+            return FARTHEST
+        return float(self._circle.found[APPROACH])
+
+    # --- sites without coupling ---
+
+    def _uncoupled(self) -> Array:
+        """gamma = 0: every impacting site for itself."""
+        found = []
+        for site in sorted({kick.site for kick in self.kicks}):
+            own = [kick for kick in self.kicks if kick.site == site]
+            M, ends = np.eye(2), [*own[1:], own[0]._replace(time=own[0].time + self.period)]
+            for kick, later in zip(own, ends, strict=True):
+                free = np.array([[1.0, later.time - kick.time], [0.0, 1.0]])
+                M = free @ saltation(self.k, kick.b) @ M
+            found.append(_pair(M))
+        return np.concatenate(found)
+
+    def unstable_multipliers(self) -> Array:
+        """The multipliers outside the unit circle on the infinite chain, largest first.
+
+        Newton's method on D from many starts, held to the winding number.
+
+        Raises
+        ------
+        NotConverged
+            If fewer or more zeros are found than the winding number asks for.
+        """
+        if self.gamma == 0.0:
+            mu = self._uncoupled()
+            mu = mu[np.abs(mu) > 1.0]
+            return mu[np.argsort(-np.abs(mu), kind="stable")]
+        wanted, mu = self.count(), np.empty(0, dtype=complex)
+        for more in (1, 2, 4):
+            if wanted.count:
+                mu = _zeros(self._smooth, self._starts(more), self.edge)
+            if mu.size == wanted.count:
+                return mu
+        if not wanted.certain:
+            return mu
+        raise NotConverged(
+            f"the winding number says {wanted.count} multipliers outside the unit circle, "
+            f"Newton's method found {mu.size}: {mu}.",
+            residual=wanted.distance,
+        )
+
+    def _smooth(self, kappa: Array) -> Array:
+        """D off the circle without its poles at the ends of the band."""
+        poles = [inverse(self.scaled, kappa + alias) for alias in ALIASES]
+        return np.asarray(self.D(kappa) * np.prod(poles, axis=0))
+
+    def _starts(self, more: int) -> Array:
+        """kappa of the upper half plane of mu, outside the circle."""
+        kappa, F = self._samples
+        # F is straight between its samples: those next to a zero know where it is
+        step = np.diff(kappa)
+        with np.errstate(all="ignore"):
+            share = -F[:-1] / np.diff(F)
+        near = np.abs(share) < 4.0 * more
+        depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
+        across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
+        found = kappa[:-1][near] + share[near] * step[near]
+        return np.concatenate([found[found.imag < 0.0], (across - 1j * depth).ravel()])
+
+
+@lru_cache(maxsize=512)
+def _around(map: OrbitMap) -> CircleSamples:
+    """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
+    told = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, told)
+    return told._replace(samples=told.samples[: told.used[0]].copy())
+
+
+def _pair(M: Array) -> Array:
+    """Eigenvalues of a 2x2 matrix, a double one where rounding cannot tell two apart: elastic
+    impacts have it at +1 and -1, and neither is outside."""
+    half, product = 0.5 * float(np.trace(M)), float(np.linalg.det(M))
+    apart = half * half - product
+    root = np.sqrt(complex(apart if abs(apart) > FLAT * np.sum(M * M) else 0.0))
+    return np.array([half + root, half - root])
+
+
+def _counted(mu: Array) -> Count:
+    """A count by the multipliers themselves."""
+    size = np.abs(mu)
+    nearest = int(np.argmin(np.abs(size - 1.0)))
+    distance = float(abs(size[nearest] - 1.0))
+    outside = mu[size > 1.0 + CERTAIN]
+    pairs = int(np.count_nonzero(outside.imag > 0.0))
+    nu = abs(float(np.angle(mu[nearest]))) / math.pi
+    return Count(outside.size, distance > CERTAIN, distance, nu, pairs)
+
+
+def _zeros(D: Callable[[Array], Array], kappa: Array, edge: float = 0.0) -> Array:
+    """Zeros of D outside the circle as multipliers, conjugates together, the largest first."""
+
+    def unit(kappa: Array) -> Array:  # what is next to a narrow band changes as fast as that does
+        return np.asarray(np.maximum(np.abs(kappa), edge))
+
+    def step(kappa: Array) -> Array:
+        h = np.minimum(1e-5, 0.03 * np.abs(kappa.imag))  # on this side of the circle
+        return D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
+
+    found = newton(step, kappa, 40, 1e-11, 0.3, _outside, unit)
+    found = found[found.imag < -ON_CIRCLE]
+    return multipliers_of(2.0 * distinct(found, 1e-7 * unit(found)))
+
+
+def _outside(kappa: Array) -> Array:
+    """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
+    kappa = kappa[(kappa.imag < 0.0) & (kappa.imag > -6.0)]
+    return np.abs(kappa.real - np.round(kappa.real)) + 1j * kappa.imag

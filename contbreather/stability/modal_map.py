@@ -1,0 +1,288 @@
+"""Small perturbations of an orbit over a section: what every such map answers, and the map of a
+finite lattice, mode by mode.
+
+``M = Q(T_m) S_m ... S_1 Q(T_0)``: in the modes a flight turns each for itself (18) and an impact is
+a change of rank two (19), so the product is built without a matrix product. Modes with a node at
+every impacting site are left out: their multipliers are those of a free flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.lattice import Ring
+from contbreather.lattice.modal_flow import ModalPropagator, free_multipliers, propagator
+from contbreather.stability.pairs import REAL, beyond, farthest, outermost, upper
+from contbreather.stability.reduced_determinant import ReducedDeterminant
+from contbreather.stability.saltation import Saltation, saltation
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Array = NDArray[Any]
+
+EPS = float(np.finfo(float).eps)
+LARGE = 90  # multipliers: of more, those next to a circle are found without all others
+BESIDE = 1e-6  # how far off the poles of free modes on the circle multipliers beyond are looked for
+_SHORT = 0.7  # of the longest: below that, not the one of several alike that comes first
+DRIFTS = 1e-10  # squared frequency below which a mode only drifts over a section
+ROUNDING = 1e-15  # of |mu - exp(i w T)|^2, where that is zero
+DAMPED = 0.01  # |mu - exp(i w T)|^2 below which a mode no longer scales a determinant
+
+
+class Map(Protocol):
+    """The map of small perturbations over a section of an orbit.
+
+    No matrix is promised: on the infinite chain +1 is the end of the band, and a pair leaves the
+    unit circle in a limit from outside. On finite lattices ``over_period`` has the multipliers over
+    the period of the modes that impacts see, ``idle`` the largest modulus of all others.
+    """
+
+    @property
+    def lattice(self) -> Any: ...
+    @property
+    def gamma(self) -> float: ...
+    @property
+    def period(self) -> float:
+        """Of the orbit."""
+
+    def crosses(self, mu: float) -> float:
+        """A smooth scalar that changes sign where a multiplier over the section is mu, 1 or -1."""
+
+    def unstable(self, threshold: float) -> float:
+        """How many multipliers are outside: on the infinite chain of the unit circle, on a finite
+        lattice of that of a threshold over the period."""
+
+    def beyond(self, place: float) -> int:
+        """A count that changes where a real multiplier passes 1 or -1."""
+
+    def pairs(self, radius: float = 1.0) -> tuple[float, int]:
+        """Of complex pairs: a float that changes sign where one leaves a circle, negative outside,
+        and on the infinite chain a number that changes wherever one does."""
+
+    def nearest(self) -> float:
+        """Angle, over pi, of the pair that is closest to leaving; NaN where there is none."""
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """Vanishes where ``radius exp(i pi angle)`` is a multiplier over the section; real where
+        that is."""
+
+    def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
+        """The same of maps and angles next to this one, exact to first order where it vanishes."""
+
+
+class ModalSaltation(NamedTuple):
+    """An impact as a perturbation of the modes feels it."""
+
+    shape: FloatArray  # the modes at its site
+    kick: FloatArray  # what a change of that site does to them
+    saltation: FloatArray  # 2x2, eq. (19)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalMap:
+    """The map of a finite lattice over a section.
+
+    Parameters
+    ----------
+    lattice : Ring or Lattice
+    gamma, damping : float
+    z, unseen : ndarray
+        Squared frequencies of the modes that some impact sees, and of all others.
+    turns : sequence of Turn
+        The flights, before the first impact, between them and after the last.
+    blows : sequence of ModalSaltation
+        The impacts in order of time.
+    length : float
+        Of the section, in time.
+    sign : int
+        -1 for half the period of a symmetric orbit.
+    """
+
+    lattice: Any
+    gamma: float
+    damping: float
+    z: FloatArray
+    unseen: FloatArray
+    turns: tuple[ModalPropagator, ...]
+    blows: tuple[ModalSaltation, ...]
+    length: float
+    sign: int = 1
+
+    @property
+    def period(self) -> float:
+        return self.length if self.sign > 0 else 2.0 * self.length
+
+    def applied(self, x: Array) -> Array:
+        """`matrix` times a perturbation (displacements, velocities of the modes), or columns of
+        them, without the matrix."""
+        y, v = x[: self.z.size], x[self.z.size :]
+        for fly, blow in zip(self.turns, (*self.blows, None), strict=True):
+            y, v = fly(y, v)
+            if blow is not None:
+                (loss, _), (b, _) = blow.saltation - np.eye(2)
+                u, w = blow.shape @ y, blow.shape @ v
+                y = y + np.multiply.outer(blow.kick, loss * u)
+                v = v + np.multiply.outer(blow.kick, b * u + loss * w)
+        return np.concatenate([y, v])
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """The map of the modes that impacts see, (2K, 2K)."""
+        return np.asarray(self.applied(np.eye(2 * self.z.size)))
+
+    @cached_property
+    def coupled(self) -> ComplexArray:
+        """Eigenvalues of `matrix`; kept, because events and columns ask for them in turn."""
+        return np.linalg.eigvals(self.matrix).astype(complex)
+
+    @cached_property
+    def over_period(self) -> ComplexArray:
+        """The same over the period."""
+        return self.coupled if self.sign > 0 else self.coupled**2
+
+    @cached_property
+    def _others(self) -> ComplexArray:
+        return np.concatenate(free_multipliers(self.unseen, self.damping, self.length))
+
+    @property
+    def idle(self) -> float:
+        """Largest modulus over a section of all other modes, 0 if there are none."""
+        if not self.damping:
+            return float(self.unseen.size > 0)
+        return float(abs(self._others).max(initial=0.0))
+
+    def multipliers(self) -> ComplexArray:
+        """All over a section: first those of the modes that impacts see."""
+        return np.concatenate([self.coupled, self._others])
+
+    def crosses(self, mu: float) -> float:
+        """``det(M - mu)`` in units of what it is without impacts."""
+        own = self._tied if mu > 0.0 else self
+        return own.in_units_of_flight(own.matrix - mu * np.eye(2 * self.z.size), mu)
+
+    @cached_property
+    def _tied(self) -> ModalMap:
+        """With springs next to none where several modes only drift, as they do without coupling:
+        all but one have a double multiplier 1 there, and the determinant is 0/0."""
+        drifts = self.z < DRIFTS
+        if np.count_nonzero(drifts) < 2:
+            return self
+        turns = [t._replace(pull=t.pull + DRIFTS * drifts * t.reach) for t in self.turns]
+        return replace(self, z=np.where(drifts, DRIFTS, self.z), turns=tuple(turns))
+
+    def in_units_of_flight(self, matrix: FloatArray, mu: float) -> float:
+        """A determinant over that of all flights less mu."""
+        sign, size = np.linalg.slogdet(matrix)
+        one, other = free_multipliers(self.z, self.damping, self.length)
+        unit = np.sort(np.maximum(abs(((one - mu) * (other - mu)).real), ROUNDING))
+        # of modes alike a site that is hit holds one, and where that has the multiplier mu itself
+        # nothing diverges
+        held = len({blow.shape.tobytes() for blow in self.blows})
+        unit[:held] = np.maximum(unit[:held], DAMPED)
+        return float(sign * math.exp(min(size - np.log(unit).sum(), 700.0)))
+
+    def outermost(self, radius: float) -> float:
+        """By how much the first pair has left a circle, negative where none has (far inside by as
+        much as free modes); NaN where there is none."""
+        found = None
+        if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
+            found = self._reduced.outermost(radius)
+        return outermost(upper(self.coupled), radius) if found is None else found
+
+    def pairs(self, radius: float) -> tuple[float, int]:
+        """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can
+        be told from two real ones."""
+        return (math.nan if self.rounding > REAL else -float(self.outermost(radius))), 0
+
+    @cached_property
+    def rounding(self) -> float:
+        """Of all multipliers: where an impact loses its velocity one grows beyond all bounds."""
+        return float(EPS * np.linalg.norm(self.matrix))
+
+    def nearest(self) -> float:
+        """Angle, over pi, of the pair with the largest modulus; NaN where there is none."""
+        return farthest(self.coupled)
+
+    def beyond(self, place: float) -> int:
+        """How many real multipliers are farther out than 1 or -1, on its side."""
+        if "coupled" in self.__dict__ or 2 * self.z.size <= LARGE:
+            return beyond(self.coupled, place * (1.0 + BESIDE))
+        return self._reduced.beyond(place * (1.0 + BESIDE))
+
+    def unstable(self, threshold: float) -> float:
+        """How many multipliers over the period are beyond a threshold; NaN where damping ends, and
+        free modes are on it."""
+        if threshold == 1.0 and self.idle == 1.0:
+            return math.nan
+        return int(np.count_nonzero(abs(self.over_period) > threshold))
+
+    @cached_property
+    def _reduced(self) -> ReducedDeterminant:
+        return ReducedDeterminant(self.z, self.damping, self.length, self.turns, self.blows)
+
+    def on_circle(self, angle: float, radius: float = 1.0) -> complex:
+        """The least singular value of ``M - mu``, with the phase of the determinant: so it is
+        smooth where it vanishes."""
+        return _weakest(self, _multiplier(angle, radius))[0]
+
+    def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
+        """One perturbation flown, with no matrix, between the singular vectors."""
+        _, left, right = _weakest(self, _multiplier(angle, radius))
+        return lambda map, angle: left @ (map.applied(right) - _multiplier(angle, radius) * right)
+
+
+def _multiplier(angle: float, radius: float) -> complex:
+    """``radius exp(i pi angle)``, real for whole angles."""
+    return radius * (1.0 - 2.0 * angle if angle in (0.0, 1.0) else np.exp(1j * math.pi * angle))
+
+
+@lru_cache(maxsize=16)
+def _weakest(map: ModalMap, mu: complex) -> tuple[complex, Array, Array]:
+    """`on_circle`, and the vectors it is between, with its phase in the left one."""
+    left, sizes, right = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)))
+    phase = np.linalg.det(left) * np.linalg.det(right)
+    return phase * sizes[-1], phase * left[:, -1].conj(), right[-1].conj()
+
+
+@lru_cache(maxsize=64)
+def ring_map(
+    ring: Ring, gamma: float, k: float, kicks: tuple[Saltation, ...], period: float = 2.0 * math.pi
+) -> ModalMap:
+    """The map of a ring over one period of an orbit, from within a flight that is not short: next
+    to an impact, others at the same time would move from one end of the period to the other.
+
+    Examples
+    --------
+    The multipliers of m impacts multiply to ``k^(2m)``:
+
+    >>> kicks = Saltation(0, 0.0, 0.3), Saltation(0, 2.0, 0.5)
+    >>> mu = ring_map(Ring(9), 0.1, 0.8, kicks).multipliers()
+    >>> mu.size, round(float(np.prod(mu).real), 12)  # 0.8^4
+    (18, 0.4096)
+    """
+    basis = ring.basis(tuple(sorted({kick.site for kick in kicks})))
+    z, lam = gamma * basis.lam, gamma * basis.unseen
+    times = [kick.time for kick in kicks]
+    free = np.diff([*times, times[0] + period])
+    last = int(np.argmax(free > _SHORT * free.max()))  # before it
+    kicks = (
+        *kicks[last + 1 :],
+        *(kick._replace(time=kick.time + period) for kick in kicks[: last + 1]),
+    )
+    start = times[last] + 0.5 * float(free[last])
+    times = [start, *(kick.time for kick in kicks), start + period]
+    turns = tuple(propagator(z, later - time) for time, later in pairwise(times))
+    shapes = basis.at(np.array([kick.site for kick in kicks]))
+    blows = tuple(
+        ModalSaltation(shape, shape, saltation(k, kick.b))
+        for shape, kick in zip(shapes, kicks, strict=True)
+    )
+    return ModalMap(ring, gamma, 0.0, z, lam, turns, blows, period)

@@ -1,0 +1,116 @@
+"""The forced response in closed form against the sum over modes and the equation of motion."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.free_flight import free_flight
+from tests.lattice.by_hand import MEANS, ring_mean
+
+CHAIN = InfiniteChain()
+NEAR = 1e-9
+TIMES = [0.0, NEAR, 0.4, 1.7, math.pi - NEAR, math.pi]
+
+
+def mode_sum(gamma, n, s, sites):
+    """v, v', v'' at 30 digits over the modes of a ring, the impacts in floating point pi."""
+    with mp.workdps(30):
+        y = mp.pi / 2 - mp.mpf(s)
+        modes = (
+            lambda w: mp.sin(w * y) / (w * mp.cos(mp.pi * w / 2)) if w else y,
+            lambda w: -mp.cos(w * y) / mp.cos(mp.pi * w / 2),
+            lambda w: -w * mp.sin(w * y) / mp.cos(mp.pi * w / 2),
+        )
+        return [ring_mean(of, gamma, sites, n) for of in modes]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.07, 0.2499])
+@pytest.mark.parametrize("sites", [1, 2, 3, 10, 11])
+@pytest.mark.parametrize("n", [0, 1, 4])
+def test_response_of_a_ring_is_the_sum_over_its_modes(gamma, sites, n):
+    for s in TIMES:
+        got = Ring(sites).response(gamma, n, s)
+        exact = mode_sum(gamma, n, s, sites)
+        scale = float(Ring(sites).first_harmonic(gamma, 0))
+        assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 3e-15 * scale
+
+
+@pytest.mark.parametrize(
+    ("gamma", "n"), [(0.12, 0), (0.12, 1), (0.12, 10), (0.12, 300), (0.2499, 2), (0.2499, 300)]
+)
+def test_response_of_the_chain_is_that_of_a_ring_too_long_to_go_round(gamma, n):
+    r = math.sqrt(1 - 4 * gamma)
+    laps = int(38 / (2 * math.atanh(r))) + 2 * n
+    for s in (0.0, NEAR, 2.0):
+        got = CHAIN.response(gamma, n, s)
+        exact = mode_sum(gamma, n, s, laps)
+        assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 1e-15 / r
+
+
+@settings(max_examples=50)
+@given(st.floats(0.0, 0.2499), st.integers(1, 30), st.floats(0.0, math.pi))
+def test_response_obeys_the_equation_of_motion_between_impacts(gamma, n, s):
+    for lattice in (CHAIN, Ring(7)):
+        v = {m: lattice.response(gamma, m, s) for m in (n - 1, n, n + 1)}
+        force = gamma * (v[n - 1][0] + v[n + 1][0] - 2 * v[n][0])
+        assert abs(v[n][2] - force) < 1e-15 / math.sqrt(1 - 4 * gamma)
+
+
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(6)])
+def test_response_turns_over_after_half_a_period_and_the_impact_takes_two(lattice):
+    for n in (0, 1, 2):
+        v, slope, _ = (x.tolist() for x in lattice.response(0.2, n, [0.0, math.pi]))
+        assert v[1] == pytest.approx(-v[0], abs=1e-14)
+        hit = lattice.distance(n) == 0
+        assert -slope[1] - slope[0] == pytest.approx(2.0 if hit else 0.0, abs=1e-14)
+    assert lattice.response(0.2, 0, 0.0)[0] == pytest.approx(lattice.chi(0.2), abs=1e-14)
+    assert lattice.response(0.2, 0, 0.0)[2] == pytest.approx(-lattice.eta(0.2), abs=1e-14)
+
+
+def test_a_flight_gives_the_same_for_floats_and_arrays():
+    answer = free_flight(float(CHAIN.first_harmonic(0.2, 1)), CHAIN.powers(0.2, 1))
+    y = np.linspace(-1.5, 1.5, 7)
+    single = [answer.at(float(x)) for x in y]
+    assert all(isinstance(x, float) for row in single for x in row)
+    np.testing.assert_allclose(np.transpose(answer.at(y)), single, atol=5e-16, rtol=2e-15)
+
+
+@pytest.mark.parametrize("gamma", [1e-6, 0.1, 0.2499])
+@pytest.mark.parametrize("sites", [None, 1, 2, 3, 8, 9, 21, 60])
+def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma, sites):
+    """At s = 0, where the mode is tan(pi w/2)/w cos(n theta)."""
+    lattice = Ring(sites) if sites else CHAIN
+    size = sites or int(80 / (2 * math.atanh(math.sqrt(1 - 4 * gamma)))) + 20
+
+    for n in (0, 1, 2):
+        with mp.workdps(30):
+            h = mp.mpf(10) ** -12
+            ends = [ring_mean(MEANS["chi"], gamma + x, size, n) for x in (h, -h)]
+            exact = (ends[0] - ends[1]) / (2 * h)
+        slope = free_flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
+        scale = lattice.dchi(gamma) + 1.0
+        assert abs(slope.at(-math.pi / 2)[0] - float(exact)) < 5e-15 * scale
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.1, 0.2499])
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(9), Ring(60)])
+def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, lattice):
+    def at(g, n):
+        return free_flight(float(lattice.first_harmonic(g, n)), lattice.powers(g, n))
+
+    h = 1e-4 * min(gamma, 0.25 - gamma)
+    scale = lattice.dchi(gamma) + 1.0
+    for n in (0, 1, 4):
+        slope = free_flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
+        more, less = at(gamma + h, n), at(gamma - h, n)
+        for y in (-1.0, 0.7):
+            for i in range(3):
+                step = (more.at(y)[i] - less.at(y)[i]) / (2 * h)
+                assert slope.at(y)[i] == pytest.approx(step, abs=1e-6 * scale)

@@ -1,0 +1,198 @@
+"""Multibreathers: against direct shooting, brute-force counts of choices, and what ends them."""
+
+from __future__ import annotations
+
+import itertools
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.multibreathers import _classes
+from contbreather.orbits.orbit import orbit_at
+
+AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}
+
+
+def test_two_sites_are_what_shooting_from_their_phases_finds() -> None:
+    two = cb.multibreather([0, 6], lattice=cb.Ring(12), **AT)
+    b = cb.symmetric(**AT)
+    shot = orbit_at(
+        cb.shooting(
+            {"t1": b.phi, "t2": b.phi}, lattice=cb.Ring(12), sequence=[(0, 1), (6, 1)],
+            symmetric=True, **AT,
+        )
+    )  # fmt: skip
+    assert two.times == pytest.approx(shot.times, abs=1e-11)
+    assert two.residual < 1e-13
+
+
+def test_one_site_is_the_breather() -> None:
+    one = cb.multibreather([3], lattice=cb.Ring(12), **AT)
+    own = cb.symmetric(lattice=cb.Ring(12), **AT)
+    assert (one.p, one.phi) == pytest.approx((own.p, own.phi), abs=1e-11)
+    assert one.displacement(3, 0.7) == pytest.approx(own.displacement(0, 0.7), abs=1e-11)
+
+
+def test_each_site_keeps_the_root_it_was_given() -> None:
+    mixed = cb.multibreather({0: "upper", 5: "lower"}, lattice=cb.Ring(10), **AT)
+    sites = [one.site for one in mixed.impacts]
+    high, low = (0.5 * abs(mixed.impulses[sites.index(n)]) for n in (0, 5))
+    upper, lower = (b.p for b in cb.orbits.symmetric_roots(0.5, 0.0, 0.8))
+    assert abs(high - upper) < 0.2 < abs(high - lower)
+    assert abs(low - lower) < 0.2 < abs(low - upper)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """An asymmetric orbit of the single oscillator, and one of twice the period."""
+    branch = cb.trace(
+        cb.shooting(cb.symmetric(0.75, 0.0, 0.8), sites=1), "a", within={"a": (0.6, 0.8)}
+    )
+    return cb.switch(branch.first("PF"), within={"a": (0.6, 0.93)})[0]
+
+
+def test_asymmetric_orbit_of_one_site_beside_a_symmetric_one(arm) -> None:
+    one = min((p.solution for p in arm), key=lambda o: abs(o.a - 0.75))
+    given = {"a": one.a, "gamma": 0.001, "k": 0.8, "lattice": cb.Ring(12)}
+    mixed = cb.multibreather({0: one, 6: "upper"}, **given)
+    named = cb.multibreather({0: one, 6: cb.symmetric(one.a, 0.0, 0.8)}, **given)
+    assert mixed.times == pytest.approx(named.times, abs=1e-9)
+    assert sorted(n for n, _ in mixed.section.impacts) == [0, 0, 6, 6]
+    assert mixed.residual < 1e-12
+    first, second = (one.time for one in mixed.impacts if one.site == 0)
+    apart = one.times[1] - one.times[0]
+    assert second - first == pytest.approx(apart, abs=0.02)
+    assert abs(apart - np.pi) > 0.15
+
+
+def test_doubled_orbit_of_one_site() -> None:
+    branch = cb.trace(
+        cb.shooting(cb.symmetric(0.6, 0.0, 0.95), sites=1), "a", within={"a": (0.5, 0.95)}
+    )
+    tilted = cb.switch(branch.first("PF"), within={"a": (0.5, 0.95)})[0]
+    given = {"lattice": cb.OpenChain(3), "gamma": 0.001, "k": 0.95}
+    two = orbit_at(lift(tilted.first("PD")).arm(0.2))
+    mixed = cb.multibreather({0: two}, a=two.a, **given)
+    assert mixed.period == pytest.approx(4 * np.pi)
+    assert len(mixed.section.impacts) == 4
+    assert mixed.residual < 1e-12
+    # next to its doubling coupling takes it back through that point
+    near = orbit_at(lift(tilted.first("PD")).arm(0.02))
+    with pytest.raises(cb.NoSolution, match="turns back, into an image of itself"):
+        cb.multibreather({0: near}, a=near.a, **given)
+
+
+def test_orbit_whose_neighbours_cannot_follow_is_refused(arm) -> None:
+    """Off centre the idle sites come along, and beyond a + |c| = 1 they hit their walls."""
+    late = max((p.solution for p in arm), key=lambda o: o.a)
+    assert late.a + abs(late.c) > 1
+    with pytest.raises(cb.NoSolution, match="without coupling already"):
+        cb.multibreather({0: late}, lattice=cb.Ring(12), a=late.a, gamma=0.01, k=0.8)
+
+
+def test_what_ends_it_is_named_with_its_coupling() -> None:
+    with pytest.raises(
+        cb.NoSolution, match=r"reaches gamma = 0\.\d+, not 0.24.*site \d"
+    ) as refused:
+        cb.multibreather([0, 2], a=0.7, gamma=0.24, k=0.8, lattice=cb.Ring(9))
+    reached = float(str(refused.value).split("gamma = ")[1].split(",")[0])
+    below = cb.multibreather([0, 2], a=0.7, gamma=reached - 1e-4, k=0.8, lattice=cb.Ring(9))
+    assert 0 < below.admissibility().margin < 1e-2
+
+
+def test_bad_choices_are_refused() -> None:
+    ring = cb.Ring(9)
+    for choice, says in (
+        ([9], "no such site"),
+        ({0: 1.5}, "'upper', 'lower' or an orbit"),
+    ):
+        with pytest.raises(cb.BadInput, match=says):
+            cb.multibreather(choice, lattice=ring, **AT)
+    with pytest.raises(cb.NoSolution, match="too weak"):
+        cb.multibreather([0], a=1e-3, gamma=0.03, k=0.8, lattice=ring)
+
+
+def test_catalogue_counts_every_choice_once() -> None:
+    """Burnside for the dihedral group of a ring; a path graph has one reflection."""
+
+    def necklaces(n: int, m: int) -> int:
+        seen = set()
+        for sites in itertools.combinations(range(n), m):
+            images = [
+                frozenset((side * (s + d)) % n for s in sites)
+                for d in range(n) for side in (1, -1)
+            ]  # fmt: skip
+            seen.add(frozenset(images))
+        return len(seen)
+
+    for n, m in itertools.product((5, 6, 8), (1, 2, 3)):
+        found = _classes(cb.Ring(n), m)
+        assert len(found) == necklaces(n, m)
+        assert sum(copies for _, copies in found) == len(list(itertools.combinations(range(n), m)))
+    assert _classes(cb.OpenChain(3), 1) == [((0,), 2), ((1,), 1)]
+    heavy = cb.Lattice.from_graph(nx.path_graph(3), masses=[1, 1, 2])
+    assert len(_classes(heavy, 1)) == 3
+
+
+def test_catalogue_says_what_exists_and_what_is_stable() -> None:
+    found = cb.multibreathers(
+        cb.OpenChain(4), a=0.6, gamma=0.02, k=0.8, damping=0.05, spring=0.1, most=2
+    )
+    assert sum(one.copies for one in found) == 4 + 6
+    for one in found:
+        assert one.exists == (one.gamma == 0.02 and not one.ended)
+        assert one.orbit.section.impacts == tuple((n, 1) for n in one.sites) or not one.exists
+        if one.exists:
+            largest = abs(one.orbit.multipliers()).max()
+            assert one.stable(1.0) == (largest <= 1.0)
+    assert any(one.stable(1.0) for one in found)
+
+
+def test_without_coupling_it_is_the_choice_itself() -> None:
+    two = cb.multibreather([0, 2], a=0.5, gamma=0.0, k=0.8, lattice=cb.Ring(5))
+    assert two.gamma == 0.0
+    assert two.p == pytest.approx(cb.symmetric(0.5, 0.0, 0.8).p, abs=1e-12)
+
+
+@pytest.mark.parametrize("amplitude", [8.0, 30.0])
+def test_an_arm_far_out_of_reach_is_not_converged(amplitude: float) -> None:
+    shot = cb.shooting(cb.symmetric(0.7, 0.04, 0.8), sites=6)
+    fork = cb.trace(shot, "a", within={"a": (0.6, 0.9)}).first("PF")
+    with pytest.raises(cb.NotConverged, match="amplitude"):
+        lift(fork).arm(amplitude)
+
+
+@pytest.mark.parametrize("lattice", [cb.Ring(3), cb.OpenChain(2), cb.OpenChain(5)])
+def test_only_orbits_without_coupling_stand_for_a_site(lattice: cb.AnyLattice) -> None:
+    coupled = cb.symmetric(0.5, 0.04, 0.8, lattice=lattice)
+    with pytest.raises(cb.BadInput, match=r"site 0: .* has gamma = 0.04; an orbit of the single"):
+        cb.multibreather({0: coupled}, lattice=cb.Ring(10), **AT)
+    alone = cb.symmetric(0.5, 0.0, 0.8, lattice=lattice)
+    found = cb.multibreather({0: alone}, lattice=cb.Ring(10), **AT)
+    assert found.times == pytest.approx(cb.multibreather([0], lattice=cb.Ring(10), **AT).times)
+
+
+def test_where_there_is_one_root_the_lower_one_is_it() -> None:
+    alone = {"a": 1.1, "gamma": 0.0, "k": 0.8, "lattice": cb.Ring(1)}
+    assert len(cb.orbits.symmetric_roots(**alone)) == 1
+    assert cb.multibreather({0: "lower"}, **alone).p == pytest.approx(cb.symmetric(**alone).p)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "sites"), [(cb.OpenChain(5), [0, 1]), (cb.Ring(9), [0, 1, 3])], ids=str
+)
+def test_pitchforks_of_neighbours_are_followed_where_their_impacts_are_close(lattice, sites):
+    """Differences in the times must not reverse the order of impacts 0.003 apart: a kink."""
+
+    def fork(gamma):
+        start = cb.multibreather(sites, a=0.6, gamma=gamma, k=0.85, lattice=lattice, damping=0.005)
+        return cb.trace(start, "a", within={"a": (0.6, 0.67)}).first("PF")
+
+    first = fork(0.04)
+    assert 0.0 < np.diff(np.sort(first.solution.times)).min() < 4e-3
+    line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.04, 0.045)})
+    assert line[-1]["gamma"] == 0.045
+    assert line[-1]["a"] == pytest.approx(fork(0.045)["a"], abs=1e-10)

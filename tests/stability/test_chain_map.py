@@ -1,0 +1,411 @@
+"""Reduced determinants, counts and multipliers of orbits, by dense matrices and known cases."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from contbreather.errors import BadInput, NotConverged
+from contbreather.kernels import Kernel
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability import (
+    D,
+    chain_map,
+    neimark_sacker,
+    unstable_count,
+    unstable_multipliers,
+)
+from contbreather.stability.chain_map import OrbitMap
+from contbreather.stability.modal_map import ring_map
+from contbreather.stability.saltation import Saltation
+from contbreather.stability.verdict import verdict
+from tests.stability.by_hand import flight, impact, pitchfork_b
+
+
+def dense(sites, gamma, k, kicks, periods):
+    """Product of matrix exponentials and saltation matrices on all sites."""
+    M = np.eye(2 * sites)
+    ends = [*(kick[1] for kick in kicks[1:]), kicks[0][1] + 2 * np.pi * periods]
+    for (site, time, b), end in zip(kicks, ends, strict=True):
+        M = flight(sites, gamma, end - time) @ impact(sites, site, k, b) @ M
+    return M
+
+
+def on_ring(sites, gamma, k, kicks, periods=1):
+    return ring_map(Ring(sites), gamma, k, tuple(Saltation(*one) for one in kicks), TURN * periods)
+
+
+def paired(one, other):
+    """Largest distance between two spectra, matched greedily."""
+    other, worst = list(other), 0.0
+    for mu in sorted(one, key=abs, reverse=True):
+        nearest = min(range(len(other)), key=lambda i: abs(other[i] - mu))
+        worst = max(worst, abs(other.pop(nearest) - mu))
+    return worst
+
+
+TURN, LONG = 2.0 * np.pi, 101
+CASES = [
+    (1, 0.1, 0.7, ((0, 0.0, 0.4), (0, 2.0, -0.9)), 1),
+    (2, 0.1, 0.7, ((0, 0.1, 0.4), (1, 2.0, 0.9)), 1),
+    (9, 0.2, 0.8, ((0, 0.0, 0.4), (0, 2.0, 0.9)), 1),
+    (10, 0.2, 0.8, ((3, 0.5, 0.4), (3, 2.0, 0.9), (3, 4.0, -0.3)), 1),
+    (12, 0.06, 0.5, ((2, 0.0, 0.4), (4, 0.7, 0.9), (4, 5.0, 1.3), (2, 9.0, -0.6)), 2),
+    (7, 0.0, 0.9, ((0, 0.0, 0.4), (1, 0.5, 0.2), (0, 3.0, 0.9)), 1),
+]
+
+
+@pytest.mark.parametrize(("sites", "gamma", "k", "kicks", "periods"), CASES)
+def test_multipliers_are_the_eigenvalues_of_flights_and_saltations(sites, gamma, k, kicks, periods):
+    mu = on_ring(sites, gamma, k, kicks, periods).multipliers()
+    assert mu.size == 2 * sites
+    # a double eigenvalue (a zero mode) is known to the root of rounding
+    assert paired(mu, np.linalg.eigvals(dense(sites, gamma, k, kicks, periods))) < 1e-6
+    assert abs(np.prod(mu) - k ** (2 * len(kicks))) < 1e-12
+
+
+@pytest.mark.parametrize(("gamma", "k", "kicks", "periods"), [case[1:] for case in CASES[2:5]])
+def test_every_multiplier_far_outside_is_a_zero_of_the_reduced_determinant(
+    gamma, k, kicks, periods
+):
+    """On a ring so long that what grows like that does not come round."""
+    kicks = tuple((n, t, 4.0 * b) for n, t, b in kicks)
+    mu = on_ring(LONG, gamma, k, kicks, periods).over_period
+    mu = mu[np.abs(mu) > 2.0]
+    assert mu.size
+    kappa = np.log(mu) / (2j * np.pi)
+    assert np.abs(OrbitMap(gamma, k, kicks, periods).D(kappa)).max() < 1e-11
+
+
+def test_reduced_determinant_is_that_of_the_whole_matrix():
+    sites, gamma, k, kicks = 150, 0.06, 0.5, CASES[4][3]
+    map = OrbitMap(gamma, k, kicks, 2)
+    M = dense(sites, gamma, k, kicks, 2)
+    free = flight(sites, gamma, 4 * np.pi)
+    for mu in (2.3, -2.1 + 0.4j, 6.0j):
+        whole = np.linalg.det(M - mu * np.eye(2 * sites)) / np.linalg.det(
+            free - mu * np.eye(2 * sites)
+        )
+        assert map.D(np.log(complex(mu)) / (2j * np.pi)) == pytest.approx(whole, rel=1e-10)
+
+
+@pytest.mark.parametrize("gamma", [0.001, 0.04, 0.1, 0.2499])
+@pytest.mark.parametrize("distance", [0, 1, 4])
+def test_mean_propagators_are_means_over_the_modes(gamma, distance):
+    """Through the determinant of two impacts, next to the circle and far from it."""
+    times, k, b = np.array([0.0, 2.4]), 0.7, (0.4, -1.3)
+    map = OrbitMap(gamma, k, [(0, times[0], b[0]), (distance, times[1], b[1])])
+    theta, weight, w = Ring(4000).nodes(gamma)
+
+    def of_modes(s):
+        return np.array([np.cos(w * s), s * np.sinc(w * s / np.pi), -w * np.sin(w * s)])
+
+    def block(s, apart, mu):
+        """What the one does to the other, as ``[[turn, reach], [pull, turn]]``."""
+        late = s + 2 * np.pi * (s <= 0)
+        mode = 1 - 2 * np.cos(2 * np.pi * w) / mu + mu**-2
+        now, before = of_modes(late), of_modes(late - 2 * np.pi)
+        turn, reach, pull = (now - before / mu) / mode @ (weight * np.cos(apart * theta))
+        # a late one meets what grew by mu
+        return np.array([[turn, reach], [pull, turn]]) / (mu if s <= 0 else 1.0)
+
+    for kappa in (0.0 - 0.1j, 0.2 - 0.3j, 0.5 - 0.6j, -0.3 - 0.1j, 0.2 - 0.7j):
+        mu = np.exp(2j * np.pi * kappa)
+        whole = np.eye(4, dtype=complex)
+        for i in range(2):
+            for j in range(2):
+                X = block(times[i] - times[j], distance if i != j else 0, mu)
+                jump = np.array([[-1 - k, 0.0], [b[j], -1 - k]])
+                whole[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] -= X @ jump
+        assert map.D(kappa) == pytest.approx(np.linalg.det(whole), rel=1e-11)
+
+
+MAPS = [
+    OrbitMap(0.2, 0.7, [(0, -0.03, 1.4), (0, 0.5, 1.75), (0, 3.15, -1.9)]),
+    OrbitMap(0.05, 0.3, [(0, 0.8, -1.4), (0, 7.1, 1.6)], 2),
+    OrbitMap(0.03, 0.9, [(0, 1.0, 0.2), (0, 1.0, 0.4)]),
+    OrbitMap(0.06, 0.8, [(2, 0.0, 0.9), (0, 1.1, -0.4), (3, 3.0, 0.9)]),
+    # on its pitchfork: a real multiplier on the circle to within rounding
+    OrbitMap(0.04, 0.8, [(0, t, 1.62 * InfiniteChain().psi(0.04)) for t in (0.0, math.pi)]),
+]
+
+
+@pytest.mark.parametrize("map", MAPS, ids=repr)
+def test_compiled_or_not_an_orbit_tells_the_same(map, monkeypatch):
+    def told():
+        chain_map._around.cache_clear()
+        values = map.count(), map.crosses(-1.0), map.pairs(), map.nearest(), map.on_circle(0.3)
+        return *values, map.D(0.2 - 0.3j)
+
+    found = told()
+    monkeypatch.setattr(Kernel, "code", lambda kernel: None)
+    assert told() == found
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.025, 0.03, 0.06])
+def test_several_multipliers_at_1_are_not_outside(gamma):
+    """Elastic impacts have them at the pitchfork, and rounding alone puts them on a side."""
+    b = 2.0 * InfiniteChain().psi(gamma)
+    count = OrbitMap(gamma, 1.0, [(0, 0.0, b), (0, math.pi, b)]).count()
+    assert (count.count, count.certain) == (0, False)
+
+
+@pytest.mark.parametrize("many", [1, 9])
+def test_any_number_of_impacts_is_counted(many):
+    """Alike, as on a ring that is long enough."""
+    kicks = [(0, 0.6 * i, 0.1) for i in range(many)]
+    map, ring = OrbitMap(0.1, 0.8, kicks), on_ring(60, 0.1, 0.8, kicks, 1)
+    outside = int((abs(ring.over_period) > 1.05).sum())
+    assert map.count().count == outside == len(map.unstable_multipliers())
+
+
+def test_symmetric_breather_is_its_half_map_twice():
+    gamma, k, b = 0.1, 0.8, 0.7
+    map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
+    for kappa in ([0.2 - 0.1j, 0.45 - 0.7j, 0.1 - 0.02j], [0.2 + 0j, 0.05, 0.42]):
+        kappa = np.array(kappa, dtype=complex)  # mu^2 of the half map: the second row on the band
+        halves = D(gamma, kappa, k, b) * D(gamma, kappa + 1, k, b)
+        assert np.abs(map.D(kappa) - halves).max() < 1e-13
+
+
+def test_count_of_a_symmetric_breather_is_that_of_its_half_map():
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(150):
+        gamma, k, b = rng.uniform(5e-4, 0.2495), rng.uniform(0.2, 1), 2 * rng.normal()
+        wanted = unstable_count(gamma, k, b).count
+        seen.add(wanted)
+        found = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)]).count()
+        assert found.count == wanted
+        assert found.certain
+    assert seen >= {0, 1, 2}
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2, 0.7)])
+@pytest.mark.parametrize("off", [1e-3, 1e-5, 1e-6])
+def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of_it(gamma, k, off):
+    roots = neimark_sacker(gamma, k)
+    assert roots
+    for root in roots:
+        seen = set()
+        for b in (root.b - off, root.b + off):
+            whole = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
+            assert whole.count().count == unstable_count(gamma, k, b).count
+            assert whole.count().certain
+            assert 0.5 * whole.nearest() == pytest.approx(min(root.nu, 1 - root.nu), abs=off)
+            assert whole.approach() < 10 * off
+            seen.add(whole.count().count)
+        assert max(seen) - min(seen) == 2
+
+
+@pytest.mark.parametrize("b", [-2.5, -0.9, 0.4, 0.7, 3.0])
+def test_a_count_by_all_multipliers_names_the_one_nearest_to_the_circle(b):
+    kicks = [(0, 0.0, b), (0, 2.0, 0.7)]
+    map = OrbitMap(0.0, 0.8, kicks)
+    found = map.count()
+    mu = on_ring(1, 0.0, 0.8, kicks).over_period
+    gaps = np.abs(np.abs(mu) - 1.0)
+    assert found.count == np.count_nonzero(np.abs(mu) > 1.0)
+    assert found.distance == pytest.approx(gaps.min(), abs=1e-12)
+    at = np.exp(1j * np.pi * found.nu)
+    assert 0 <= found.nu <= 1
+    assert min(abs(mu - at)) == pytest.approx(found.distance, abs=1e-9)
+    assert found.pairs == np.count_nonzero((np.abs(mu) > 1.0) & (mu.imag > 0))
+    assert found.certain
+    outside = np.sort(np.abs(mu[np.abs(mu) > 1.0]))
+    assert np.sort(np.abs(map.unstable_multipliers())) == pytest.approx(outside)
+
+
+def test_a_pair_on_the_circle_of_sites_for_themselves_is_told_with_its_angle() -> None:
+    map = OrbitMap(0.0, 1.0, [(0, 0.0, 0.5), (0, math.pi, 0.5)])  # elastic: of modulus 1
+    angle = abs(np.angle(on_ring(1, 0.0, 1.0, map.kicks).multipliers()[0])) / np.pi
+    assert 0.1 < angle < 0.9
+    assert f"at the angle {angle:.6g} pi" in repr(verdict(map))
+
+
+def random_orbit(rng, several):
+    periods = int(rng.integers(1, 3))
+    m = int(rng.integers(1, 5))
+    times = np.sort(rng.uniform(0, 2 * np.pi * periods, m))
+    sites = rng.integers(0, 3, m) if several else np.zeros(m, dtype=int)
+    kicks = tuple(
+        (int(n), t, b) for n, t, b in zip(sites, times.tolist(), rng.normal(size=m), strict=True)
+    )
+    return rng.uniform(5e-4, 0.2495) / periods**2, rng.uniform(0.2, 1), kicks, periods
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_winding_number_newton_and_a_long_ring_agree(several):
+    """Multipliers well outside the circle do not know whether the chain is infinite."""
+    rng = np.random.default_rng(3)
+    outside = 0
+    for _ in range(8 if several else 20):
+        gamma, k, kicks, periods = random_orbit(rng, several)
+        found = OrbitMap(gamma, k, kicks, periods).unstable_multipliers()
+        ring = on_ring(LONG, gamma, k, kicks, periods).over_period
+        far, wanted = found[np.abs(found) > 1.6], ring[np.abs(ring) > 1.6]
+        assert far.size == wanted.size
+        assert paired(far, wanted) < 1e-7 * np.abs(far).max(initial=1)
+        outside += far.size
+    assert outside >= 5
+
+
+def test_pairs_are_what_is_left_without_lone_real_multipliers():
+    rng = np.random.default_rng(11)
+    seen = set()
+    for _ in range(40):
+        gamma, k, kicks, periods = random_orbit(rng, several=False)
+        map = OrbitMap(gamma, k, kicks, periods)
+        mu = map.unstable_multipliers()
+        lone = sum(np.count_nonzero((mu.imag == 0) & (s * mu.real > 1)) % 2 for s in (1, -1))
+        assert map.count().pairs == (mu.size - lone) // 2
+        seen.add((map.count().pairs, lone))
+    assert len(seen) >= 4
+
+
+def test_multipliers_come_largest_first_and_in_pairs():
+    mu = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)]).unstable_multipliers()
+    half = unstable_multipliers(0.11, 0.8, -0.28657)
+    assert mu.size == 2
+    assert mu[0] == mu[1].conjugate()
+    assert paired(mu, half**2) < 1e-11
+
+
+def test_a_multiplier_of_minus_one_is_a_zero_of_its_scalar():
+    def on(b, ring):
+        kicks = [(0, 0.0, b), (0, 2.7, 0.3)]
+        return on_ring(30, 0.04, 0.8, kicks) if ring else OrbitMap(0.04, 0.8, kicks)
+
+    for ring in (False, True):
+        low = brentq(lambda b, ring=ring: on(b, ring).crosses(-1.0), 0.0, 6.0, xtol=1e-15)
+        gap = np.abs(on(low, True).multipliers() + 1).min()
+        assert gap < (1e-12 if ring else 1e-9)
+
+
+def test_scalar_at_minus_one_is_bounded_where_the_band_passes_it():
+    values = [
+        OrbitMap(g, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)]).crosses(-1.0)
+        for g in (0.0625 + np.array([-1e-9, 0.0, 1e-9])).tolist()
+    ]
+    # it has a square root there
+    assert np.all(np.abs(np.diff(values)) < 1e-3 * np.abs(values).max())
+
+
+def test_counts_change_by_one_across_plus_and_minus_one():
+    def of(b):
+        return OrbitMap(0.04, 0.8, [(0, 0.0, b), (0, 2.7, 0.3)])
+
+    grid = np.linspace(-9.0, 6.0, 61)
+    counts = np.array([of(b).count().count for b in grid])
+    signs = np.array([(of(b).crosses(1.0) > 0, of(b).crosses(-1.0) > 0) for b in grid])
+    pairs = np.array([of(b).count().pairs for b in grid])
+    steps = np.diff(counts) - 2 * np.diff(pairs)
+    crossings = (signs[1:] != signs[:-1]).sum(axis=1)
+    assert crossings.sum() >= 2
+    assert np.array_equal(np.abs(steps) % 2, crossings % 2)
+
+
+def test_uncoupled_sites_answer_each_for_itself():
+    kicks = ((0, 0.0, 0.4), (1, 0.5, 3.0), (0, 3.0, 0.9), (1, 4.0, 2.0))
+    each = [
+        OrbitMap(0.0, 0.8, [(0, t, b) for n, t, b in kicks if n == site]).count().count
+        for site in (0, 1)
+    ]
+    assert OrbitMap(0.0, 0.8, kicks).count().count == sum(each)
+    assert OrbitMap(1e-5, 0.8, kicks).count().count == sum(each)
+
+
+def test_verdicts_name_their_chain():
+    map = OrbitMap(0.04, 0.8, [(0, 0.0, 1.1), (0, math.pi, 1.1)])
+    chain = verdict(map)
+    assert not chain.stable
+    assert "infinite chain: unstable, 1 multiplier of the orbit" in repr(chain)
+    assert chain.multipliers.size == 1
+    assert chain.largest == abs(chain.multipliers[0])
+    with pytest.raises(BadInput, match="over-reflection is known of symmetric breathers"):
+        _ = chain.over_reflecting
+    ring = verdict(on_ring(20, 0.04, 0.8, map.kicks))
+    assert "ring of 20" in repr(ring)
+    assert "threshold 1.005" in repr(ring)
+    assert ring.largest == pytest.approx(abs(ring.multipliers[0]))
+
+
+def zeros_outside(map: OrbitMap, radius: float) -> float:
+    """(1/2 pi i) times the integral of D'/D over a circle around all but the zeros outside."""
+    n = 1024
+    depth = math.log(radius) / (2 * math.pi)
+    kappa = (np.arange(n) + 0.5) / n - 0.5 - 1j * depth
+    values = map.D(kappa)
+    turned = np.angle(np.append(values[1:], values[:1]) * values.conj()).sum()
+    return -float(turned) / (2 * math.pi)
+
+
+def test_the_winding_number_of_an_orbit_is_the_argument_of_its_determinant() -> None:
+    """Random orbits of two and three impacts, where the ring about the circle is clear of zeros."""
+    rng = np.random.default_rng(8)
+    counts = []
+    while len(counts) < 8:
+        gamma, k = rng.uniform(0.01, 0.2), rng.uniform(0.3, 1)
+        times = np.sort(rng.uniform(0, 2 * math.pi, int(rng.integers(2, 4))))
+        kicks = [(0, float(t), 1.5 * float(rng.normal())) for t in times]
+        map = OrbitMap(gamma, k, kicks)
+        if abs(zeros_outside(map, 1.05) - zeros_outside(map, 1.2)) > 0.01:
+            continue
+        count = map.count()
+        if count.distance < 1e-3 or np.abs(map.unstable_multipliers()).min(initial=9) < 1.05:
+            continue
+        assert count.count == round(zeros_outside(map, 1.05))
+        assert count.certain
+        counts.append(count.count)
+    assert {0, 1} <= set(counts)
+
+
+def test_poles_are_taken_off_alike_whatever_sites_are_hit() -> None:
+    """F is D without the poles of the band, and they are those of the lattice alone."""
+    one = OrbitMap(0.08, 0.8, [(0, 0.0, 0.4), (0, 2.0, -0.3)])
+    two = OrbitMap(0.08, 0.8, [(0, 0.0, 0.7), (1, 0.9, 0.2), (3, 2.5, -0.6)])
+    edge = 2 * 0.08**0.5  # in units of the circle, 0.566: all aliases overlap above 1 - edge
+    for kappa in (0.07, 0.25, 0.42, 0.45, 0.49):
+        assert kappa < edge
+        at = np.array([kappa + 0j])
+        ratio = [complex(map.F(at)[0] / map.D(at)[0]) for map in (one, two)]
+        assert ratio[1] == pytest.approx(ratio[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.05, 0.0624, 0.09, 0.2])
+def test_the_scalar_at_minus_one_is_the_determinant_over_the_size_of_the_resolvent(gamma) -> None:
+    """``D(-1)/(1 + |g|^2)`` with ``|g|^-2 = s^2 |s^2 - 4 gamma|`` at s = 1/2."""
+    map = OrbitMap(gamma, 0.8, [(0, 0.0, 0.5), (0, 2.7, 0.3)])
+    size = 0.25 * abs(0.25 - 4 * gamma)
+    whole = complex(map.D(np.array([0.5 - 1e-13j]))[0])
+    assert map.crosses(-1.0) == pytest.approx(whole.real * size / (1 + size), rel=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [-1, 1])
+def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wrong: int) -> None:
+    """Newton's method that loses one, or finds one that is none, is not believed."""
+    find = chain_map._zeros
+
+    def other(*args: object) -> np.ndarray:
+        found = find(*args)
+        return found[:-1] if wrong < 0 else np.append(found, 1.5)
+
+    map = OrbitMap(0.11, 0.8, [(0, 0.0, -0.28657), (0, math.pi, -0.28657)])
+    assert map.unstable_multipliers().size == map.count().count == 2
+    monkeypatch.setattr(chain_map, "_zeros", other)
+    with pytest.raises(NotConverged, match=f"says 2 multipliers .* found {2 + wrong}"):
+        map.unstable_multipliers()
+
+
+def test_an_orbit_with_a_multiplier_on_the_circle_is_not_certain_and_says_where() -> None:
+    gamma, k = 0.1, 0.8
+    for b, nu in [(pitchfork_b(gamma, k), 0.0)] + [(p.b, p.nu) for p in neimark_sacker(gamma, k)]:
+        map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
+        count = map.count()
+        assert not count.certain
+        # squares of the half map's: twice the angle, folded onto the upper half circle
+        angle = 2 * nu % 2
+        assert min(angle, 2 - angle) == pytest.approx(count.nu, abs=1e-5)

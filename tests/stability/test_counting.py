@@ -1,0 +1,252 @@
+"""The number of multipliers outside the circle, against everything else that can count; and they
+themselves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability import (
+    D,
+    D_slope,
+    closest_approach,
+    dense_half_map,
+    half_multipliers,
+    neimark_sacker,
+    over_reflection,
+    unstable_count,
+    unstable_multipliers,
+)
+from contbreather.stability.counting import many_outside, outside, resolved_arc
+from tests.stability.by_hand import b_of, fold_b, pitchfork_b
+
+CHAIN = InfiniteChain()
+FIG_3B, FIG_4B = -0.2447945960 + 1.0231123432j, 1.0627500064
+
+
+def test_without_coupling_multipliers_are_those_of_the_single_oscillator():
+    rng = np.random.default_rng(0)
+    for i in range(400):
+        k, b = rng.choice([rng.uniform(), 0.0, 1.0], p=[0.8, 0.1, 0.1]), rng.normal() * 2
+        single = np.linalg.eigvals(dense_half_map(1, 0.0, k, b))
+        outside = np.sort(np.abs(single[np.abs(single) > 1 + 1e-9]))
+        if abs(np.abs(single).max() - 1) > 1e-9:
+            count = unstable_count(0.0, k, b)
+            assert count.count == outside.size
+            assert count.pairs == int(outside.size == 2 and abs(single[0].imag) > 0)
+        if i % 10 == 0:
+            found = np.sort(np.abs(unstable_multipliers(0.0, k, b)))
+            assert found == pytest.approx(outside, rel=1e-12)
+
+
+def test_tiny_coupling_does_not_change_the_count():
+    for k, b in [(0.8, 1.1), (0.8, 0.5), (0.3, -3.0), (1.0, 0.2), (0.0, 0.9)]:
+        assert unstable_count(1e-14, k, b).count == unstable_count(0.0, k, b).count
+
+
+def zeros_by_integral(gamma: float, k: float, b: float, radius: float) -> float:
+    """(1/2 pi i) times the integral of D'/D over a whole circle outside, by 16384 points."""
+    nu = 2 * (np.arange(16384) + 0.5) / 16384 - 1 - 1j * math.log(radius) / math.pi
+    value, slope = D_slope(gamma, nu, k, b)
+    return float(-np.mean(slope / value).imag / math.pi)
+
+
+def test_the_count_on_the_circle_is_the_argument_integral_beside_it():
+    rng = np.random.default_rng(1)
+    compared = 0
+    while compared < 60:
+        gamma = rng.choice([rng.uniform(0, 0.25), 0.25 - 10 ** rng.uniform(-5, -1)])
+        k, b = rng.choice([rng.uniform(), 0.0, 1.0]), rng.choice([1.0, 8.0]) * rng.normal()
+        beside = zeros_by_integral(gamma, k, b, 1.01)
+        if abs(beside - zeros_by_integral(gamma, k, b, 1.03)) > 1e-3:
+            continue  # a zero between, or too close for the integral
+        mu = unstable_multipliers(gamma, k, b)
+        if np.any(np.abs(mu) < 1.03):
+            continue
+        assert beside == pytest.approx(unstable_count(gamma, k, b).count, abs=1e-6)
+        compared += 1
+
+
+def test_a_long_dense_ring_has_as_many_unstable_multipliers_where_its_band_is_clear():
+    rng = np.random.default_rng(3)
+    counts = []
+    while len(counts) < 24:
+        gamma, k, b = rng.uniform(0.01, 0.2), rng.uniform(0.3, 1.0), rng.normal()
+        mu = unstable_multipliers(gamma, k, b)
+        band = over_reflection(gamma, k, b).growth / 60
+        if np.any(np.abs(mu) < 1.15) or band > 0.04:
+            continue
+        dense = np.linalg.eigvals(dense_half_map(60, gamma, k, b))
+        counts.append(unstable_count(gamma, k, b).count)
+        assert np.sum(np.abs(dense) > 1.1) == counts[-1]
+        for one in mu[np.abs(mu) > 1.6]:  # 1.6^-60 < 1e-12
+            assert np.abs(dense - one).min() < 1e-10 * abs(one)
+    assert {0, 1, 2} <= set(counts)
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.05, 0.95), (0.24, 0.3)])
+def test_the_count_changes_by_two_at_a_neimark_sacker_point_and_by_one_on_the_real_axis(gamma, k):
+    jumps = {point.b: 2 for point in neimark_sacker(gamma, k)}
+    assert len(jumps) == 2
+    jumps |= {fold_b(gamma, k): 1, pitchfork_b(gamma, k): 1}
+    for b, jump in jumps.items():
+        below, above = (unstable_count(gamma, k, b + step) for step in (-1e-9, 1e-9))
+        assert abs(below.count - above.count) == jump
+        assert abs(below.pairs - above.pairs) == (jump == 2)
+        assert below.certain
+        assert above.certain
+    edges = sorted(jumps)
+    for low, high in zip([edges[0] - 5, *edges], [*edges, edges[-1] + 5], strict=True):
+        inside = np.linspace(low, high, 40)[1:-1]
+        assert len({unstable_count(gamma, k, b).count for b in inside}) == 1
+
+
+@pytest.mark.parametrize("k", [0.4, 0.8])
+def test_on_a_bifurcation_the_count_says_that_it_is_not_certain_and_where(k):
+    places = {pitchfork_b(0.12, k): 0.0, fold_b(0.12, k): 1.0}
+    places |= {point.b: point.nu for point in neimark_sacker(0.12, k)}
+    for b, nu in places.items():
+        at = unstable_count(0.12, k, b)
+        assert not at.certain
+        assert at.nu == pytest.approx(nu, abs=1e-10)
+        beside = [unstable_count(0.12, k, b + step) for step in (-1e-7, 1e-7)]
+        assert all(count.certain and 1e-10 < count.distance < 1e-5 for count in beside)
+        assert beside[0].count != beside[1].count
+
+
+def test_without_dissipation_neutral_multipliers_are_not_outside():
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        gamma, b = rng.uniform(0.001, 0.24), rng.normal()
+        count = unstable_count(gamma, 1.0, b).count
+        assert count == unstable_count(gamma, 1.0, b, radius=1 + 1e-6).count
+
+
+def test_nearly_elastic_impacts_can_bring_a_neutral_multiplier_out():
+    # at k = 1 two multipliers sit between the band and -1; less than 1 brings one pair out
+    gamma, b = 0.0786466119116157, -0.06944721779417279
+    assert unstable_count(gamma, 1.0, b).count == 0
+    assert unstable_count(gamma, 1.0 - 1e-6, b).count == 2
+    assert np.all(np.abs(unstable_multipliers(gamma, 1.0 - 1e-6, b)) > 1)
+
+
+def test_a_ring_is_counted_outside_its_band_like_its_dense_matrix():
+    rng = np.random.default_rng(5)
+    for sites in (1, 2, 3, 8, 41):
+        for _ in range(12):
+            gamma, k, b = rng.uniform(0, 0.25), rng.uniform(), rng.normal() * 2
+            dense = np.abs(np.linalg.eigvals(dense_half_map(sites, gamma, k, b)))
+            for radius in (math.sqrt(1.005), 1.05, 1.5):
+                if np.abs(dense - radius).min() > 1e-9:
+                    count = unstable_count(gamma, k, b, Ring(sites), radius=radius)
+                    assert count.count == np.sum(dense > radius)
+
+
+@pytest.mark.parametrize("gamma", [0.2499999, 0.25 - 1e-12, 1e-300, 5e-324])
+def test_the_rim_of_the_domain_has_an_answer(gamma):
+    for k in (0.0, 0.5, 1.0):
+        for b in (-30.0, -0.5, 0.0, 0.3, 30.0):
+            count = unstable_count(gamma, k, b)
+            assert count.count in (0, 1, 2, 3)
+            assert math.isfinite(count.distance)
+
+
+@pytest.mark.parametrize("k", [1.0, 1.0 - 1e-8, 0.9])
+def test_a_pitchfork_of_elastic_impacts_is_counted_without_noise(k):
+    """F vanishes like nu^2 at the angle 0 there, down to rounding: nothing to be resolved."""
+    b = pitchfork_b(0.05, k)
+    count = unstable_count(0.05, k, b)
+    assert not count.certain
+    assert count.pairs == 0
+    assert count.count in (0, 1)
+    arc, _, _ = resolved_arc(0.05, k, b)
+    assert arc.nu.size < 2000
+
+
+def test_many_counts_at_once_are_those_of_one_by_one():
+    rng = np.random.default_rng(7)
+    gamma, k = rng.uniform(0.0, 0.25, 600), rng.uniform(size=600)
+    gamma[:60] = 0.25 - 10.0 ** rng.uniform(-9, -1, 60)
+    gamma[60:120] = 10.0 ** rng.uniform(-9, -2, 60)
+    k[::8] = 1.0 - 10.0 ** rng.uniform(-9, -1, k[::8].size)
+    k[1::100], k[2::100], gamma[3::100] = 0.0, 1.0, 0.0
+    b = rng.choice([0.3, 1.0, 8.0], 600) * rng.normal(size=600)
+    kind = rng.integers(6, size=600)
+    for i in range(600):  # half of them beside a bifurcation
+        near = [pitchfork_b(gamma[i], k[i]), fold_b(gamma[i], k[i])]
+        near += [point.b for point in neimark_sacker(float(gamma[i]), float(k[i]))]
+        if kind[i] < len(near):
+            b[i] = near[kind[i]] * (1.0 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-15, -2))
+    found = many_outside(gamma, k, b)
+    single = [unstable_count(*one).count for one in zip(gamma, k, b, strict=True)]
+    sure = found >= 0
+    assert 0.5 < sure.mean() < 1.0
+    assert np.array_equal(found[sure], np.array(single)[sure])
+    assert single == [outside(*one, CHAIN) for one in zip(gamma, k, b, strict=True)]
+    far = (kind > 3) & (gamma > 1e-9) & (gamma < 0.2499) & (k < 1.0)
+    assert np.mean(found[far] < 0) < 0.02
+
+
+@pytest.mark.parametrize("given", [{}, {"radius": 1.2}, {"radius": 1.2, "lattice": Ring(12)}])
+def test_a_distance_is_relative_to_terms_that_grow_with_b(given):
+    for b in (-1.0, 1.0):
+        one, other = (unstable_count(0.1, 0.8, b * size, **given).distance for size in (1e4, 1e7))
+        assert one == pytest.approx(other, rel=1e-2)
+        assert 0.1 < one < 1.0
+
+
+@pytest.mark.parametrize("gamma", [0.0, 1e-6, 0.03, 0.12, 0.2])
+def test_elastic_counts_are_those_of_a_long_ring_well_outside(gamma: float) -> None:
+    """For k = 1 the map keeps areas: multipliers come with their inverses, none is left inside."""
+    rng = np.random.default_rng(int(1e6 * gamma))
+    for b in rng.normal(size=12) * 2:
+        mu = unstable_multipliers(gamma, 1.0, float(b))
+        count = unstable_count(gamma, 1.0, float(b))
+        assert count.count == mu.size
+        if mu.size and np.abs(mu).min() < 1.05:
+            continue
+        ring = half_multipliers(Ring(60), gamma, 1.0, float(b))
+        assert np.sum(np.abs(ring) > 1.04) == np.sum(np.abs(ring) < 1 / 1.04) == count.count
+
+
+# --- the multipliers themselves ------------------------------------------------------------------
+
+
+def test_leading_multipliers_of_figures_3b_and_4b():
+    pair = unstable_multipliers(0.11, 0.8, b_of(0.2, 0.11, 0.8))
+    np.testing.assert_allclose(pair, [FIG_3B, FIG_3B.conjugate()], rtol=0, atol=1e-10)
+    alone = unstable_multipliers(0.045, 0.8, b_of(0.8, 0.045, 0.8))
+    np.testing.assert_allclose(alone, [FIG_4B], rtol=0, atol=1e-10)
+
+
+def test_newton_finds_all_that_the_winding_number_counts_and_each_is_a_zero():
+    rng = np.random.default_rng(7)
+    for _ in range(150):
+        gamma = rng.choice(
+            [rng.uniform(0, 0.25), 10 ** rng.uniform(-12, -1), 0.25 - 10 ** rng.uniform(-8, -1)]
+        )
+        k = rng.choice([rng.uniform(), 0.0, 1.0])
+        b = rng.choice([0.3, 1.5, 30.0]) * rng.normal()
+        mu = unstable_multipliers(gamma, k, b)
+        assert mu.size == unstable_count(gamma, k, b).count
+        assert np.all(np.abs(mu) > 1)
+        assert np.allclose(np.sort_complex(mu), np.sort_complex(mu.conj()), rtol=1e-14, atol=0)
+        if mu.size:
+            nu = np.log(mu) / (1j * np.pi)
+            step = np.abs(D(gamma, nu, k, b)) * 2e-8
+            step /= np.abs(D(gamma, nu + 1e-8, k, b) - D(gamma, nu - 1e-8, k, b))
+            assert step.max() < 1e-12
+
+
+@pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])
+def test_the_closest_approach_points_at_the_neimark_sacker_angle(gamma, k):
+    for point in neimark_sacker(gamma, k):
+        at = closest_approach(gamma, k, point.b)
+        assert at.nu == pytest.approx(point.nu, abs=1e-9)
+        assert at.distance < 1e-9
+        near = closest_approach(gamma, k, point.b + 1e-3)
+        assert near.nu == pytest.approx(point.nu, abs=0.02)
+        assert near.distance < 0.01

@@ -1,0 +1,240 @@
+"""All multipliers of QS on a ring, against the paper's dense matrices and without them."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from contbreather.errors import NotConverged
+from contbreather.lattice import Ring
+from contbreather.stability import (
+    apply_half_map,
+    dense_half_map,
+    eigenvector,
+    even_multipliers,
+    half_multipliers,
+    neimark_sacker,
+    ring_multipliers,
+    stability,
+)
+from contbreather.stability.pairs import beyond, outermost
+from tests.stability.by_hand import apart, b_of, fold_b, paper_matrix, pitchfork_b
+
+BREATHERS = [  # a, gamma, k: stable, unstable either way, elastic, perfectly plastic
+    (0.2, 0.11, 0.8),
+    (0.2, 0.09, 0.8),
+    (0.8, 0.045, 0.8),
+    (0.5, 0.12, 0.8),
+    (0.5, 0.2, 0.4),
+    (0.3, 0.1, 1.0),
+    (0.9, 0.1, 0.0),
+    (0.95, 0.2, 0.01),
+    (0.3, 0.2499, 0.9),
+]
+
+
+@pytest.mark.parametrize(("a", "gamma", "k"), BREATHERS)
+def test_all_multipliers_are_those_of_the_papers_matrix(a, gamma, k):
+    b = b_of(a, gamma, k)
+    for sites in (1, 2, 3, 4, 5, 17, 40, 41, 200):
+        dense = np.linalg.eigvals(paper_matrix(sites, gamma, k, b))
+        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-12
+
+
+def test_multipliers_of_the_whole_period_are_those_of_QS_squared():
+    b = b_of(0.2, 0.11, 0.8)
+    half = paper_matrix(40, 0.11, 0.8, b)
+    full = half_multipliers(Ring(40), 0.11, 0.8, b) ** 2
+    assert apart(full, np.linalg.eigvals(half @ half)) < 1e-12
+
+
+def test_random_maps_agree_with_dense_matrices_and_need_no_fallback(monkeypatch):
+    def refuse(*args: object) -> None:
+        raise AssertionError(f"fell back to a dense matrix at {args}")
+
+    monkeypatch.setattr(ring_multipliers, "_dense_even_roots", refuse)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        gamma = rng.choice(
+            [rng.uniform(0, 0.25), 10 ** rng.uniform(-5, -1), 0.25 - 10 ** rng.uniform(-5, -1)]
+        )
+        k = rng.choice([rng.uniform(), 0.0, 1.0, 10 ** rng.uniform(-8, -1)])
+        b = rng.choice([0.3, 1.5, 30.0]) * rng.normal()
+        sites = int(rng.integers(2, 60))
+        dense = np.linalg.eigvals(dense_half_map(sites, gamma, k, b))
+        assert apart(half_multipliers(Ring(sites), gamma, k, b), dense) < 1e-10
+
+
+@pytest.mark.parametrize("sites", [2, 5, 6])
+@pytest.mark.parametrize("gamma", [1e-12, 1e-7])
+def test_next_to_no_coupling_they_agree_with_forty_digits(sites, gamma):
+    # in double precision the dense matrix has lost them: they are a cluster of Jordan blocks
+    with mp.workdps(40):
+        half = mp.matrix(2 * sites, 2 * sites)
+        w = [2 * mp.sqrt(mp.mpf(gamma)) * mp.sin(mp.pi * j / sites) for j in range(sites)]
+        for n in range(sites):
+            for m in range(sites):
+                wave = [mp.cos(2 * mp.pi * j * (n - m) / sites) / sites for j in range(sites)]
+                sine = [mp.sin(mp.pi * x) / x if x else mp.pi for x in w]
+                half[n, m] = half[sites + n, sites + m] = sum(
+                    c * mp.cos(mp.pi * x) for c, x in zip(wave, w, strict=True)
+                )
+                half[n, sites + m] = sum(c * s for c, s in zip(wave, sine, strict=True))
+                half[sites + n, m] = -sum(
+                    c * x * mp.sin(mp.pi * x) for c, x in zip(wave, w, strict=True)
+                )
+        kick = mp.eye(2 * sites)
+        k, b = mp.mpf("0.7"), mp.mpf("0.3")
+        kick[0, 0] = kick[sites, sites] = -k
+        kick[sites, 0] = b
+        exact, _ = mp.eig(half * kick)
+    exact = np.array([complex(x) for x in exact])
+    assert apart(half_multipliers(Ring(sites), gamma, 0.7, 0.3), exact) < 1e-14
+
+
+def test_without_coupling_every_idle_site_is_free_and_the_impacting_one_alone():
+    mu = half_multipliers(Ring(5), 0.0, 0.8, 1.1)
+    single = np.linalg.eigvals(dense_half_map(1, 0.0, 0.8, 1.1))
+    assert mu.size == 10
+    np.testing.assert_allclose(np.sort(mu.real), np.sort([*single, *np.ones(8)]), atol=1e-14)
+
+
+@pytest.mark.parametrize("sites", [1600, 1601])
+def test_on_long_rings_trace_determinant_and_eigenvectors_vouch_for_them(sites):
+    for a, gamma, k in BREATHERS[:6]:
+        b = b_of(a, gamma, k)
+        ring = Ring(sites)
+        mu = half_multipliers(ring, gamma, k, b)
+        assert mu.size == 2 * sites
+        log = np.sum(np.log(mu))  # prod mu = det QS = k^2, positive
+        assert log.real == pytest.approx(2 * math.log(k), abs=1e-11)
+        w = ring.frequencies(gamma)
+        free = 2 * np.sum(np.cos(np.pi * w))
+        at_impact = (-2 * k - 2) * np.mean(np.cos(np.pi * w)) + b * np.mean(np.pi * np.sinc(w))
+        assert np.sum(mu) == pytest.approx(free + at_impact, abs=1e-10)
+        for one in mu[:: sites // 8]:
+            v = eigenvector(ring, gamma, k, b, one)
+            assert np.linalg.norm(apply_half_map(ring, gamma, k, b, v) - one * v) < 1e-10
+        even = np.sort_complex(even_multipliers(ring, gamma, k, b))
+        assert np.abs(np.diff(even)).min() > 1e-9  # no zero is listed twice
+
+
+def test_a_wrong_missing_or_doubled_zero_does_not_pass_the_check():
+    gamma, k, b, ring = 0.11, 0.8, -0.28, Ring(120)
+    right = even_multipliers(ring, gamma, k, b)
+    modes = ring_multipliers.modes(gamma, 120)
+    assert ring_multipliers._defect(right, modes, k, b) < 1e-12
+    for i in range(0, right.size, 7):
+        wrong = right.copy()
+        wrong[i] += 1e-6
+        assert ring_multipliers._defect(wrong, modes, k, b) > ring_multipliers.SOUND
+        wrong[i] = right[i - 1]
+        assert ring_multipliers._defect(wrong, modes, k, b) > ring_multipliers.SOUND
+
+
+def test_if_the_zeros_fail_their_check_the_even_sector_is_solved_dense(monkeypatch):
+    args = (Ring(30), 0.11, 0.8, -0.28)
+    fast = half_multipliers(*args)
+    monkeypatch.setattr(ring_multipliers, "_defect", lambda *_: 1.0)
+    assert apart(half_multipliers(*args), fast) < 1e-12
+
+
+@pytest.mark.parametrize("k", [0.8, 0.3, 0.0])
+def test_on_a_bifurcation_the_critical_multiplier_is_there(k):
+    gamma = 0.15
+    for sites in (61, 200):  # so long that the ring has the means of the infinite chain
+        for b, critical in ((pitchfork_b(gamma, k), 1.0), (fold_b(gamma, k), -1.0)):
+            mu = half_multipliers(Ring(sites), gamma, k, b)
+            assert np.abs(mu - critical).min() < 1e-12
+    for nu, b in neimark_sacker(gamma, k):
+        for sites in (50, 400):  # the ring's own waves keep off it by about 1/N
+            mu = half_multipliers(Ring(sites), gamma, k, b)
+            assert np.abs(mu - np.exp(1j * np.pi * nu)).min() < 20 / sites
+
+
+def test_on_a_pitchfork_of_any_ring_the_multiplier_is_one():
+    rng = np.random.default_rng(2)
+    for _ in range(250):
+        ring = Ring(int(rng.integers(1, 120)))
+        gamma = rng.choice([rng.uniform(0, 0.25), 10 ** rng.uniform(-8, -1)])
+        k = rng.choice([rng.uniform(), 0.0])
+        mu = half_multipliers(ring, gamma, k, (1 + k) ** 2 * ring.psi(gamma) / 2)
+        assert np.abs(mu[: ring.sites // 2 * 2 + 2] - 1).min() < 1e-12
+
+
+@pytest.mark.parametrize("sites", [1, 2, 3, 8, 41])
+def test_eigenvectors_solve_the_dense_problem(sites):
+    ring = Ring(sites)
+    for gamma, k, b in [(0.11, 0.8, -0.28), (0.1, 0.0, 0.1), (0.0, 0.8, 1.1), (0.1, 1.0, 0.03)]:
+        half = dense_half_map(sites, gamma, k, b)
+        for mu in half_multipliers(ring, gamma, k, b):
+            v = eigenvector(ring, gamma, k, b, mu)
+            assert v.shape == (2 * sites,)
+            assert np.linalg.norm(v) == pytest.approx(1)
+            assert np.linalg.norm(half @ v - mu * v) < 1e-12
+
+
+def test_what_is_no_multiplier_has_no_eigenvector():
+    with pytest.raises(NotConverged, match=r"no eigenvector.*= \d\.\de[-+]\d\d; take") as caught:
+        eigenvector(Ring(10), 0.1, 0.8, 0.3, 0.5 + 0.5j)
+    assert 1e-9 < caught.value.residual < 10.0
+
+
+def test_the_dense_reference_is_the_papers_matrix():
+    for sites in (1, 2, 3, 8):
+        np.testing.assert_allclose(
+            dense_half_map(sites, 0.17, 0.6, -0.4), paper_matrix(sites, 0.17, 0.6, -0.4), atol=1e-13
+        )
+
+
+def test_the_largest_is_never_inside_where_odd_modes_are_neutral():
+    assert stability(0.05, 0.3, 0.0, Ring(12)).largest >= 1
+    assert stability(0.05, 0.3, 0.0, Ring(1)).largest < 1
+
+
+# --- multipliers next to a circle ---------------------------------------------------------------
+
+
+def conjugates(*upper: complex, real: tuple[float, ...] = ()) -> np.ndarray:
+    return np.array([*upper, *np.conj(upper), *real], dtype=complex)
+
+
+def test_real_multipliers_are_beyond_a_place_on_their_own_side_of_zero() -> None:
+    mu = conjugates(2 + 1j, -2 + 1j, real=(3.0, 1.5, 1.0, 0.5, -1.0, -1.2, -4.0))
+    assert [beyond(mu, place) for place in (0.4, 1.0, 2.0, 3.0, 4.0)] == [4, 2, 1, 0, 0]
+    assert [beyond(mu, place) for place in (-0.4, -1.0, -2.0, -4.0, -5.0)] == [3, 2, 1, 0, 0]
+
+
+def test_outermost_pair_is_measured_by_its_modulus_and_real_ones_are_none() -> None:
+    for sizes in ((0.8,), (1.0,), (1.2,), (0.9, 1.2), (1.2, 1.5), (1.2, 0.95)):
+        mu = conjugates(*(size * np.exp(2j) for size in sizes), real=(3.0, -5.0))
+        assert outermost(mu) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
+        assert outermost(1.1 * mu, 1.1) == pytest.approx(max(sizes) - 1.0, abs=1e-12)
+    assert math.isnan(outermost(conjugates(real=(3.0, -5.0))))
+
+
+@pytest.mark.parametrize("sites", [5, 8])
+def test_each_mode_that_does_not_see_the_impact_has_its_own_eigenvector(sites: int) -> None:
+    """Odd under n -> -n; a wave with a node at the impacting site."""
+    gamma, k, b = 0.11, 0.8, -0.28
+    half = dense_half_map(sites, gamma, k, b)
+    n = np.arange(sites)
+    for j in range(1, (sites + 1) // 2):
+        w = 2 * math.sqrt(gamma) * math.sin(math.pi * j / sites)
+        wave = np.sin(2 * math.pi * j * n / sites)
+        for sign in (1, -1):
+            mu = complex(np.exp(1j * math.pi * sign * w))
+            v = eigenvector(Ring(sites), gamma, k, b, mu)
+            assert np.linalg.norm(half @ v - mu * v) < 1e-12
+            shape = np.concatenate([wave, 1j * sign * w * wave])
+            shape = shape / np.linalg.norm(shape)
+            assert abs(np.vdot(shape, v)) == pytest.approx(1.0, abs=1e-10)
+
+
+def test_without_coupling_an_idle_site_keeps_its_place() -> None:
+    v = eigenvector(Ring(4), 0.0, 0.8, 1.1, 1.0)
+    np.testing.assert_allclose(dense_half_map(4, 0.0, 0.8, 1.1) @ v, v, atol=1e-13)
+    assert abs(v[0]) == 0.0
