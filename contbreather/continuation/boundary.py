@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -19,11 +19,11 @@ from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
-from .extended import Extended, event_of, extended, lifted
+from .extended import Extended, ExtendedProblem, event_of, extended, lifted
 from .newton import Undefined
 from .point import Counting, Event, Examined, Locus, Meeting, Point
 from .problem import Problem
-from .scope import scope, titled, walls_are_lifted
+from .scope import having, scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
 from .trace import trace
@@ -117,6 +117,24 @@ def named_pair(pair: Any) -> tuple[str, str]:
     return pair[0], pair[1]
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class BoundaryProblem(ExtendedProblem):
+    """A problem with the defining system of one of its events, and what else was asked for."""
+
+    asked: tuple[Event, ...] | None = field(kw_only=True)
+    inadmissible: bool = field(kw_only=True)
+
+    def wider(self, names: tuple[str, ...]) -> Problem:
+        """Where the base problem has another parameter, free in place of the first."""
+        here, (free,), event = Curve(self, ()), names, self.residual.event
+        assert event is not None
+        pair = free, here.varied[-1]
+        ground, event = _having(Point(here, here.start).ground, event, pair)
+        if free not in ground.curve.problem.params:
+            return self
+        return boundary_problem(ground, event, pair, self.asked, inadmissible=self.inadmissible)
+
+
 def boundary_problem(
     ground: Point,
     event: Event,
@@ -140,9 +158,6 @@ def boundary_problem(
         locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
-    longer = extended(curve, locus, event)
-    if base.loops is None or locus.loops is None:  # those of this package are held to differences
-        _check_derivative(longer, locus, pair[0])  # by its tests
     others = [
         one
         for other in given
@@ -154,35 +169,24 @@ def boundary_problem(
         own = tuple(one for one in own if one.ends)
     if walls_are_lifted(base) and event.walls:  # what ends it is another wall
         own = tuple(one for one in own if not (isinstance(one, Meeting) and one.base.walls))
-    return replace(
-        longer,
+    make = partial(
+        BoundaryProblem,
         events=(*own, *others),
         record={name: _beside(event, column) for name, column in base.record.items()},
         label=titled(f"{_named(ground, event)} boundary", base),
-        wider=base.wider and partial(_wider, event, asked, inadmissible),
+        asked=asked,
+        inadmissible=inadmissible,
     )
+    longer = extended(curve, locus, event, make)
+    if base.loops is None or locus.loops is None:  # those of this package are held to differences
+        _check_derivative(longer, locus, pair[0])  # by its tests
+    return longer
 
 
 def _named(ground: Point, event: Event) -> str:
     """The kind that a point was found to be, which may be another than its event's: PF for BP."""
     own = ground.event is not None and ground.event.kind == event.kind
     return ground.kind if own and ground.kind else event.kind
-
-
-def _wider(
-    event: Event,
-    events: tuple[Event, ...] | None,
-    inadmissible: bool,
-    longer: Problem,
-    names: tuple[str, ...],
-) -> Problem:
-    """The boundary where its problem has another parameter, which is free in place of the first."""
-    here, (free,) = Curve(longer, ()), names
-    ground, event = _having(Point(here, here.start).ground, event, (free, here.varied[-1]))
-    if free not in ground.curve.problem.params:
-        return longer
-    pair = free, here.varied[-1]
-    return boundary_problem(ground, event, pair, events, inadmissible=inadmissible)
 
 
 def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
@@ -225,7 +229,7 @@ def _traceable(point: Point) -> Event:
 
 def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
     """The point, and its event, in equations that have both parameters."""
-    problem = ground.problem.having(*pair)
+    problem = having(ground.problem, *pair)
     if problem.residual is ground.curve.problem.residual:
         return ground, event
     own = next((one for one in problem.events if one.kind == event.kind), event)

@@ -18,6 +18,7 @@ from .branch import Branch, Settings, Stop, labelled
 from .curve import Curve
 from .cycles import Iterate, with_period
 from .equilibria import branch_point, fold, hopf
+from .extended import ExtendedProblem
 from .newton import Undefined
 from .point import Counting, Event, Point
 from .points import Points
@@ -166,8 +167,8 @@ class _Stored:
     def _curve(self, problem: Problem) -> Curve:
         """The curve of a problem, with the columns that were recorded."""
         z, record = self.z, dict(problem.record)
-        if problem.beneath is not None:
-            size = problem.residual.n  # type: ignore[attr-defined]
+        if isinstance(problem, ExtendedProblem):
+            size = problem.residual.n
             z = np.hstack([z[:, :size], z[:, -2:]])
         for name in self.content["recorded"]:
             function = problem.record.get(name, missing)

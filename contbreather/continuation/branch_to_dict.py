@@ -20,7 +20,7 @@ from ..storage.netcdf import Column
 from ..storage.serialise import NotSerialisable, to_dict
 from .branch import Branch, Settings
 from .cycles import Iterate
-from .extended import event_of
+from .extended import ExtendedProblem, event_of
 from .point import Event
 from .points import Points
 from .problem import Problem
@@ -104,8 +104,8 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
 
 def _base(problem: Problem) -> tuple[Problem, dict[str, Any] | None]:
     """The problem, of a boundary the original one, and what its equations are made of."""
-    if event_of(problem):
-        problem = getattr(problem.residual, "problem", problem)
+    if isinstance(problem, ExtendedProblem):
+        problem = problem.residual.problem
     return problem, _form(problem)
 
 

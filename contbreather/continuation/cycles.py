@@ -119,7 +119,6 @@ def with_period(problem: Problem, period: int) -> Problem:
         problem,
         residual=other,
         jacobian=None if problem.jacobian is None else other.jacobian,
-        images=other.phases,
         label=generic(period) if unnamed else problem.label,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,7 +96,28 @@ class Extended:
         return np.hstack([own, others])
 
 
-def extended(base: Curve, locus: Locus, event: Event | None = None) -> Problem:
+@dataclass(frozen=True, eq=False, repr=False)
+class ExtendedProblem(Problem):
+    """As a problem: `residual` knows its derivatives."""
+
+    residual: Extended
+
+    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
+        return self.residual.derivatives(x, params, free)
+
+    def loops(self, free: tuple[str, ...], params: Params) -> Loops | None:
+        return self.residual.loops(free, params)
+
+    def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
+        return self.residual.beneath(x, params, free)
+
+
+def extended(
+    base: Curve,
+    locus: Locus,
+    event: Event | None = None,
+    make: Callable[..., ExtendedProblem] = ExtendedProblem,
+) -> ExtendedProblem:
     """The problem of a curve with the conditions of `locus` added, and the first of its free
     parameters made unknown; `event` is what the locus is of, where that is a boundary."""
     problem, released = base.problem, base.free[0]
@@ -105,9 +127,8 @@ def extended(base: Curve, locus: Locus, event: Event | None = None) -> Problem:
     # an angle or a squared frequency is measured by its size: it is not what the steps are about
     scalars = {name: abs(float(v)) for name, v in locus.extra.items() if np.ndim(v) == 0}
     sizes = {name: size for name, size in scalars.items() if size > 1.0}
-    together = Extended(base, locus, event)
-    return Problem(
-        together,
+    return make(
+        Extended(base, locus, event),
         {**problem.start, **locus.extra, released: problem.params[released]},
         {name: value for name, value in problem.params.items() if name != released},
         domain={
@@ -115,15 +136,12 @@ def extended(base: Curve, locus: Locus, event: Event | None = None) -> Problem:
             **{n: d for n, d in locus.domain.items() if n in base.free or n in locus.extra},
         },
         scales={**sizes, **problem.scales},
-        derivatives=together.derivatives,
-        beneath=together.beneath,
-        loops=together.loops,
     )
 
 
 def event_of(problem: Problem) -> Event | None:
     """The event whose boundary a problem is of, if it is one."""
-    return problem.residual.event if isinstance(problem.residual, Extended) else None
+    return problem.residual.event if isinstance(problem, ExtendedProblem) else None
 
 
 def lifted(locus: Locus, together: Extended, suffix: str) -> Locus:

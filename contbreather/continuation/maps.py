@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -100,7 +100,7 @@ def FixedPoint(
     if not (record is None or isinstance(record, Mapping)):
         raise BadInput(f"record must be a dict of names and functions, got {record!r}")
     iterate = Iterate(map_, period, jacobian)
-    return Problem(
+    return CycleProblem(
         iterate,
         start,
         params,
@@ -110,11 +110,24 @@ def FixedPoint(
         domain={} if domain is None else domain,
         scales={} if scales is None else scales,
         interpret=cycle,
-        images=iterate.phases,
-        simpler=shorter,
-        lifts={"PD": _doubled},
         label=generic(iterate.period) if label == "" else label,
     )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CycleProblem(Problem):
+    """Fixed points or cycles of a map."""
+
+    residual: Iterate
+
+    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
+        return self.residual.phases(x, params)
+
+    def simpler(self, point: Point) -> Problem | None:
+        return shorter(point)
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return _doubled if kind == "PD" else None
 
 
 # --- the events on a branch -------------------------------------------------------------------

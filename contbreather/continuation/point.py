@@ -294,10 +294,6 @@ class Event:
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
-    serialised : dict, optional
-        What it was made of where its kind alone does not say that, for files to make it again, as
-        of a `Problem`.
-
     Examples
     --------
     >>> Event("UZ", lambda point: point["x"] - 0.5).ends
@@ -311,13 +307,18 @@ class Event:
     locus: Callable[[Point], Locus] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
-    serialised: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):
             raise BadInput(f"ends={self.ends!r}: '', 'branch' or 'domain' was expected")
         if self.test is None and self.count is None:
             raise BadInput(f"an event of kind {self.kind} needs a test, or at least a count")
+
+    @property
+    def serialised(self) -> Mapping[str, Any] | None:
+        """What files make it of again where its kind alone does not say that, as of a `Problem`;
+        for classes derived from this one."""
+        return None
 
     @property
     def crosses(self) -> bool:
@@ -380,18 +381,22 @@ class Judged(Event):
         Columns in place of those of the problem of the same names.
     about : str
         What these columns are about, shown with the label of the problem.
+    form : dict
+        What files make it of again.
     """
 
-    record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, kw_only=True)
-    about: str = field(default="", kw_only=True)
+    record: Mapping[str, Callable[[Point], float]] = field(kw_only=True)
+    about: str = field(kw_only=True)
+    form: Mapping[str, Any] = field(kw_only=True)
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        return self.form
 
     @classmethod
-    def judging(
-        cls, event: Event, record: Mapping[str, Callable[[Point], float]], about: str
-    ) -> Self:
+    def judging(cls, event: Event, **rule: Any) -> Self:
         """The same event with such columns."""
-        same = {one.name: getattr(event, one.name) for one in fields(Event)}
-        return cls(**same, record=record, about=about)
+        return cls(**{same.name: getattr(event, same.name) for same in fields(Event)}, **rule)
 
 
 @dataclass(frozen=True, repr=False)
@@ -404,6 +409,15 @@ class Meeting(Event):
     @property
     def bifurcates(self) -> bool:
         return self.base.bifurcates
+
+
+@dataclass(frozen=True, repr=False)
+class LevelEvent(Event):
+    """UZ, with a `Level` for its test."""
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        return {"kind": "UZ", **vars(self.test), "terminal": self.ends == "branch"}
 
 
 @dataclass(frozen=True)
@@ -439,13 +453,8 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
         raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was expected")
     value = number("value", value, -1e300, 1e300, "the level to stop at")
     level = Level(name, value)
-    return Event(
-        "UZ",
-        level,
-        locus=Always(Locus({}, level.conditions)),
-        ends="branch" if flag("terminal", terminal) else "",
-        serialised={"kind": "UZ", "name": name, "value": value, "terminal": bool(terminal)},
-    )
+    locus, ends = Always(Locus({}, level.conditions)), flag("terminal", terminal)
+    return LevelEvent("UZ", level, locus=locus, ends="branch" if ends else "")
 
 
 serialised("UZ")(user)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,10 +16,9 @@ from ..storage.serialise import check_serialised
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton, rounding
 from .sparse import Matrix, Pattern
-from .strider import Compilable
+from .strider import Loops
 
 Residual = Callable[[Array, Params], Array]
-Wider = Callable[["Problem", tuple[str, ...]], "Problem"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,42 +55,22 @@ class Problem:
         and differences are measured in it.
     interpret : callable, optional
         Turns a `Point` into what it is to its user; ``point.solution`` calls it.
-    images : callable, optional
-        ``images(x, params) -> tuple of arrays``: the solutions that a symmetry of the equations
-        makes of one, its mirror image or the other phases of a cycle. Diagrams recognise them.
-    simpler : callable, optional
-        ``simpler(point) -> Problem or None``: where a solution is one of a smaller problem too, a
-        fixed point among the cycles of period 2, that problem with the solution as its start.
-    lifts : dict, optional
-        ``{kind: lift}``: where other curves leave an event of that kind, ``lift(point)`` returns a
-        `Lift`, the problem that has them. `switch` follows them.
-    wider : callable, optional
-        ``wider(problem, names) -> Problem``: this problem, from its present start, with parameters
-        that it lacks as far as it can have them: `trace` and `boundary` ask for what is to be free.
     label : str, optional
         Shown in tables.
-    derivatives : callable, optional
-        ``derivatives(x, params, names) -> (n, n + len(names)) array``, in place of `jacobian` and
-        `sensitivity`: in `x` and the named parameters.
-    serialised : dict, optional
-        What the equations are made of, where a file can say it and make them again: their ``kind``,
-        entered by `contbreather.storage.serialise.serialised`, and the values that its reader takes
-        by name, besides ``start`` and ``params``.
     sparsity : array_like or scipy.sparse array, shape (n, n), optional
         Which entries of the derivative in `x` may differ from zero, in place of `jacobian`: large
         problems are then differentiated with as few residuals as that allows, and solved as with a
         sparse Jacobian.
-    beneath : callable, optional
-        Where this problem is a shorter one and the locus of an event, as on a boundary:
-        ``beneath(x, params, names) -> (curve, z)``, the curve of the shorter one and the point on
-        it, while the named parameters are free.
     compiled : bool
         Whether numba can compile `residual`, and `jacobian` if given: then steps are taken by
         compiled code, up to a dozen unknowns. So they are where these functions are decorated with
         ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``.
-    loops : callable, optional
-        ``loops(names, params) -> Loops or None``: the equations with these parameters free as
-        functions that can be compiled, where they can.
+    Notes
+    -----
+    What else there may be to know of equations is said by a class derived from this one: `images`
+    and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
+    `wider`, parameters that are there when asked for, and ``serialised``, what files make the
+    problem of again.
 
     Raises
     ------
@@ -113,23 +92,53 @@ class Problem:
     params: Params
     _: KW_ONLY
     jacobian: Callable[[Array, Params], Matrix] | None = None
-    sensitivity: Callable[[Array, Params, str], Array] | None = None
     events: tuple[Any, ...] = ()
     record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     interpret: Callable[[Any], Any] | None = None
-    images: Callable[[Array, Params], tuple[Array, ...]] | None = None
-    simpler: Callable[[Any], Problem | None] | None = None
-    lifts: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
-    wider: Wider | None = None
     label: str = ""
-    derivatives: Callable[[Array, Params, tuple[str, ...]], Matrix] | None = None
-    serialised: Mapping[str, Any] | None = None
+    # how else derivatives are had
+    sensitivity: Callable[[Array, Params, str], Array] | None = None
     sparsity: Any = None
-    beneath: Callable[[Array, Params, tuple[str, ...]], tuple[Curve, Array]] | None = None
     compiled: bool = False
-    loops: Compilable | None = None
+
+    # --- what a derived class may know besides ---
+
+    # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
+    derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # ``(names, params) -> Loops or None``: the equations, these parameters free, to be compiled
+    loops: ClassVar[Callable[..., Loops | None] | None] = None
+    # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
+    # by a defining system, as on a boundary, and the point on it
+    beneath: ClassVar[Callable[..., tuple[Curve, Array]] | None] = None
+
+    @property
+    def serialised(self) -> Mapping[str, Any] | None:
+        """What files make the equations of again: their ``kind``, entered by
+        `contbreather.storage.serialise.serialised`, and the values that its reader takes by name,
+        besides ``start`` and ``params``. None where that cannot be said."""
+        return None
+
+    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
+        """The solutions that a symmetry of the equations makes of one, its mirror image or the
+        other phases of a cycle."""
+        return ()
+
+    def simpler(self, point: Any) -> Problem | None:
+        """Where a solution is one of a smaller problem too, a fixed point among the cycles of
+        period 2, that problem with the solution as its start."""
+        return None
+
+    def lift(self, kind: str) -> Callable[[Any], Any] | None:
+        """Where other curves leave events of a kind, what makes a `Lift` of such a point: the
+        problem that has them. `switch` follows them."""
+        return None
+
+    def wider(self, names: tuple[str, ...]) -> Problem:
+        """The problem from its present start with parameters that it lacks, as far as it can have
+        them: `trace` and `boundary` ask for what is to be free."""
+        return self
 
     def __post_init__(self) -> None:
         for what in ("residual", "jacobian"):
@@ -137,7 +146,7 @@ class Problem:
             if plain is not None:
                 object.__setattr__(self, what, plain)
                 object.__setattr__(self, "compiled", True)
-        for what in ("start", "params", "scales", "domain", "record", "lifts"):
+        for what in ("start", "params", "scales", "domain", "record"):
             given = getattr(self, what)
             if not isinstance(given, Mapping):
                 raise BadInput(f"{what} must be a dict of names and values, got {given!r}")
@@ -221,7 +230,7 @@ class Problem:
     def having(self, *names: str) -> Problem:
         """The problem with these parameters among its own, as far as it can have them."""
         absent = tuple(one for one in names if isinstance(one, str) and one not in self.names)
-        return self.wider(self, absent) if self.wider and absent else self
+        return self.wider(absent) if absent else self
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `BadInput` at the first name that this problem does not have."""

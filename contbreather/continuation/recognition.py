@@ -123,10 +123,7 @@ def recognised(
 
 def images(point: Point) -> Iterator[Point]:
     """What the symmetries of its problem make of a solution."""
-    problem = point.curve.problem
-    if problem.images is None:
-        return
-    for x in problem.images(point.x.copy(), point.params):
+    for x in point.curve.problem.images(point.x.copy(), point.params):
         z = point.z.copy()
         z[: point.curve.size] = x
         yield replace(point, z=z)
@@ -134,8 +131,7 @@ def images(point: Point) -> Iterator[Point]:
 
 def simplest(point: Point, reach: float = math.inf) -> Point:
     """The solution in the smallest problem that has it; `reach` as for `lies_on`."""
-    problem = point.curve.problem
-    small = None if problem.simpler is None else problem.simpler(point)
+    small = point.curve.problem.simpler(point)
     if small is None or not _solves(small, reach):
         return point
     curve = Curve(small, point.curve.free)

@@ -8,7 +8,7 @@ from functools import partial
 
 from ..checks import flag
 from .point import Event, Judged, Point
-from .problem import Problem, Wider
+from .problem import Problem
 from .starts import all_of
 
 MARGIN = "margin"  # the column that tells, where walls are lifted, how far off they are
@@ -42,6 +42,14 @@ def walls_are_lifted(problem: Problem) -> bool:
     return MARGIN in problem.record
 
 
+def having(problem: Problem, *names: str) -> Problem:
+    """The problem with these parameters among its own, as far as it can have them."""
+    wider = problem.having(*names)
+    # a boundary is made anew with what its base problem has, walls or none
+    base = problem.beneath is None
+    return _lifted(wider) if base and walls_are_lifted(problem) else wider
+
+
 def titled(title: str, problem: Problem) -> str:
     """A title for what is made of a problem: with what its columns are about, and whether its walls
     are lifted."""
@@ -58,12 +66,7 @@ def _lifted(problem: Problem) -> Problem:
         events=tuple(event for event in problem.events if not event.walls),
         record={**problem.record, MARGIN: partial(_margin, tuple(walls))},
         label=problem.label + _LIFTED,
-        wider=problem.wider and partial(_wider, problem.wider),
     )
-
-
-def _wider(wider: Wider, problem: Problem, names: tuple[str, ...]) -> Problem:
-    return _lifted(wider(problem, names))
 
 
 def _margin(walls: tuple[Event, ...], point: Point) -> float:

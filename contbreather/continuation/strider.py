@@ -44,9 +44,6 @@ class Loops:
     at_once: bool = False
 
 
-Compilable = Callable[[tuple[str, ...], Mapping[str, float]], Loops | None]
-
-
 class _Text:
     """A text of `stride` on the equations of a curve, as it is or compiled; what
     follows `d` in its arguments are `arrays`, and those of a call."""

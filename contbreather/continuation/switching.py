@@ -1,6 +1,6 @@
 """From a point where curves meet, onto the other curves.
 
-Where they set out is what the problem knows (`Problem.lifts`), or two tangents tell; following them
+Where they set out is what the problem knows (`Problem.lift`), or two tangents tell; following them
 is the same walk as ever, along a direction that is given.
 """
 
@@ -133,7 +133,7 @@ def lift_of(point: Point) -> Callable[[Point], Lift] | None:
     if point.event is None:
         return None
     own = _crossed if point.event.crosses else None
-    return point.curve.problem.lifts.get(point.kind, own)
+    return point.curve.problem.lift(point.kind) or own
 
 
 def _crossed(point: Point) -> Lift:

@@ -27,7 +27,7 @@ from .newton import Array, Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
-from .scope import scope
+from .scope import having, scope
 from .segment import Segment
 from .starts import (
     Bound,
@@ -149,7 +149,7 @@ def trace(
     if isinstance(start, Point) and free in start.ground.curve.free[:1]:
         start = start.ground
     # once: what both find at the start is one event
-    start = problem_in(start).having(free)
+    start = having(problem_in(start), free)
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
     legs: list[Leg] = []
 
@@ -242,7 +242,7 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem, wanted = scope(problem_in(start).having(free), events, inadmissible=inadmissible)
+    problem, wanted = scope(having(problem_in(start), free), events, inadmissible=inadmissible)
     walker = Walker(problem, free, within, towards, wanted, steps_of(steps), along)
     return walker.run()
 

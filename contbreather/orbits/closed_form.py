@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 from contbreather.continuation import Event, Locus, Point, Problem
+from contbreather.continuation.strider import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,
@@ -24,9 +25,9 @@ from contbreather.orbits.closure import Closure, roots, sprung
 from contbreather.orbits.grazing import ALIKE, GrazingSite
 from contbreather.orbits.green_function import asymmetric_problem
 from contbreather.orbits.one_site import symmetric_orbits
-from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of, with_parameters
+from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.orbit_problem import on_ring, orbit_problem, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
 from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
 from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion
@@ -137,27 +138,54 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = breather.representation
     forcing, lattice = motion.forcing, breather.lattice
-    closure, form = Closure(forcing, lattice), {"forcing": forcing, "lattice": lattice}
+    closure = Closure(forcing, lattice)
     return orbit_problem(
         "symmetric breather",
         partial(ClosedForm.of, forcing, lattice),
         breather,
         threshold,
+        SymmetricProblem,
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
-        loops=closure.loops,
         events=events_on(lattice, threshold),
         record={"unstable": unstable_by(threshold)},
         domain=_domain(breather),
-        images=None,  # half a symmetric orbit is its own
-        simpler=None,
-        wider=partial(_wider, threshold),
         label=f"symmetric breather{on_ring(lattice, threshold)}",
-        serialised={"kind": "symmetric breather", **form, "threshold": threshold},
+        closure=closure,
     )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SymmetricProblem(OrbitProblem):
+    """The closure (11) as a problem."""
+
+    closure: Closure = field(kw_only=True)
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
+        return {"kind": self.kind, **form, "threshold": self.threshold}
+
+    def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
+        return self.closure.loops(free, params)
+
+    def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
+        """None: half a symmetric orbit is its own."""
+        return ()
+
+    def simpler(self, point: Point) -> None:
+        """No orbit has fewer impacts."""
+
+    def wider(self, names: tuple[str, ...]) -> Problem:
+        """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
+        orbit = orbit_at(self)
+        if orbit.lattice.sites is not None or "spring" not in names:
+            return super().wider(names)
+        soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
+        return symmetric_problem(soft, self.threshold).having(*names)
 
 
 @serialised("symmetric breather")
@@ -171,15 +199,6 @@ def _from_dict(
 ) -> Problem:
     motion = ClosedForm.of(forcing, lattice, (start["p"], start["phi"]), params)
     return symmetric_problem(Orbit(motion), threshold)
-
-
-def _wider(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
-    """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
-    orbit = orbit_at(problem)
-    if orbit.lattice.sites is not None or "spring" not in names:
-        return with_parameters(threshold, problem, names)
-    soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
-    return symmetric_problem(soft, threshold).having(*names)
 
 
 def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:

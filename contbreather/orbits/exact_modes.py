@@ -9,7 +9,7 @@ of the answer, and no mode needs a treatment of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any
@@ -25,7 +25,7 @@ from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle, by_impacts
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import branching, events_of
-from contbreather.orbits.orbit_problem import orbit_problem, read_by, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblem, orbit_problem, read_by, unstable_by
 from contbreather.orbits.representation import Impacts, Offsets, representation
 from contbreather.orbits.section import WEAK, Section, check_order, check_possible
 from contbreather.orbits.shooting_equations import SectionFlight
@@ -184,15 +184,24 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         shooting.flight,
         orbit,
         threshold,
+        _Shooting,
         residual=shooting.residual,
         start={**times, "q": flight.q, "r": flight.r},
         params=on.params,
-        derivatives=shooting.derivatives,
         events=(fold(), branching(), *events_of(section, on.lattice, threshold)),
         record=_columns(section, threshold),
         domain={**bounds, "gamma": (least, on.lattice.highest_gamma)},
         label=f"shooting, {on.lattice.describe()}, {section.describe()}",
+        equations=shooting,
     )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Shooting(OrbitProblem):
+    equations: ShootingEquations = field(kw_only=True)
+
+    def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
+        return self.equations.derivatives(x, params, names)
 
 
 def _loose(section: Section, on: Conditions) -> bool:

@@ -22,14 +22,20 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.periodic_green import Wave, check_coupling, wave, wave_slope
 from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
-from contbreather.orbits.branch_switching import from_arms, lift
+from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
 from contbreather.orbits.green_equations import OrbitEquations, Params, equations_of
 from contbreather.orbits.on_circle import OnCircle, by_differences, off_the_edge
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_of
-from contbreather.orbits.orbit_problem import on_ring, orbit_problem, read_by, unstable_by
+from contbreather.orbits.orbit_problem import (
+    OrbitProblem,
+    on_ring,
+    orbit_problem,
+    read_by,
+    unstable_by,
+)
 from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
 from contbreather.orbits.section import Impact, Section, check_order
 from contbreather.orbits.site_motion import GreenMotion, Terms
@@ -352,6 +358,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         partial(GreensFunction.arm, orbit.conditions, orbit.section),
         orbit,
         threshold,
+        _Asymmetric,
         residual=equations.residual,
         start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
         params=_params(orbit),
@@ -365,8 +372,6 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        images=_mirror_image,
-        lifts={"PF": symmetric_again, "PD": lift},
         label=f"asymmetric breather{on_ring(orbit.lattice, threshold)}",
     )
 
@@ -375,9 +380,14 @@ def _asymmetry(point: Point) -> float:
     return float(point["t2"] - point["t1"] - math.pi)
 
 
-def _mirror_image(x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
-    p, t1, t2, c = x
-    return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
+@dataclass(frozen=True, eq=False, repr=False)
+class _Asymmetric(OrbitProblem):
+    def images(self, x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
+        p, t1, t2, c = x
+        return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return symmetric_again if kind == "PF" else super().lift(kind)
 
 
 def pitchfork_of_arms() -> Event:

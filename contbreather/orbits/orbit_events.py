@@ -334,6 +334,7 @@ class OfProblem(Event):
 
     test: Any = field(default=None, init=False)
     choose: Callable[[Problem], Event] = field(kw_only=True)
+    form: Mapping[str, Any] | None = field(default=None, kw_only=True)  # what files make it of
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "test", self._test)
@@ -348,8 +349,11 @@ class OfProblem(Event):
         return own(point)
 
     def of(self, problem: Problem) -> Event:
-        found = self.choose(problem)
-        return replace(found, serialised=self.serialised) if self.serialised else found
+        return self.choose(problem)
+
+    @property
+    def serialised(self) -> Mapping[str, Any] | None:
+        return self.form
 
 
 def _own(kind: str) -> Event:
@@ -439,13 +443,15 @@ def neimark_sacker(
     if not (on is None or isinstance(on, InfiniteChain)):
         check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
         check_threshold(modulus)
-    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus), serialised=form)
+    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, form), form=form)
 
 
 serialised("NS")(neimark_sacker)
 
 
-def _pair_leaves(on: InfiniteChain | Ring | None, threshold: float, problem: Problem) -> Event:
+def _pair_leaves(
+    on: InfiniteChain | Ring | None, threshold: float, form: Mapping[str, Any], problem: Problem
+) -> Event:
     orbit: Any = orbit_at(problem)
     if not isinstance(orbit, Orbit):
         raise BadInput(f"a threshold, or a lattice to ask about, is for orbits; got {orbit!r}.")
@@ -471,4 +477,4 @@ def _pair_leaves(on: InfiniteChain | Ring | None, threshold: float, problem: Pro
         endless = lattice.sites is None
         about = "" if endless else f"stability of a ring of {lattice.sites}, {about}"
     record = {"unstable": unstable_by(threshold, on)}
-    return Judged.judging(event, record, about)
+    return Judged.judging(event, record=record, about=about, form=form)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Point, Problem
+from contbreather.continuation import Lift, Point, Problem
 from contbreather.continuation.point import Counting
 from contbreather.continuation.points import Points
 from contbreather.lattice import InfiniteChain
@@ -28,35 +29,69 @@ At = Callable[[FloatArray, Params], Representation]
 Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
-def orbit_problem(kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
+@dataclass(frozen=True, eq=False, repr=False)
+class OrbitProblem(Problem):
     """A `Problem` with orbits for its points.
 
     Parameters
     ----------
     kind : str
         By which files make it again, see `read_by`.
-    at : callable
+    motion_at : callable
         The representation with given unknowns and parameters.
-    orbit : Orbit
+    conditions, section
+        Of the orbit it was made for.
     threshold : float
         Of its events, on finite lattices.
-    **equations
-        What else a `Problem` takes: the equations, their start, events and columns.
     """
-    shared: dict[str, Any] = {
-        "interpret": partial(_interpreted, at),
-        "images": partial(_images, at),
-        "simpler": _simpler,
-        "lifts": {"PF" if orbit.symmetric else "PD": lift},
-        "wider": partial(with_parameters, threshold),
-        "serialised": {
-            "kind": kind,
-            "conditions": orbit.conditions,
-            "section": orbit.section,
-            "threshold": threshold,
-        },
-    }
-    return Problem(**{**shared, **equations})
+
+    kind: str = field(kw_only=True)
+    motion_at: At = field(kw_only=True)
+    conditions: Conditions = field(kw_only=True)
+    section: Section = field(kw_only=True)
+    threshold: float = field(kw_only=True)
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        names = ("kind", "conditions", "section", "threshold")
+        return {name: getattr(self, name) for name in names}
+
+    def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
+        orbit = Orbit(self.motion_at(x, params))
+        return tuple(image.representation.x for image in images_of(orbit))
+
+    def simpler(self, point: Point) -> Problem | None:
+        """With fewer impacts; or as any two of one site by the four equations that they have."""
+        orbit: Orbit = point.solution
+        found = (simpler_than(orbit) or orbit).problem
+        return found if len(found.start) < len(self.start) else None
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return lift if kind == ("PF" if self.section.symmetric else "PD") else None
+
+    def wider(self, names: tuple[str, ...]) -> Problem:
+        return with_parameters(self.threshold, self, names)
+
+
+def orbit_problem(
+    kind: str,
+    at: At,
+    orbit: Orbit,
+    threshold: float,
+    of: type[OrbitProblem] = OrbitProblem,
+    **equations: Any,
+) -> Problem:
+    """The problem of an orbit; `equations` are what else a `Problem` takes: the equations, their
+    start, events and columns."""
+    return of(
+        kind=kind,
+        motion_at=at,
+        conditions=orbit.conditions,
+        section=orbit.section,
+        threshold=threshold,
+        interpret=partial(_interpreted, at),
+        **equations,
+    )
 
 
 def on_ring(lattice: Any, threshold: float) -> str:
@@ -92,17 +127,6 @@ def _from_dict(
 
 def _interpreted(at: At, point: Point) -> Orbit:
     return Orbit(at(point.x, point.params))
-
-
-def _images(at: At, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
-    return tuple(image.representation.x for image in images_of(Orbit(at(x, params))))
-
-
-def _simpler(point: Point) -> Problem | None:
-    """With fewer impacts; or as any two of one site by the four equations that they have."""
-    orbit: Orbit = point.solution
-    found = (simpler_than(orbit) or orbit).problem
-    return found if len(found.start) < len(point.curve.problem.start) else None
 
 
 def unstable_by(threshold: float, lattice: Any = None) -> Counting:

@@ -10,9 +10,9 @@ forms and arms.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any, Unpack
 
@@ -346,67 +346,78 @@ def problem_of_cycle(
 
 def _dressed(problem: Problem, back: Return) -> Problem:
     """Cycles of a map with the events, columns, arms and sentences of motions."""
-    iterate: Iterate = problem.residual  # type: ignore[assignment]
-    own = _Returning(iterate, back)
-    flip = "PF" if own.symmetric else "PD"
+    own = MotionProblem(
+        **{one.name: getattr(problem, one.name) for one in fields(Problem)}, back=back
+    )
     exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
     return replace(
-        problem,
-        sensitivity=own.sensitivity if exact else None,
-        events=_events(back.on, flip),
+        own,
+        sensitivity=partial(_sensitivity, back, own.residual.period) if exact else None,
+        events=_events(back.on, own.breaks),
         record={
             "largest": attrgetter("solution.largest"),
             "unstable": Counting(attrgetter("solution.unstable")),
         },
-        interpret=own.interpret,
-        simpler=own.simpler,
-        lifts={flip: own.lifted},
+        interpret=_motion,
         label=f"{'symmetric ' if own.symmetric else ''}motion of period {2 * own.periods} pi",
-        serialised={
-            "kind": "returning motion",
-            "conditions": back.on,
-            "t0": back.t0,
-            "period": iterate.period,
-        },
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Returning:
-    """What a motion answers about the cycles of its map."""
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionProblem(maps.CycleProblem):
+    """Cycles of the map of a motion that comes back."""
 
-    iterate: Iterate
-    back: Return
+    back: Return = field(kw_only=True)
 
     @property
     def symmetric(self) -> bool:
-        return self.back.half and self.iterate.period % 2 == 1
+        return self.back.half and self.residual.period % 2 == 1
 
     @property
     def periods(self) -> int:
         """Of the forcing, in one of the motion."""
-        return self.iterate.period // (2 if self.back.half and not self.symmetric else 1)
+        return self.residual.period // (2 if self.back.half and not self.symmetric else 1)
 
-    def interpret(self, point: Point) -> PeriodicMotion:
-        params = point.params
-        state, on = State(*np.split(point.x.copy(), 2)), self.back.on.at(params)
-        matrix, left = multiplier_matrix(point), float(np.abs(self.iterate(point.x, params)).max())
-        return PeriodicMotion(state, self.back.t0, self.periods, self.symmetric, on, matrix, left)
+    @property
+    def breaks(self) -> str:
+        """The kind of event at which cycles of twice the period leave."""
+        return "PF" if self.symmetric else "PD"
 
-    def lifted(self, point: Point) -> Lift:
-        twice = with_period(point.problem, 2 * self.iterate.period)
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        return {
+            "kind": "returning motion",
+            "conditions": self.back.on,
+            "t0": self.back.t0,
+            "period": self.residual.period,
+        }
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return self._lifted if kind == self.breaks else None
+
+    def _lifted(self, point: Point) -> Lift:
+        twice = with_period(point.problem, 2 * self.residual.period)
         return Lift(_dressed(twice, self.back), point.curve.free[0], both=False)
 
     def simpler(self, point: Point) -> Problem | None:
         found = shorter(point)
         return None if found is None else _dressed(found, self.back)
 
-    def sensitivity(self, x: Array, params: Params, name: str) -> Array:
-        back, total = self.back, np.zeros(x.size)
-        for _ in range(self.iterate.period):
-            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
-            x = back.image(x, params)
-        return total
+
+def _motion(point: Point) -> PeriodicMotion:
+    problem: MotionProblem = point.curve.problem
+    back, params = problem.back, point.params
+    state, on = State(*np.split(point.x.copy(), 2)), back.on.at(params)
+    matrix, left = multiplier_matrix(point), float(np.abs(problem.residual(point.x, params)).max())
+    return PeriodicMotion(state, back.t0, problem.periods, problem.symmetric, on, matrix, left)
+
+
+def _sensitivity(back: Return, period: int, x: Array, params: Params, name: str) -> Array:
+    total = np.zeros(x.size)
+    for _ in range(period):
+        total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
+        x = back.image(x, params)
+    return total
 
 
 def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:

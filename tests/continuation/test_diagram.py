@@ -26,11 +26,20 @@ from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.maps import FixedPoint
 from contbreather.errors import Interrupted, NotConverged
 
-from .zoo import LORENZ, PITCHFORK, STATIC, TRANSCRITICAL, Array, Counted, imperfect, scalar
+from .zoo import (
+    LORENZ,
+    PITCHFORK,
+    STATIC,
+    TRANSCRITICAL,
+    Array,
+    Counted,
+    imperfect,
+    knowing,
+    scalar,
+)
 
 MU = {"mu": (-1.0, 1.0)}
 WIDE = {"mu": (-2.0, 2.0)}
-ODD = {"images": lambda x, p: (-x,)}
 
 
 def grown(problem: Problem, **given: object) -> Diagram:
@@ -79,7 +88,8 @@ def test_what_was_born_where() -> None:
 
 
 def test_the_second_arm_is_known_as_the_image_of_the_first() -> None:
-    tree = grown(scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, **ODD))
+    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7})
+    tree = grown(knowing(mine, images=lambda x, p: (-x,)))
     assert [birth.image_of for birth in tree.births] == [None, None, 1]
     assert (1, 2, "image") in relations(tree)
 
@@ -115,7 +125,8 @@ def test_images_are_followed_but_not_switched_on() -> None:
     def images(x: Array, p: Mapping[str, float]) -> tuple[Array, ...]:
         return tuple(x * sign for sign in ([-1, 1], [1, -1], [-1, -1]))
 
-    tree = grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}, images=images))
+    mine = Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7})
+    tree = grown(knowing(mine, images=images))
     assert [birth.image_of for birth in tree.births] == [None, None, 1, None, 3]
     assert tree.left == ()
 
@@ -230,11 +241,11 @@ def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
             lambda x, p: np.concatenate([own.residual(x[:1], p), own.residual(x[1:], p)]),
             {"x": point["x"], "y": point["x"]},
             {"mu": point["mu"]},
-            simpler=lambda there: own.at(x=there["x"], mu=there["mu"]),
         )
-        return Lift(twice, "mu", both=False)
+        simpler = knowing(twice, simpler=lambda there: own.at(x=there["x"], mu=there["mu"]))
+        return Lift(simpler, "mu", both=False)
 
-    mine = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": lift})
+    mine = knowing(scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}), lift={"ODD": lift}.get)
     tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"])])
     assert (len(tree), tree.meetings, len(tree.failed)) == (1, (), 1)
     assert "cannot be distinguished from the branch it was to leave" in str(tree.failed[0])
@@ -278,13 +289,13 @@ def test_every_branch_ever_new_still_ends() -> None:
             return Lift(problem(level + 1).at(**start), "mu", both=False)
 
         event = Event("ODD", lambda point: point["mu"] - 0.5)
-        return Problem(
+        mine = Problem(
             lambda x, p: np.array([x[0] - p["mu"]]),
             {f"x{level}": -0.6},
             {"mu": -0.6},
             events=(event,),
-            lifts={"ODD": lift},
         )
+        return knowing(mine, lift={"ODD": lift}.get)
 
     tree = diagram(problem(0), "mu", within=MU, depth=10**6, most=12)
     assert len(tree) <= 12
@@ -337,7 +348,7 @@ def test_a_start_that_is_no_solution_is_refused_like_anywhere() -> None:
 
 
 def test_the_tree_is_shown_as_it_grew() -> None:
-    tree = grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}, **ODD), within=WIDE)
+    tree = grown(ODD, within=WIDE)
     console = Console(file=io.StringIO(), width=120)
     console.print(tree)
     text = console.file.getvalue()
@@ -371,9 +382,12 @@ def test_events_of_the_problem_are_looked_for_by_default() -> None:
 
 # --- in files -----------------------------------------------------------------------------------
 
-SLOPE = scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}, lifts={"ODD": lambda point: point.z})
+SLOPE = knowing(
+    scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}), lift={"ODD": lambda point: point.z}.get
+)
+ODD = knowing(scalar(circle_on_axis, 0.0, {"mu": -1.5}), images=lambda x, p: (-x,))
 KEPT = {
-    "images": lambda: grown(scalar(circle_on_axis, 0.0, {"mu": -1.5}, **ODD), within=WIDE),
+    "images": lambda: grown(ODD, within=WIDE),
     "closed": lambda: grown(scalar(circle_on_axis, 1.0, {"mu": 0.0}), within=WIDE, depth=5),
     "left": lambda: grown(Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7}), most=3),
     "failed": lambda: grown(SLOPE, events=[Event("ODD", lambda point: point["mu"])]),

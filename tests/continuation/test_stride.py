@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import pickle
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import contbreather as cb
 from contbreather.continuation import given_loops, strider
 
 from ..apart import ended
+from .zoo import knowing
 
 WITHIN = {"a": (0.06, 0.9)}
 
@@ -84,7 +84,7 @@ def test_plain_steps_are_those_of_the_walker(compiled: Any, name: str) -> None:
     own = branch(**case)
     problem = closure(**{key: case[key] for key in ("forcing", "lattice") if key in case}).problem
     free, within = case.get("free", "a"), case.get("within", WITHIN)
-    plain = replace(problem, loops=None)
+    plain = knowing(problem)  # what can be compiled is not among its fields
     other = cb.trace(plain, free, within=within, events=(), inadmissible=True)
     assert len(own) == len(other)
     assert own.stop is other.stop
@@ -106,7 +106,7 @@ def test_events_are_found_on_steps_taken_ahead(compiled: Any) -> None:
     compiled(False)
     problem = closure().problem
     own = cb.trace(problem, "a", within={"a": (0.05, 0.95)})
-    other = cb.trace(replace(problem, loops=None), "a", within={"a": (0.05, 0.95)})
+    other = cb.trace(knowing(problem), "a", within={"a": (0.05, 0.95)})
     assert [point.label for point in own.special] == [point.label for point in other.special]
     for one, two in zip(own.special, other.special, strict=True):
         assert one["a"] == pytest.approx(two["a"], abs=1e-11)

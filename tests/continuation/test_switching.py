@@ -40,6 +40,7 @@ from .zoo import (
     Array,
     counted,
     crowded,
+    knowing,
     scalar,
     trace_case,
 )
@@ -158,12 +159,11 @@ def test_a_curve_that_comes_back_to_the_branch_point_is_there_once(largest: floa
     assert abs(arms[0]["x"] ** 2 + arms[0]["mu"] ** 2 - 1).max() < 1e-12
 
 
-@pytest.mark.parametrize("images", [None, lambda x, p: (-x,)])
-def test_mirror_images_are_marked_where_the_problem_knows_its_symmetry(images: object) -> None:
-    mine = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7}, images=images)
-    one, other = arms_of(mine)
-    assert one.image_of is None
-    assert other.image_of == (None if images is None else 0)
+def test_mirror_images_are_marked_where_the_problem_knows_its_symmetry() -> None:
+    plain = scalar(lambda x, p: x * (p["mu"] - x**2), 0.0, {"mu": -0.7})
+    odd = knowing(plain, images=lambda x, p: (-x,))
+    assert [arm.image_of for arm in arms_of(plain)] == [None, None]
+    assert [arm.image_of for arm in arms_of(odd)] == [None, 0]
 
 
 def test_any_event_can_have_its_own_arms_in_a_larger_problem() -> None:
@@ -180,8 +180,8 @@ def test_any_event_can_have_its_own_arms_in_a_larger_problem() -> None:
         return Lift(there, "mu", by=("right",))
 
     event = Event("ODD", lambda point: point["mu"] - 0.5)
-    lifts = {"ODD": lift}
-    mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,), lifts=lifts)
+    mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,))
+    mine = knowing(mine, lift={"ODD": lift}.get)
     found = switch(trace(mine, "mu", within=MU).first("ODD"), within=MU)
     for side, arm in zip((1, -1), found, strict=True):
         half = 0.5 * (arm["left"] - arm["right"])
@@ -243,7 +243,7 @@ def test_a_lift_to_equations_that_fold_there_is_refused() -> None:
         return Lift(fold, "mu")
 
     event = Event("ODD", lambda point: point["mu"])
-    mine = replace(PITCHFORK.problem, lifts={"ODD": lift})
+    mine = knowing(PITCHFORK.problem, lift={"ODD": lift}.get)
     point = trace(mine, "mu", events=[event], within=MU).first("ODD")
     assert "they fold there" in str(refused(point))
 
@@ -263,7 +263,7 @@ def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
 @pytest.mark.parametrize("found", [3, "ab", None, (), [3], np.zeros(2), PITCHFORK.problem])
 def test_what_is_no_lift_is_refused(found: object) -> None:
     event = Event("BP", lambda point: point["mu"] - 0.3)
-    mine = replace(PITCHFORK.problem, lifts={"BP": lambda point: found})
+    mine = knowing(PITCHFORK.problem, lift={"BP": lambda point: found}.get)
     point = trace(mine, "mu", within=MU, events=[event]).first("BP")
     with pytest.raises(BadInput, match=r"the lift of .*; a Lift was expected"):
         switch(point)
@@ -369,10 +369,8 @@ def test_images_and_solutions_of_a_smaller_problem_are_recognised_as_such() -> N
     def two(x: Array, p: Mapping[str, float]) -> Array:
         return np.array([x[0] + x[1] - 2 * p["mu"], (x[0] - x[1]) * (p["mu"] - 0.1 - x[0])])
 
-    larger = Problem(
-        two,
-        {"left": 0.3, "right": 0.5},
-        {"mu": 0.4},
+    larger = knowing(
+        Problem(two, {"left": 0.3, "right": 0.5}, {"mu": 0.4}),
         images=lambda x, p: (x[::-1].copy(),),
         simpler=simpler,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any
 
@@ -62,6 +62,12 @@ def scalar(
 ) -> Problem:
     """A problem with one unknown ``x``."""
     return Problem(lambda u, p: np.array([equation(u[0], p)]), {"x": x}, params, **given)
+
+
+def knowing(problem: Problem, **methods: Callable[..., object]) -> Problem:
+    """The same equations in a class of their own, which has these methods."""
+    derived = type("Mine", (Problem,), {n: staticmethod(method) for n, method in methods.items()})
+    return derived(**{own.name: getattr(problem, own.name) for own in fields(Problem)})
 
 
 CIRCLE = Case(

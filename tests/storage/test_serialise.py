@@ -99,5 +99,8 @@ def test_a_parameter_may_be_called_kind() -> None:
 
 @pytest.mark.parametrize("content", [{}, {"r": 1}, {"kind": 3}, "mine"])
 def test_what_no_file_could_read_is_refused_where_it_is_given(content) -> None:
+    class Mine(cb.Problem):
+        serialised = content
+
     with pytest.raises(cb.BadInput, match="a dict with a 'kind'"):
-        cb.Problem(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0}, serialised=content)
+        Mine(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0})
