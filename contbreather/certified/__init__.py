@@ -10,7 +10,7 @@ from contbreather.certified.points import DEFINING, certify_point, checked, para
 from contbreather.certified.tiles import certify_curve
 from contbreather.checks import number
 from contbreather.continuation import Branch, Point
-from contbreather.continuation.extended import event_of
+from contbreather.continuation.defining_systems import event_of
 from contbreather.errors import BadInput
 
 __all__ = ["Certificate", "Covering", "Interval", "Tile", "certify"]

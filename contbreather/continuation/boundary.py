@@ -19,7 +19,7 @@ from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
-from .extended import Extended, ExtendedProblem, event_of, extended, lifted
+from .defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
 from .newton import Undefined
 from .point import Counting, Event, Examined, Locus, Meeting, Point
 from .problem import Problem

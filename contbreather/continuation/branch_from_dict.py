@@ -16,16 +16,16 @@ from ..storage.serialise import can_read, from_dict
 from .boundary import boundary_problem
 from .branch import Branch, Settings, Stop, labelled
 from .curve import Curve
-from .cycles import Iterate, with_period
+from .defining_systems import ExtendedProblem
 from .equilibria import branch_point, fold, hopf
-from .extended import ExtendedProblem
+from .maps import Iterate, with_period
 from .newton import Undefined
 from .point import Counting, Event, Point
 from .points import Points
 from .problem import Problem
+from .samples import measure
 from .scope import scope
 from .steps import Steps
-from .trail import measure
 
 Array = NDArray[Any]
 Content = Mapping[str, Any]

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ..errors import NotConverged
 from .curve import Curve
-from .loci import Singular, signed_smallest
+from .defining_systems import Singular, signed_smallest
+from .linear_algebra import Bordered, Weak, sense, weakest
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
-from .rank import Bordered, Weak, sense, weakest
 from .sparse import Factors, Matrix, above, beside, is_sparse
 
 Array = NDArray[np.float64]

@@ -19,8 +19,7 @@ from ..errors import BadInput
 from ..storage.netcdf import Column
 from ..storage.serialise import NotSerialisable, to_dict
 from .branch import Branch, Settings
-from .cycles import Iterate
-from .extended import ExtendedProblem, event_of
+from .defining_systems import ExtendedProblem, event_of
 from .point import Event
 from .points import Points
 from .problem import Problem
@@ -93,7 +92,7 @@ def _to_dict(branch: Branch, points: Points, record: Iterable[str] = ()) -> dict
         "detail": {i: _detail_to_dict(point.detail) for i, point in special if point.detail},
         "parent": bool(points[0].parent),
         "point_label": points[0].label,
-        "period": base.residual.period if isinstance(base.residual, Iterate) else None,
+        "period": getattr(base, "period", None),
         "equations": equations,
         "base": [list(base.start), list(base.params)],
         "settings": branch.settings and _settings_to_dict(branch.settings),

@@ -20,13 +20,12 @@ from ..storage.serialise import serialised
 from ..tables import Column, Sheet
 from .branch import Branch, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
-from .lift import Seed
 from .point import Event, Point
 from .problem import Problem
 from .recognition import Likeness, recognised, same_place, simplest
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
-from .switching import follow, lift_of, seeds_at
+from .switching import Seed, follow, lift_of, seeds_at
 from .trace import Startable, trace
 
 if TYPE_CHECKING:

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import branch_points, loci, normal_forms, spectrum
+from . import branch_points, normal_forms, spectrum
+from . import defining_systems as systems
 from .boundary import meeting
+from .linear_algebra import weakest
 from .newton import OUT_OF_DOMAIN
 from .point import Event, Examined, Locus, Meeting, Point
-from .rank import weakest
 from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
@@ -103,17 +104,17 @@ def branch_point() -> Event:
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
         return float(point.tangent[-1])
-    return loci.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
+    return systems.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
 
 
 def _fold_locus(point: Point) -> Locus:
     curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
     if is_sparse(matrix):
-        null = loci.weak_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
+        null = systems.weak_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
         own = replace(cusp(), test=partial(_cusp_beside, null))
-        return replace(loci.rank_locus(), events=(own,), meets=MEETINGS["LP"])
-    null = loci.null_vector(matrix, curve.scales[: curve.size])
-    return replace(loci.null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
+        return replace(systems.rank_locus(), events=(own,), meets=MEETINGS["LP"])
+    null = systems.null_vector(matrix, curve.scales[: curve.size])
+    return replace(systems.null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
 
 
 def _examine_fold(point: Point) -> str:
@@ -121,7 +122,7 @@ def _examine_fold(point: Point) -> str:
     whole = branch_points.balanced(point)
     if point.tangent is not None and "null" not in point.detail and not is_sparse(whole):
         return "a degenerate fold or a branch point: no null vector could be solved for"
-    weak = loci.weak_in_unknowns(curve, z)
+    weak = systems.weak_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
     near = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
@@ -140,7 +141,7 @@ def _cusp_test(point: Point) -> float:
 def _cusp_beside(reference: Array, point: Point) -> float:
     """The same with the null vector that is no unknown here, on the side of another."""
     ground = point.ground
-    weak = loci.weak_in_unknowns(ground.curve, ground.z)
+    weak = systems.weak_in_unknowns(ground.curve, ground.z)
     null = weak.right * ground.curve.scales[: ground.curve.size]
     return _quadratic(ground, math.copysign(1.0, null @ reference) * null)
 
@@ -203,9 +204,9 @@ def _off_axis(point: Point, values: Values, rounding: float = 0.0) -> float:
         upper = values[values.imag > near.rounding]
         sums, rounding = (-upper.real).astype(complex), near.rounding**2
     else:
-        one, other = loci.pairs(values)
+        one, other = systems.pairs(values)
         sums = one + other
-    return loci.least_with_sign(sums, rounding) if sums.size else math.nan
+    return systems.least_with_sign(sums, rounding) if sums.size else math.nan
 
 
 def _large(point: Point) -> bool:
@@ -253,9 +254,9 @@ def _hopf_locus(point: Point) -> Locus:
         return replace(own, events=ends, meets=MEETINGS["HB"])
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
     small = _ZERO * float(np.linalg.norm(matrix, 2))
-    value, *plane = loci.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
+    value, *plane = systems.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
     one, other = (vector * scales for vector in plane)
-    locus = loci.pair_locus("omega2", value.imag**2, (one, other), 0.0, b=(0, 0), c=(0, 1))
+    locus = systems.pair_locus("omega2", value.imag**2, (one, other), 0.0, b=(0, 0), c=(0, 1))
     return replace(locus, events=ends, meets=MEETINGS["HB"])
 
 
@@ -273,7 +274,7 @@ def _pair_on_axis(point: Point) -> str | dict[str, float]:
     """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
     may be both zero, where it meets a fold curve."""
     values = _eigenvalues(point)
-    one, other = loci.pairs(values)
+    one, other = systems.pairs(values)
     nearest = int(abs(one + other).argmin())
     pair = np.array([one[nearest], other[nearest]])
     zero = abs(pair).max() <= _ZERO * np.linalg.norm(_flow(point), 2)
@@ -301,7 +302,7 @@ def _pair_of_large(point: Point) -> str | dict[str, float]:
 def _hopf_beside_zero(point: Point) -> float:
     """The test of a Hopf point for all eigenvalues but the one that is zero."""
     values = _eigenvalues(point)
-    return _off_axis(point, values if _large(point) else loci.without(values, 0.0))
+    return _off_axis(point, values if _large(point) else systems.without(values, 0.0))
 
 
 def _examine_takens(point: Point) -> Examined:
@@ -359,7 +360,7 @@ def _lyapunov_on_hopf(point: Point) -> float:
     if not square > 0:
         return math.nan  # beyond BT
     l1 = normal_forms.value_or_nan(lambda: normal_forms.lyapunov(point, math.sqrt(square)))
-    return l1 * loci.signed_smallest(_flow(point))
+    return l1 * systems.signed_smallest(_flow(point))
 
 
 def _examine_generalised(point: Point) -> str:
@@ -376,7 +377,7 @@ def _beside_pair(point: Point) -> Values:
     if not square > 0 or values.size < 2:
         return np.empty(0, dtype=complex)
     axis = 1j * math.sqrt(square)
-    return loci.without(values, axis, -axis)
+    return systems.without(values, axis, -axis)
 
 
 def _second_pair(point: Point) -> float:
@@ -386,9 +387,9 @@ def _second_pair(point: Point) -> float:
 
 def _zero_beside_pair(point: Point) -> float:
     if _large(point):
-        return loci.signed_smallest(_flow(point))
+        return systems.signed_smallest(_flow(point))
     values = _beside_pair(point)
-    return loci.least_with_sign(values, 0.0) if values.size else math.nan
+    return systems.least_with_sign(values, 0.0) if values.size else math.nan
 
 
 def _examine_second_pair(point: Point) -> str:
@@ -409,7 +410,7 @@ _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 _BT_ON_HOPF = Meeting(
     "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
 )
-_BT = Meeting("BT", partial(loci.overlap, 0.0), examine=_examine_takens, base=_HOPF)
+_BT = Meeting("BT", partial(systems.overlap, 0.0), examine=_examine_takens, base=_HOPF)
 
 
 def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> Meeting:

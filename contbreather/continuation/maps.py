@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
 
@@ -18,19 +18,22 @@ from numpy.typing import NDArray
 
 from ..checks import whole
 from ..errors import BadInput
-from . import loci, normal_forms
+from . import defining_systems as systems
+from . import normal_forms
 from .boundary import meeting
 from .branch_points import branches_cross, crossed, crossing_event
 from .curve import Params
-from .cycles import Iterate, Map, cycle, generic, multiplier_matrix, shorter, units, with_period
 from .equilibria import cusp, fold
-from .lift import Lift
 from .point import Counting, Event, Examined, Locus, Meeting, Point
 from .problem import Problem
+from .sparse import is_sparse
 from .starts import all_of
+from .switching import Lift
 
 Array = NDArray[np.float64]
+Map = Callable[[Array, Params], Array]
 
+_SAME = 1e-7  # relative distance at which a cycle has closed
 _RANK = 1e-7  # a multiplier this close to +1 or -1 is there
 _ZERO = 1e-5  # double multipliers split by a root
 _ROUNDING = 2e-13  # relative error of a multiplier: area preserving maps have products of 1
@@ -114,11 +117,137 @@ def FixedPoint(
     )
 
 
+# --- cycles as solutions ----------------------------------------------------------------------
+
+
+def generic(period: int) -> str:
+    return "fixed point" if period == 1 else f"cycle of period {period}"
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """``G(x) - x`` with G the iterate of a map."""
+
+    map: Map
+    period: int
+    derivative: Callable[[Array, Params], Array] | None = None
+
+    def __call__(self, x: Array, params: Params) -> Array:
+        return self.after(x, params, self.period) - x
+
+    def after(self, x: Array, params: Params, times: int) -> Array:
+        for _ in range(times):
+            x = self.image(x, params)
+        return x
+
+    def image(self, x: Array, params: Params) -> Array:
+        """One iterate; a map may write to what it is given, and return one array each time."""
+        found = np.array(self.map(x.copy(), params))
+        if found.shape != x.shape or not np.issubdtype(found.dtype, np.number):
+            raise BadInput(f"the map makes {found!r} of {x!r}; {x.size} numbers were expected")
+        return found
+
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        """The other points of the cycle, each a start of the same one."""
+        points = []
+        for _ in range(self.period - 1):
+            x = self.image(x, params)
+            points.append(x)
+        return tuple(points)
+
+    def jacobian(self, x: Array, params: Params) -> Array:
+        """By the chain rule from the derivative of the map."""
+        assert self.derivative is not None
+        product = np.eye(x.size)
+        for _ in range(self.period):
+            own = self.derivative(x.copy(), params)
+            if is_sparse(own):
+                raise BadInput("the Jacobian of a map is sparse; give its toarray() instead")
+            if np.shape(own) != product.shape:
+                raise BadInput(
+                    f"the Jacobian of the map has shape {np.shape(own)}; {product.shape} was "
+                    "expected"
+                )
+            product = np.asarray(own) @ product
+            x = self.image(x, params)
+        return product - np.eye(x.size)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A fixed point or cycle: its points, and its multipliers over one period."""
+
+    points: Array  # (period, n)
+    matrix: Array  # derivative of the iterate
+    params: Mapping[str, float]
+
+    @cached_property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the iterate, the largest first."""
+        values = np.linalg.eigvals(self.matrix).astype(complex)
+        return values[np.argsort(-abs(values), kind="stable")]
+
+    @property
+    def period(self) -> int:
+        return len(self.points)
+
+    @property
+    def unstable(self) -> int:
+        """Multipliers outside the unit circle."""
+        return int((abs(self.multipliers) > 1).sum())
+
+
+def cycle(point: Point) -> Cycle:
+    iterate: Iterate = point.curve.problem.residual
+    points = np.array([point.x, *iterate.phases(point.x, point.params)])
+    return Cycle(points, multiplier_matrix(point), point.params)
+
+
+def multiplier_matrix(point: Point) -> Array:
+    n = point.curve.size
+    return np.asarray(point.jacobian()[:, :n] + np.eye(n))
+
+
+def with_period(problem: Problem, period: int) -> Problem:
+    """The same orbit as one of another period."""
+    iterate: Iterate = problem.residual  # type: ignore[assignment]
+    other = replace(iterate, period=period)
+    unnamed = problem.label == generic(iterate.period)
+    return replace(
+        problem,
+        residual=other,
+        jacobian=None if problem.jacobian is None else other.jacobian,
+        label=generic(period) if unnamed else problem.label,
+    )
+
+
+def shorter(point: Point) -> Problem | None:
+    """The cycle as one of the smallest period it has, if that is not the one it is written in."""
+    iterate: Iterate = point.curve.problem.residual
+    size = 1 + float(np.linalg.norm(point.x))
+    x = point.x
+    for period in range(1, iterate.period):
+        x = iterate.after(x, point.params, 1)
+        if iterate.period % period == 0 and np.linalg.norm(x - point.x) <= _SAME * size:
+            return with_period(point.problem, period)
+    return None
+
+
+def units(point: Point) -> Array:
+    """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
+    scales = point.curve.scales[: point.curve.size]
+    return multiplier_matrix(point) * scales / scales[:, None]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CycleProblem(Problem):
     """Fixed points or cycles of a map."""
 
     residual: Iterate
+
+    @property
+    def period(self) -> int:
+        return self.residual.period
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)
@@ -148,9 +277,9 @@ def _flip_matrix(point: Point) -> Array:
 
 
 def _flip_locus(point: Point) -> Locus:
-    null = loci.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
+    null = systems.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
     own = (_GENERALISED_FLIP, _R2_ON_FLIP)
-    return replace(loci.null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
+    return replace(systems.null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -164,8 +293,7 @@ def _examine_flip(point: Point) -> Examined:
 
 def _doubled(point: Point) -> Lift:
     """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
-    problem = point.problem
-    twice = with_period(problem, 2 * problem.residual.period)  # type: ignore[attr-defined]
+    twice = with_period(point.problem, 2 * point.curve.problem.period)
     return Lift(twice, point.curve.free[0], both=False)
 
 
@@ -174,11 +302,11 @@ def _off_circle(known: tuple[float, ...], point: Point) -> float:
     everywhere, with the sign of the product of all of them."""
     matrix = units(point.ground)
     values = np.linalg.eigvals(matrix).astype(complex)
-    first, second = loci.pairs(loci.without(values, *known))
+    first, second = systems.pairs(systems.without(values, *known))
     if not first.size:
         return math.nan
     rounding = _ROUNDING * float(np.linalg.norm(matrix))
-    return loci.least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
+    return systems.least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
 
 
 def _multipliers(point: Point) -> NDArray[np.complex128]:
@@ -189,7 +317,7 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
     matrix = multiplier_matrix(point)
     small = _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))
-    mu, one, other = loci.critical_plane(
+    mu, one, other = systems.critical_plane(
         matrix, (1.0, -1.0), small, lambda values: np.abs(np.abs(values) - 1)
     )
     return mu.real / abs(mu), one, other
@@ -198,14 +326,14 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
     cosine, one, other = _circle_pair(point)
-    locus = loci.pair_locus("cosine", cosine, (one, other), 1.0, b=(0, -2), c=(1, 0))
+    locus = systems.pair_locus("cosine", cosine, (one, other), 1.0, b=(0, -2), c=(1, 0))
     return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
 
 
 def _examine_rotation(point: Point) -> Examined:
     """Of the two multipliers with product 1: are they a complex pair?"""
     values = np.linalg.eigvals(multiplier_matrix(point)).astype(complex)
-    first, second = loci.pairs(values)
+    first, second = systems.pairs(values)
     nearest = int(abs(first * second - 1).argmin())
     pair = np.array([first[nearest], second[nearest]])
     for sign, name in ((1, "R1"), (-1, "R2")):
@@ -262,9 +390,9 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
     ground = point.ground
-    poles = loci.overlap(2.0, point) if ground.curve.size > 1 else 1.0
+    poles = systems.overlap(2.0, point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
-    return c * poles * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
+    return c * poles * systems.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_generalised_flip(point: Point) -> str:
@@ -278,7 +406,7 @@ def _rotation_coefficient(point: Point) -> float:
     if not -1 < cosine < 1:
         return math.nan
     d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, math.acos(cosine)))
-    return d * loci.signed_smallest(units(ground) - np.eye(ground.curve.size))
+    return d * systems.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_chenciner(point: Point) -> str:
@@ -302,17 +430,19 @@ def _beside_pair(multiplier: int, point: Point) -> float:
     if not -1 < cosine < 1:
         return math.nan
     pair = cosine + 1j * math.sqrt(1 - cosine**2)
-    others = loci.without(_multipliers(point), pair, pair.conjugate())
-    return loci.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
+    others = systems.without(_multipliers(point), pair, pair.conjugate())
+    return systems.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
 
 
 _PLAIN_FOLD = fold()
 _FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=partial(_examine_one, _PLAIN_FOLD))
-_FLIP = Event("PD", loci.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
+_FLIP = Event("PD", systems.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", partial(_off_circle, ()), locus=_rotation_locus, examine=_examine_rotation)
 _DOUBLE_ONE, _DOUBLE_MINUS_ONE = (partial(_examine_double, sign) for sign in (1, -1))
-_R1_ON_FOLD = Meeting("R1", partial(loci.overlap, 0.0), examine=_DOUBLE_ONE, base=_ROTATION)
-_R2_ON_FLIP = Meeting("R2", partial(loci.overlap, 2.0), examine=_DOUBLE_MINUS_ONE, base=_ROTATION)
+_R1_ON_FOLD = Meeting("R1", partial(systems.overlap, 0.0), examine=_DOUBLE_ONE, base=_ROTATION)
+_R2_ON_FLIP = Meeting(
+    "R2", partial(systems.overlap, 2.0), examine=_DOUBLE_MINUS_ONE, base=_ROTATION
+)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .linear_algebra import sense, weakest
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
-from .rank import sense, weakest
 from .sparse import Factors, Matrix, above, beside, is_sparse, null_vectors, scaled, shifted, solved
 
 Array = NDArray[np.float64]

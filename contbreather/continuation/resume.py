@@ -11,7 +11,7 @@ from ..errors import BadInput, keeping, taking
 from .branch import Branch, Settings, Stop
 from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
-from .extended import event_of
+from .defining_systems import event_of
 from .point import Event
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of

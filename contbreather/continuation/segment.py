@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from .curve import Curve
+from .linear_algebra import sense, weakest
 from .newton import Array, Dense, Solution, Undefined
 from .point import Point
-from .rank import sense, weakest
 from .sparse import Matrix
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step

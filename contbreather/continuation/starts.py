@@ -14,10 +14,10 @@ from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
+from .linear_algebra import sense, weakest
 from .newton import Array, Undefined, approach
 from .point import Event, Point
 from .problem import Problem
-from .rank import sense, weakest
 from .segment import LEVEL, closest, tangent_at
 from .sparse import is_sparse, scaled
 

@@ -21,12 +21,13 @@ from .advance import EXACT, Failed, Step, Stepper, angle
 from .branch import Branch, Settings, Stop, labelled
 from .checkpoint import Save, checkpoint
 from .curve import Curve
-from .location import Ends, Found, calm, find
-from .loci import Singular
+from .defining_systems import Singular
+from .event_detection import Ends, Found, calm, find
 from .newton import Array, Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
+from .samples import Value, counted, measure
 from .scope import having, scope
 from .segment import Segment
 from .starts import (
@@ -43,7 +44,6 @@ from .starts import (
 from .steps import Steps, steps_of
 from .stride import TINY
 from .strider import WIDEST, Strider
-from .trail import Value, counted, measure
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]

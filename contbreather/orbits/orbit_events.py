@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, real, shown
 from contbreather.continuation import Event, Locus, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
-from contbreather.continuation.loci import Singular
+from contbreather.continuation.defining_systems import Singular
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import Examined, Judged, Meeting
 from contbreather.errors import BadInput

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from contbreather.checks import flag, number, whole
 from contbreather.continuation import Event, Point, Problem, maps
-from contbreather.continuation.cycles import Iterate, multiplier_matrix, shorter, with_period
-from contbreather.continuation.lift import Lift
+from contbreather.continuation.maps import Iterate, multiplier_matrix, shorter, with_period
 from contbreather.continuation.point import Counting
+from contbreather.continuation.switching import Lift
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
@@ -352,7 +352,7 @@ def _dressed(problem: Problem, back: Return) -> Problem:
     exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
     return replace(
         own,
-        sensitivity=partial(_sensitivity, back, own.residual.period) if exact else None,
+        sensitivity=partial(_sensitivity, back, own.period) if exact else None,
         events=_events(back.on, own.breaks),
         record={
             "largest": attrgetter("solution.largest"),
@@ -371,12 +371,12 @@ class MotionProblem(maps.CycleProblem):
 
     @property
     def symmetric(self) -> bool:
-        return self.back.half and self.residual.period % 2 == 1
+        return self.back.half and self.period % 2 == 1
 
     @property
     def periods(self) -> int:
         """Of the forcing, in one of the motion."""
-        return self.residual.period // (2 if self.back.half and not self.symmetric else 1)
+        return self.period // (2 if self.back.half and not self.symmetric else 1)
 
     @property
     def breaks(self) -> str:
@@ -389,14 +389,14 @@ class MotionProblem(maps.CycleProblem):
             "kind": "returning motion",
             "conditions": self.back.on,
             "t0": self.back.t0,
-            "period": self.residual.period,
+            "period": self.period,
         }
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return self._lifted if kind == self.breaks else None
 
     def _lifted(self, point: Point) -> Lift:
-        twice = with_period(point.problem, 2 * self.residual.period)
+        twice = with_period(point.problem, 2 * self.period)
         return Lift(_dressed(twice, self.back), point.curve.free[0], both=False)
 
     def simpler(self, point: Point) -> Problem | None:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 import contbreather as cb
-from contbreather.continuation import loci, rank, sparse
+from contbreather.continuation import defining_systems as systems
+from contbreather.continuation import linear_algebra as algebra
+from contbreather.continuation import sparse
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Dense, Undefined
 
@@ -46,22 +48,22 @@ def test_a_matrix_is_singular_where_its_determinant_changes_sign(seed: int, degr
     ends = [sum(v**i * part for i, part in enumerate(parts)) for v in (0.0, 0.5, 1.0)][
         :: 3 - degree
     ]
-    assert loci.singular_between(*ends) == pytest.approx(exact, abs=2e-6)
-    assert loci.singular_between(*ends[::-1]) == pytest.approx(1 - exact[::-1], abs=2e-6)
+    assert systems.singular_between(*ends) == pytest.approx(exact, abs=2e-6)
+    assert systems.singular_between(*ends[::-1]) == pytest.approx(1 - exact[::-1], abs=2e-6)
 
 
 def test_where_the_first_matrix_is_singular_the_others_still_tell() -> None:
     first, last = np.diag([0.0, 1.0]), np.diag([1.0, -1.0])
-    assert loci.singular_between(first, last) == pytest.approx([0.0, 0.5], abs=1e-12)
-    assert loci.singular_between(first, first).size == 0
+    assert systems.singular_between(first, last) == pytest.approx([0.0, 0.5], abs=1e-12)
+    assert systems.singular_between(first, first).size == 0
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_least_singular_value_has_the_sign_of_the_determinant(seed: int) -> None:
     for matrix in matrices(seed):
         exact = np.linalg.svd(matrix)[1][-1] * np.sign(np.linalg.det(matrix))
-        assert loci.signed_smallest(matrix) == pytest.approx(exact)
-        assert loci.signed_smallest(csc_array(matrix)) == pytest.approx(exact)
+        assert systems.signed_smallest(matrix) == pytest.approx(exact)
+        assert systems.signed_smallest(csc_array(matrix)) == pytest.approx(exact)
         sign = Dense(matrix[:-1], matrix[-1]).sign()
         assert sign == np.sign(exact)
 
@@ -75,10 +77,10 @@ def test_null_vectors_overlap_as_in_the_adjugate(seed: int) -> None:
     minors = sum(
         np.linalg.det(matrix[np.ix_(kept, kept)]) for kept in map(list, combinations(range(5), 4))
     )
-    assert loci.oriented_overlap(matrix) * np.prod(sizes[:-1]) == pytest.approx(minors)
-    assert math.isnan(loci.oriented_overlap(np.zeros((1, 1))))
+    assert systems.oriented_overlap(matrix) * np.prod(sizes[:-1]) == pytest.approx(minors)
+    assert math.isnan(systems.oriented_overlap(np.zeros((1, 1))))
     scales = np.array([1.0, 2.0, 4.0, 0.5, 1.0])
-    null = loci.null_vector(matrix * scales, scales)
+    null = systems.null_vector(matrix * scales, scales)
     assert abs(matrix @ null).max() < 1e-13
     assert np.linalg.norm(null) == pytest.approx(1.0)
 
@@ -91,21 +93,21 @@ def test_the_least_factor_has_the_sign_of_their_product() -> None:
     for _ in range(200):
         pair = rng.normal() + 1j * rng.normal()
         factors = np.array([*rng.normal(size=3), pair, pair.conjugate()])
-        found = loci.least_with_sign(factors, 1e-14)
+        found = systems.least_with_sign(factors, 1e-14)
         assert abs(found) == abs(factors).min()
         assert math.copysign(1.0, found) == np.sign(np.prod(factors).real)
-    assert loci.least_with_sign(np.array([2.0, -1e-20 + 0j, 3.0]), 1e-14) == 0.0
+    assert systems.least_with_sign(np.array([2.0, -1e-20 + 0j, 3.0]), 1e-14) == 0.0
     for one in (3.0, -3.0):  # zeros of an even order have no size, and change no sign
-        doubled = loci.least_with_sign(np.array([1e-20, one, -1e-20]).astype(complex), 1e-14)
+        doubled = systems.least_with_sign(np.array([1e-20, one, -1e-20]).astype(complex), 1e-14)
         assert 0.0 < doubled * np.sign(one) < 1e-50
 
 
 def test_every_pair_of_eigenvalues_is_looked_at_once() -> None:
     values = np.array([1.0, 2.0, 3.0, 4.0]).astype(complex)
-    assert list(zip(*map(np.real, loci.pairs(values)), strict=True)) == list(
+    assert list(zip(*map(np.real, systems.pairs(values)), strict=True)) == list(
         combinations([1.0, 2.0, 3.0, 4.0], 2)
     )
-    assert loci.without(values, 2.1, 3.9).tolist() == [1.0, 3.0]
+    assert systems.without(values, 2.1, 3.9).tolist() == [1.0, 3.0]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -117,7 +119,7 @@ def test_the_critical_pair_is_the_one_that_is_least_off(seed: int) -> None:
         blocks[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[re, im], [-im, re]]
     turn = rng.normal(size=(7, 7))
     matrix = turn @ blocks @ np.linalg.inv(turn)
-    value, one, other = loci.critical_plane(matrix, (0.0,), 1e-12, lambda mu: abs(mu.real))
+    value, one, other = systems.critical_plane(matrix, (0.0,), 1e-12, lambda mu: abs(mu.real))
     re, im = pairs[abs(pairs[:, 0]).argmin()]
     assert value == pytest.approx(re + 1j * abs(im))
     for v in (one, other):
@@ -130,12 +132,12 @@ def test_the_critical_pair_is_the_one_that_is_least_off(seed: int) -> None:
 def test_a_double_eigenvalue_gives_its_chain_and_real_ones_are_no_pair(double: float) -> None:
     turn = matrices(3, n=3)[0]
     chain = turn @ np.array([[double, 1, 0], [0, double, 0], [0, 0, 2.0]]) @ np.linalg.inv(turn)
-    value, one, null = loci.critical_plane(chain, (7.0, double), 1e-5, lambda mu: abs(mu.real))
+    value, one, null = systems.critical_plane(chain, (7.0, double), 1e-5, lambda mu: abs(mu.real))
     assert value == double
     assert chain @ null == pytest.approx(double * null, abs=1e-7)
     assert chain @ one == pytest.approx(double * one + null, abs=1e-7)
     with pytest.raises(Undefined, match="neutral saddle"):
-        loci.critical_plane(np.diag([1.0, -1.0, 3.0]), (0.0,), 1e-5, lambda mu: abs(mu.real))
+        systems.critical_plane(np.diag([1.0, -1.0, 3.0]), (0.0,), 1e-5, lambda mu: abs(mu.real))
 
 
 def bent(x: Array, p: dict[str, float]) -> Array:
@@ -149,11 +151,11 @@ CURVE = Curve(
 )
 PLANE = matrices(9, n=4)[0][:2]
 LOCI = {
-    "null": loci.null_locus(PLANE[0]),
-    "null of a map": loci.null_locus(PLANE[0], 2.0),
-    "pair": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 1.0, (0.0, -2.0), (1.0, 0.0)),
-    "pair of a flow": loci.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 0.0, (0.0, 0.0), (0.0, 1.0)),
-    "rank": loci.rank_locus(),
+    "null": systems.null_locus(PLANE[0]),
+    "null of a map": systems.null_locus(PLANE[0], 2.0),
+    "pair": systems.pair_locus("s", 0.6, (PLANE[0], PLANE[1]), 1.0, (0.0, -2.0), (1.0, 0.0)),
+    "pair of a flow": systems.pair_locus("s", 0.6, (*PLANE[:2],), 0.0, (0.0, 0.0), (0.0, 1.0)),
+    "rank": systems.rank_locus(),
 }
 
 
@@ -178,7 +180,7 @@ def test_conditions_of_a_pair_hold_in_its_plane_alone(shift: float) -> None:
     values, vectors = np.linalg.eig(matrix)
     upper = int(values.imag.argmax())
     mu, v = values[upper], vectors[:, upper]
-    locus = loci.pair_locus(
+    locus = systems.pair_locus(
         "size", abs(mu) ** 2, (v.real, v.imag), shift, (-2 * mu.real, 0.0), (0.0, 1.0)
     )
     start = np.asarray(locus.extra["null"])
@@ -226,7 +228,7 @@ def test_the_weak_end_of_a_large_matrix_is_that_of_a_dense_one(seed: int, more: 
     dense = scattered(seed, n, n + more, 2.0)
     left, sizes, right = np.linalg.svd(dense)
     dense = dense - 0.98 * sizes[-1] * np.outer(left[:, -1], right[n - 1])  # nearly singular
-    exact, found = rank.weakest(dense), rank.weakest(csc_array(dense))
+    exact, found = algebra.weakest(dense), algebra.weakest(csc_array(dense))
     assert found.size == pytest.approx(exact.size, rel=1e-6)
     assert found.second == pytest.approx(exact.second, rel=1e-2)
     assert exact.largest <= found.largest <= 4 * exact.largest
@@ -255,17 +257,17 @@ def test_bordered_matrices_are_singular_where_dense_ones_are(seed: int, degree: 
     places = (0.0, 1.0) if degree == 1 else (0.0, 0.5, 1.0)
     across = [base + (v + 0.2 * (degree - 1) * v * v) * turned for v in places]
     dense = [np.vstack([one, row]) * scales for one in across]
-    made = [rank.Bordered(sparse.Factors(csc_array(one)), row, scales) for one in across]
-    exact = loci.singular_between(*dense)
-    assert loci.singular_between(*made) == pytest.approx(exact, abs=2e-3)
+    made = [algebra.Bordered(sparse.Factors(csc_array(one)), row, scales) for one in across]
+    exact = systems.singular_between(*dense)
+    assert systems.singular_between(*made) == pytest.approx(exact, abs=2e-3)
     x = rng.normal(size=n + 1)
     assert made[0] @ x == pytest.approx(dense[0] @ x)
     assert dense[0] @ made[0].solve(x) == pytest.approx(x, abs=1e-9)
     assert dense[0].T @ made[0].transposed(x) == pytest.approx(x, abs=1e-9)
     near = np.linalg.svd(dense[0])
     close = dense[0] - 0.999 * near[1][-1] * np.outer(near[0][:, -1], near[2][-1])
-    bordered = rank.Bordered(sparse.Factors(csc_array(close[:-1])), close[-1], np.ones(n + 1))
-    assert loci.signed_smallest(bordered) == pytest.approx(
+    bordered = algebra.Bordered(sparse.Factors(csc_array(close[:-1])), close[-1], np.ones(n + 1))
+    assert systems.signed_smallest(bordered) == pytest.approx(
         np.linalg.svd(close)[1][-1] * np.sign(np.linalg.det(close)), rel=1e-3
     )
 

@@ -24,7 +24,7 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.extended import extended
+from contbreather.continuation.defining_systems import extended
 from contbreather.errors import BadInput
 
 from .zoo import (

@@ -22,8 +22,8 @@ from contbreather.continuation import (
     save,
 )
 from contbreather.continuation.diagram import Diagram, diagram
-from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.maps import FixedPoint
+from contbreather.continuation.switching import Lift, Seed
 from contbreather.errors import Interrupted, NotConverged
 
 from .zoo import (

@@ -26,9 +26,15 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.lift import Lift, Seed
 from contbreather.continuation.recognition import lies_on, recognised, same_place
-from contbreather.continuation.switching import ArmsCoincide, NothingToSwitch, follow, switch
+from contbreather.continuation.switching import (
+    ArmsCoincide,
+    Lift,
+    NothingToSwitch,
+    Seed,
+    follow,
+    switch,
+)
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from .zoo import (

@@ -1,4 +1,4 @@
-"""What is known of one test along one step of a walk."""
+"""Sampled values of one test function on one step, and the brackets already resolved."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import BadInput
-from .loci import Singular, singular_between
+from .defining_systems import Singular, singular_between
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Event, Point
 from .segment import Segment
@@ -19,6 +19,8 @@ from .segment import Segment
 Value = float | int
 
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
+_CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
+_LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
 
 def measure(event: Event, point: Point) -> Value:
@@ -58,22 +60,32 @@ def counts_apart(event: Event, first: Point, last: Point) -> bool:
     return event.count is not None and abs(count_at(event, first) - count_at(event, last)) >= 2
 
 
-_CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
-_LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
-
-
 @dataclass
-class Trail:
-    """The values of one test along one step, by u, and what they gave away."""
+class Samples:
+    """The values of one test along one step, by u from 0 to 1.
+
+    Attributes
+    ----------
+    values : dict
+        By u. Those in `sure` were seen on the curve, the others on its cubic.
+    done, zeros : list
+        Brackets that were dealt with, and the events in them.
+    close : list
+        Pieces on which two zeros may be close together.
+    calm : bool
+        Whether nothing was to be looked for when the step was made.
+    """
 
     segment: Segment
     event: Event
     values: dict[float, Value]
-    done: list[tuple[float, float]] = field(default_factory=list)  # brackets that were dealt with
+    done: list[tuple[float, float]] = field(default_factory=list)
     zeros: list[float] = field(default_factory=list)
-    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})  # where the value is final
-    close: list[tuple[float, float]] = field(default_factory=list)  # where two zeros may be
-    calm: bool = False  # whether nothing was to be looked for when the step was made
+    sure: set[float] = field(default_factory=lambda: {0.0, 1.0})
+    close: list[tuple[float, float]] = field(default_factory=list)
+    calm: bool = False
+
+    # --- values -------------------------------------------------------------------------------
 
     def place(self, u: float) -> Point:
         """Where the event is looked for. Next to a branch point the corrector may end on the other
@@ -81,7 +93,7 @@ class Trail:
         return self.segment.provisional(u) if self.event.crosses else self.segment.at(u)
 
     def look(self, u: float) -> Value:
-        """The test along the step."""
+        """The test on the curve."""
         value = measure(self.event, self.place(u))
         if math.isnan(value):
             raise Undefined("the test has no value between two points of the curve")
@@ -102,23 +114,17 @@ class Trail:
         self.values[u] = measure(self.event, self.segment.provisional(u))
         return self.values[u]
 
-    def changes(self) -> list[tuple[float, float]]:
-        """Neighbouring places between which the test changes sign, or jumps."""
-        known = sorted(u for u, value in self.values.items() if not math.isnan(value))
-        differ = self._unequal if self.jumps else self.sign_changes
-        pairs = itertools.pairwise(known)
-        return [pair for pair in pairs if differ(*pair) and not self._dealt_with(*pair)]
+    def learn(self, u: float, value: Value) -> None:
+        """Take in one more value, unless u is so close to an event that rounding decides it."""
+        if u not in self.values and not any(low <= u <= high for low, high in self.done):
+            self.values[u] = value
 
-    def _dealt_with(self, left: float, right: float) -> bool:
-        # a place where the test was looked at before may lie inside a bracket
-        return any(low <= left and right <= high for low, high in self.done)
+    def deflated(self, u: float, value: Value | None = None) -> float:
+        """The value at u with the zeros found so far divided out."""
+        value = self.values[u] if value is None else value
+        return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
 
-    def _unequal(self, left: float, right: float) -> bool:
-        return self.values[left] != self.values[right]
-
-    def sign_changes(self, left: float, right: float) -> bool:
-        a, b = self.values[left], self.values[right]
-        return a != 0 and (b == 0 or (a < 0) != (b < 0))
+    # --- where it changes ---------------------------------------------------------------------
 
     @property
     def jumps(self) -> bool:
@@ -128,26 +134,41 @@ class Trail:
                 return False
         return True
 
+    def changes(self) -> list[tuple[float, float]]:
+        """Neighbouring places between which the test changes sign, or jumps; not within brackets
+        that were dealt with, in which a place where it was looked at before may lie."""
+        known = sorted(u for u, value in self.values.items() if not math.isnan(value))
+        differ = self._unequal if self.jumps else self.changes_sign
+        return [
+            (left, right)
+            for left, right in itertools.pairwise(known)
+            if differ(left, right)
+            and not any(low <= left and right <= high for low, high in self.done)
+        ]
+
+    def _unequal(self, left: float, right: float) -> bool:
+        return self.values[left] != self.values[right]
+
+    def changes_sign(self, left: float, right: float) -> bool:
+        a, b = self.values[left], self.values[right]
+        return a != 0 and (b == 0 or (a < 0) != (b < 0))
+
     def settle(self, u: float, left: float, right: float) -> None:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
         low, high = max(u - ASIDE, left), min(u + ASIDE, right)
         self.values[low], self.values[high] = self.values[left], self.values[right]
-        self.done.append((low, high))
         self.sure |= {low, high}
+        self.done.append((low, high))
         self.zeros.append(u)
 
     def settle_jump(self, low: float, high: float) -> None:
         """Remember a jump in a bracket: there may be others to either side."""
-        for u in (low, high):
-            if u not in self.sure:
-                self.values[u] = self.look(u)
-        self.done.append((low, high))
+        for u in {low, high} - self.sure:
+            self.values[u] = self.look(u)
         self.sure |= {low, high}
+        self.done.append((low, high))
 
-    def deflated(self, u: float, value: Value | None = None) -> float:
-        """The value at u with the zeros found so far divided out."""
-        value = self.values[u] if value is None else value
-        return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
+    # --- two zeros that leave no change -------------------------------------------------------
 
     def beside(self, *places: float) -> None:
         """Remember where two zeros may be to either side, close together."""
@@ -159,11 +180,6 @@ class Trail:
         for left, right in self.close:
             if not any(low < right and left < high for low, high in self.done):
                 yield left, right
-
-    def learn(self, u: float, value: Value) -> None:
-        """Take in one more value, unless u is so close to an event that rounding decides it."""
-        if u not in self.values and not any(low <= u <= high for low, high in self.done):
-            self.values[u] = value
 
     def foresee(self) -> bool:
         """Look between the places where a test should have its zeros, so that each leaves its

@@ -174,7 +174,7 @@ class Bordered:
 
 def inverses_between(first: Bordered, *others: Bordered) -> Array:
     """Inverses of the places, from 0 at the first of several matrices to 1 at the last, where they
-    are singular, as `loci.singular_between` finds them: eigenvalues of size 1 and more."""
+    are singular, as `singular_between` finds them: eigenvalues of size 1 and more."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
     middle, last, size = others[0], others[-1], first.row.size

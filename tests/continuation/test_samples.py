@@ -10,57 +10,56 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.dips import _parabola
-from contbreather.continuation.trail import ASIDE, Trail, measure
+from contbreather.continuation.samples import ASIDE, Samples, measure
 
 EVENT = cb.user("mu", 0.0)
 
 
-def trail(values: dict[float, Any], **more: Any) -> Trail:
-    return Trail(None, EVENT, values, **more)
+def samples(values: dict[float, Any], **more: Any) -> Samples:
+    return Samples(None, EVENT, values, **more)
 
 
 # --- the trail of a test --------------------------------------------------------------------------
 
 
 def test_a_zero_lies_where_the_sign_changes_or_on_the_right_end_of_a_piece() -> None:
-    signs = trail({0.0: 1.0, 0.25: -1.0, 0.5: -2.0, 0.75: 0.0, 1.0: 3.0})
+    signs = samples({0.0: 1.0, 0.25: -1.0, 0.5: -2.0, 0.75: 0.0, 1.0: 3.0})
     assert signs.changes() == [(0.0, 0.25), (0.5, 0.75)]
-    assert signs.sign_changes(0.25, 0.0)
-    assert not signs.sign_changes(0.75, 1.0)  # that zero belongs to the piece before
-    assert trail({0.0: 1.0, 0.5: math.nan, 1.0: -1.0}).changes() == [(0.0, 1.0)]
+    assert signs.changes_sign(0.25, 0.0)
+    assert not signs.changes_sign(0.75, 1.0)  # that zero belongs to the piece before
+    assert samples({0.0: 1.0, 0.5: math.nan, 1.0: -1.0}).changes() == [(0.0, 1.0)]
 
 
 def test_what_counts_changes_by_jumps_and_all_of_it_must_count() -> None:
-    assert trail({0.0: 0, 0.5: 2, 1.0: 2}).changes() == [(0.0, 0.5)]
-    assert trail({0.0: 0, 0.5: math.nan, 1.0: 1}).jumps
-    assert not trail({0.0: 0, 0.5: 1.0}).jumps
-    assert trail({0.0: 2.0, 1.0: 1.0}).changes() == []
+    assert samples({0.0: 0, 0.5: 2, 1.0: 2}).changes() == [(0.0, 0.5)]
+    assert samples({0.0: 0, 0.5: math.nan, 1.0: 1}).jumps
+    assert not samples({0.0: 0, 0.5: 1.0}).jumps
+    assert samples({0.0: 2.0, 1.0: 1.0}).changes() == []
 
 
 def test_brackets_that_were_dealt_with_are_left_alone() -> None:
     known = {0.0: 1.0, 0.25: -1.0, 0.75: -1.0, 1.0: 1.0}
-    assert trail(known, done=[(0.0, 0.25)]).changes() == [(0.75, 1.0)]
-    assert trail(known, done=[(0.0, 0.3)]).changes() == [(0.75, 1.0)]
-    assert trail(known, done=[(0.0, 0.2)]).changes() == [(0.0, 0.25), (0.75, 1.0)]
-    assert trail(known, done=[(0.1, 0.25)]).changes() == [(0.0, 0.25), (0.75, 1.0)]
+    assert samples(known, done=[(0.0, 0.25)]).changes() == [(0.75, 1.0)]
+    assert samples(known, done=[(0.0, 0.3)]).changes() == [(0.75, 1.0)]
+    assert samples(known, done=[(0.0, 0.2)]).changes() == [(0.0, 0.25), (0.75, 1.0)]
+    assert samples(known, done=[(0.1, 0.25)]).changes() == [(0.0, 0.25), (0.75, 1.0)]
 
 
 def test_an_event_is_remembered_with_the_sign_on_either_side() -> None:
-    own = trail({0.0: 1.0, 1.0: -2.0})
+    own = samples({0.0: 1.0, 1.0: -2.0})
     own.settle(0.4, 0.0, 1.0)
     assert own.values == {0.0: 1.0, 0.4 - ASIDE: 1.0, 0.4 + ASIDE: -2.0, 1.0: -2.0}
     assert own.done == [(0.4 - ASIDE, 0.4 + ASIDE)]
     assert own.zeros == [0.4]
     assert own.changes() == []
     assert {0.0, 1.0, 0.4 - ASIDE, 0.4 + ASIDE} == own.sure
-    edge = trail({0.0: 1.0, 1.0: -2.0})
+    edge = samples({0.0: 1.0, 1.0: -2.0})
     edge.settle(0.0, 0.0, 1.0)
     assert edge.done == [(0.0, ASIDE)]
 
 
 def test_a_jump_is_looked_at_on_either_side_unless_that_is_known() -> None:
-    own = trail({0.0: 0, 1.0: 1})
+    own = samples({0.0: 0, 1.0: 1})
     looked: list[float] = []
 
     def look(u: float) -> int:
@@ -75,16 +74,16 @@ def test_a_jump_is_looked_at_on_either_side_unless_that_is_known() -> None:
 
 
 def test_zeros_that_were_found_are_divided_out() -> None:
-    own = trail({0.0: 6.0, 1.0: 2.0}, zeros=[0.25, 0.5])
+    own = samples({0.0: 6.0, 1.0: 2.0}, zeros=[0.25, 0.5])
     assert own.deflated(1.0) == pytest.approx(2.0 / (0.75 * 0.5))
     assert own.deflated(0.0) == pytest.approx(6.0 / (0.25 * 0.5))
     assert own.deflated(0.75, 3.0) == pytest.approx(3.0 / (0.5 * 0.25))
     assert math.isnan(own.deflated(0.5, 0.0))
-    assert trail({0.5: 3.0}).deflated(0.5) == 3.0
+    assert samples({0.5: 3.0}).deflated(0.5) == 3.0
 
 
 def test_pieces_with_two_zeros_are_looked_at_once() -> None:
-    own = trail({0.0: 1.0, 1.0: 1.0})
+    own = samples({0.0: 1.0, 1.0: 1.0})
     own.beside(0.5, 0.02, 0.99)
     wanted = np.array([(0.4, 0.6), (0.0, 0.12), (0.89, 1.0)])
     assert np.array(own.close) == pytest.approx(wanted)
@@ -93,7 +92,7 @@ def test_pieces_with_two_zeros_are_looked_at_once() -> None:
 
 
 def test_a_value_is_learnt_once_and_not_within_a_bracket() -> None:
-    own = trail({0.0: 1.0}, done=[(0.4, 0.6)])
+    own = samples({0.0: 1.0}, done=[(0.4, 0.6)])
     own.learn(0.5, 7.0)
     own.learn(0.0, 7.0)
     own.learn(0.7, 7.0)
@@ -111,14 +110,6 @@ def test_a_test_counts_measures_or_has_no_value() -> None:
         raise ValueError("no value")
 
     assert math.isnan(measure(SimpleNamespace(kind="X", value=outside), None))
-
-
-def test_the_vertex_of_a_parabola_through_three_points() -> None:
-    for vertex, depth, bend in ((0.3, 0.01, 2.0), (0.8, -1.0, 5.0), (1.7, 2.0, -3.0)):
-        u = [0.0, 0.4, 1.0]
-        f = [depth + bend * (x - vertex) ** 2 for x in u]
-        assert _parabola(u, f) == pytest.approx((vertex, depth), abs=1e-12)
-    assert _parabola([0.0, 0.5, 1.0], [0.0, 1.0, 2.0]) == (math.inf, math.inf)
 
 
 # --- sizes of steps -------------------------------------------------------------------------------

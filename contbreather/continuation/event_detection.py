@@ -1,0 +1,335 @@
+"""Which events are on one step of a walk: where their tests change, and in what order.
+
+Branch points come first. Next to them the corrector may end on the other curve, so all other events
+are looked for on the pieces of curve between them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from .branch_points import GAP
+from .defining_systems import Singular
+from .event_location import at_end, dips, first_jump, kinks, locate, not_simple, separated, special
+from .newton import Undefined
+from .point import Event, Point
+from .samples import ASIDE, Samples, Value, counts_apart, measure
+from .segment import Segment
+
+_START = (0.0, 0.5, 1.0)  # where a test is looked at first
+_POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
+_ROUNDS = 20  # how often a step is looked through again, at the events found so far
+_SAME = 1e-6  # relative distance of places on a boundary that are the same
+_AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
+_BESIDE = 1e-2  # how far off an event, relative to the piece beside it, a tally is looked at
+_TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
+# A test whose last three values lie on a parabola that stays above these fractions of its largest
+# value is not looked at within the step: neither a dip nor a kink could make anything of it.
+_CALM, _FLAT = 0.6, 0.35
+_AT_END = 1e-12  # a walk that ends this close to an event, relative to 1 + |z|, ends at it
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Whether a step starts or ends the walk: an event at the very start or end, where rounding
+    decides the sign of its test, counts as well; on a closed curve only once."""
+
+    first: bool = False
+    last: bool = False
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class Found:
+    """The events on one step, in order, and the candidates that failed their verification."""
+
+    points: tuple[Point, ...]
+    doubtful: tuple[Point, ...]
+    after: tuple[Value, ...]  # the tests at the end of the step, 0 where an event was found there
+
+
+def find(
+    segment: Segment,
+    events: Sequence[Event],
+    before: Sequence[Value],
+    after: tuple[Value, ...],
+    *,
+    crossing: Point | None,
+    ends: Ends,
+    earlier: tuple[float, Sequence[Value]] | None = None,
+) -> Found:
+    """All events on one step of a walk.
+
+    `before` and `after` are the tests at its ends, `earlier` arclength and tests a step before it,
+    `crossing` a branch point known to lie on it.
+    """
+    curve = segment.curve
+    curve.passes(segment.last.z)
+    quiet = set[int]()
+    if earlier is not None and crossing is None and not (ends.first or ends.closed):
+        pace = (segment.first.arclength - earlier[0]) / segment.length
+        values = earlier[1], before, after
+        quiet = calm(events, pace, *values, (segment.first, segment.last))
+    tests = [
+        Samples(segment, event, {0.0: before[i], 1.0: after[i]}, calm=i in quiet)
+        for i, event in enumerate(events)
+    ]
+    for samples in tests:
+        # those with a matrix say more of what is between than their values do
+        samples.calm = samples.calm and not samples.foresee()
+    if all(samples.calm for samples in tests):
+        return Found((), (), after)
+    counts = [samples for samples in tests if samples.event.test is None]
+    crossings = [samples for samples in tests if samples.event.crosses]
+    others = [s for s in tests if s.event.test is not None and not s.event.crosses]
+    for samples in (*crossings, *others):  # what has no test is looked at last, and at few places
+        if not samples.calm:
+            samples.glance(0.5)
+    points = list(_events_on(crossings, ends))
+    cuts = [p for p in points if "tangents" in p.detail] or ([crossing] if crossing else [])
+    if cuts and others:
+        points += _between(segment, cuts, others, ends)
+    else:
+        points += _events_on(others, ends)
+    for samples in counts:
+        points += _explained(samples, others, points)
+    points = _in_order(points, events)
+    end = segment.last.arclength * (1 - 1e-15)
+    at_end = {id(p.event) for p in points if p.located and p.arclength >= end}
+    after = tuple(0 if id(s.event) in at_end and not s.jumps else s.values[1.0] for s in tests)
+    if curve.problem.beneath is not None:
+        points = list(_one_a_place(points))
+    good = tuple(point for point in points if point.located)
+    return Found(good, _unverified([p for p in points if not p.located], good), after)
+
+
+def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
+    """Along the curve; what happens at one place, as far as rounding can tell, in the order of the
+    events that were asked for."""
+    order = {id(event): i for i, event in enumerate(events)}
+    places: list[list[Point]] = []
+    for point in sorted(points, key=lambda point: point.arclength):
+        since = point.arclength - places[-1][-1].arclength if places else math.inf
+        if since <= _AT_END * (1 + point.curve.length(point.z)):
+            places[-1].append(point)
+        else:
+            places.append([point])
+    # a branch point that the walk found by itself has no event among them
+    return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
+
+
+def calm(
+    events: Sequence[Event],
+    pace: float,
+    earlier: Sequence[Value],
+    before: Sequence[Value],
+    after: Sequence[Value],
+    ends: tuple[Point, Point],
+) -> set[int]:
+    """Which tests are so far from zero, by the parabola through their last three values, and change
+    so little that nothing is to be looked for within the step between two points; `pace` is the
+    length of the step before, relative to this one."""
+    tests = enumerate(zip(events, earlier, before, after, strict=True))
+    return {i for i, (event, *values) in tests if _is_calm(event, ends, pace, *values)}
+
+
+def _is_calm(
+    event: Event, ends: tuple[Point, Point], pace: float, earlier: Value, start: Value, end: Value
+) -> bool:
+    if event.test is None:
+        return start == end
+    if math.isnan(start) and math.isnan(end):  # what is between has nothing to change from
+        return not counts_apart(event, *ends)
+    if (isinstance(start, int) and isinstance(end, int)) or not start * end > 0:
+        return False
+    bend = (end - start - (start - earlier) / pace) / (1 + pace)
+    middle = (0.5 * (start + end) - 0.25 * bend) * (1 if start > 0 else -1)
+    low, high = sorted((abs(start), abs(end)))
+    flat = middle > _CALM * high and low > _FLAT * max(high, middle)
+    return flat and earlier * start > 0 and not counts_apart(event, *ends)
+
+
+def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
+    """On a boundary: one label for all that is seen at one place, where several tests vanish at
+    once. An event that ends the curve goes before one where others cross it, and that before the
+    rest. Where nothing is verified, as for the values a user asks for, each keeps its own."""
+    left = list(points)
+    while left:
+        first = left.pop(0)
+        curve, here = first.curve, [first]
+        if _is_verified(first):
+            reach = _SAME * (1 + curve.length(first.z))
+            near = [p for p in left if curve.length(p.z - first.z) <= reach]
+            here += filter(_is_verified, near)
+        left = [point for point in left if point not in here]
+        best = max(here, key=_rank)
+        also = {p.kind: None for p in here if p.located and p.kind != best.kind}
+        yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
+
+
+def _is_verified(point: Point) -> bool:
+    return point.event is not None and point.event.examine is not None
+
+
+def _rank(point: Point) -> tuple[bool, bool, bool]:
+    ends = point.event is not None and bool(point.event.ends)
+    return point.located, ends, "tangents" in point.detail
+
+
+def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, ...]:
+    """Candidates that failed, each place once for each event: what was seen there twice is two of
+    them. A branch point may have been located where it was seen, too: at the start of a walk
+    rounding decides from which side it is come upon."""
+    kept: list[Point] = []
+    latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
+    for point in failed:
+        near = GAP * (1 + point.curve.length(point.z))
+        same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
+        if any(abs(p.arclength - point.arclength) <= near for p in same):
+            continue
+        i = latest.get(id(point.event))
+        if i is not None and point.arclength - kept[i].arclength <= near:
+            kept[i] = replace(kept[i], detail={**kept[i].detail, "reason": not_simple(point.kind)})
+        else:
+            latest[id(point.event)] = len(kept)
+            kept.append(point)
+    return tuple(kept)
+
+
+def _events_on(tests: Sequence[Samples], ends: Ends) -> Iterator[Point]:
+    active = [samples for samples in tests if not samples.calm]
+    for samples in active:
+        yield from _at_ends(samples, ends)
+        samples.foresee()
+        yield from separated(samples)
+        yield from _dipped(samples)
+        yield from _closer(samples)
+    for _ in range(_ROUNDS):
+        fresh = [point for samples in active for point in locate(samples)]
+        yield from fresh
+        if not fresh:
+            break
+        active = list(tests)  # what happens at an event is news of the calm ones as well
+        for point, samples in itertools.product(fresh, tests):
+            segment = samples.segment
+            u = (point.arclength - segment.first.arclength) / segment.length
+            if 0 < u < 1 and samples.event is not point.event:
+                samples.learn(u, measure(samples.event, point))
+        for samples in tests:
+            yield from _dipped(samples)
+
+
+def _dipped(samples: Samples) -> Iterator[Point]:
+    if 0.5 not in samples.values or samples.jumps or samples.changes():
+        return
+    if not dips(samples):
+        yield from kinks(samples)
+    if isinstance(samples.event.test, Singular):
+        samples.beside(*(middle for _, middle in samples.changes()[:-1]))
+
+
+def _closer(samples: Samples) -> Iterator[Point]:
+    """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
+    be further off than they are apart."""
+    segment = samples.segment
+    for left, right in samples.brackets():
+        if segment.length < _POINT * (1 + segment.curve.length(segment.first.z)):
+            samples.done.append((0.0, 1.0))
+            point = segment.provisional(0.5 * (left + right))
+            at_ends = min(abs(samples.values[u]) for u in (0.0, 1.0))
+            if abs(measure(samples.event, point)) >= at_ends:
+                return  # what was seen is where the curve starts or ends
+            yield special(samples, point, left, right, not_simple(samples.event.kind))
+            return
+        try:
+            piece = Segment(segment.at(left), segment.at(right), segment.tolerance)
+        except Undefined:
+            continue
+        part = Samples(piece, samples.event, {})
+        for u in _START:
+            part.glance(u)
+        samples.values[left], samples.values[right] = part.values[0.0], part.values[1.0]
+        samples.sure |= {left, right}
+        samples.done.append((left, right))
+        for point in _events_on([part], Ends()):
+            samples.zeros.append((point.arclength - segment.first.arclength) / segment.length)
+            yield point
+
+
+def _between(
+    segment: Segment, cuts: Sequence[Point], tests: Sequence[Samples], ends: Ends
+) -> Iterator[Point]:
+    """Events on the pieces between branch points; a piece as short as rounding has none."""
+    places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
+    values = [samples.values[0.0] for samples in tests]
+    for start, end in itertools.pairwise(places):
+        if end.arclength - start.arclength < ASIDE * segment.length:
+            continue
+        piece = Segment(start, end, segment.tolerance)
+        middle = piece.provisional(0.5)
+        at_first, at_last, parts = start is segment.first, end is segment.last, list[Samples]()
+        for event, value in zip((samples.event for samples in tests), values, strict=True):
+            seen = {0.0: value, 0.5: measure(event, middle), 1.0: measure(event, end)}
+            parts.append(part := Samples(piece, event, seen))
+            beside = _AT_CUT * max(abs(seen[0.0]), abs(seen[0.5]))
+            if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
+                # its sign is rounding: what is seen here must not be seen to either side as well
+                seen[1.0] = math.nan
+                yield special(part, replace(end, located=True, detail={}), 1.0, 1.0)
+        own = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
+        yield from _events_on(parts, own)
+        values = [part.values[1.0] for part in parts]
+
+
+def _at_ends(samples: Samples, ends: Ends) -> Iterator[Point]:
+    """Events at the very start or end of the walk, within rounding."""
+    segment = samples.segment
+    if not (ends.first or ends.last or ends.closed) or samples.jumps:
+        return
+    start, end = samples.values[0.0], samples.values[1.0]
+    # the distance at which the test would vanish, the same whatever the length of the step
+    change = abs(end - start) / segment.length * (1 + segment.curve.length(segment.last.z))
+    if ends.first and abs(start) < _AT_END * change:
+        samples.values[0.0] = 0.0
+        yield at_end(samples, 0.0)
+    elif (ends.last or ends.closed) and abs(end) < _AT_END * change:
+        samples.values[1.0] = math.copysign(math.ulp(0.0), start)  # no change left to be found
+        if ends.last:
+            yield at_end(samples, 1.0)
+
+
+# --- what no event explains -------------------------------------------------------------------
+
+
+def _explained(tally: Samples, others: Sequence[Samples], points: Sequence[Point]) -> list[Point]:
+    """Events of all others next to where a tally changes without one; where there are none, that
+    place, as doubtful."""
+    segment, more = tally.segment, list[Point]()
+    if jumps := _jumps(tally, points):
+        for other, u in itertools.product(others, itertools.chain(*jumps)):
+            other.learn(u, measure(other.event, segment.provisional(u)))
+        more = [point for other in others for point in locate(other)]
+        jumps = _jumps(tally, [*points, *more])
+    for low, high in jumps:
+        before, after = tally.known(low), tally.known(high)
+        reason = f"a count changes from {before} to {after}, and no event here explains it"
+        more.append(special(tally, segment.provisional(0.5 * (low + high)), low, high, reason))
+    return more
+
+
+def _jumps(tally: Samples, points: Sequence[Point]) -> list[tuple[float, float]]:
+    """Where a tally changes between the events of a step, a little off them: there it is
+    rounding."""
+    first, length, jumps = tally.segment.first.arclength, tally.segment.length, []
+    cuts = sorted((point.arclength - first) / length for point in points)
+    for i, (low, high) in enumerate(itertools.pairwise([0.0, *cuts, 1.0])):
+        room = _BESIDE * (high - low)
+        low, high = low + (room if i else 0.0), high - (room if i < len(cuts) else 0.0)
+        if high - low > ASIDE:
+            before, after = tally.known(low), tally.known(high)
+            if before != after and not math.isnan(before) and not math.isnan(after):
+                jumps.append(first_jump(tally, low, high, _TALLIED))
+    return jumps
