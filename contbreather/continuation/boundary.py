@@ -21,7 +21,7 @@ from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
 from .defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
 from .newton import Undefined
-from .point import Counting, Event, Examined, Locus, Meeting, Point
+from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
 from .problem import Problem
 from .scope import having, scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
@@ -167,8 +167,8 @@ def boundary_problem(
     own = locus.events
     if asked == ():  # only what the curve cannot be followed beyond
         own = tuple(one for one in own if one.ends)
-    if walls_are_lifted(base) and event.walls:  # what ends it is another wall
-        own = tuple(one for one in own if not (isinstance(one, Meeting) and one.base.walls))
+    if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
+        own = tuple(e for e in own if not (isinstance(e, CodimensionTwo) and e.base.ends_domain))
     make = partial(
         BoundaryProblem,
         events=(*own, *others),
@@ -206,7 +206,7 @@ def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], A
 
 
 def _blurred(column: Callable[[Point], Any], point: Point) -> Any:
-    value = math.nan if isinstance(column, Counting) else column(point)
+    value = math.nan if isinstance(column, UnstableDimension) else column(point)
     return math.nan if isinstance(value, int | np.integer) else value
 
 
@@ -214,7 +214,7 @@ def _traceable(point: Point) -> Event:
     """The event to trace from a point: what happened there, that of the base problem where two
     meet, and otherwise the one whose boundary the point lies on."""
     event = point.event
-    if isinstance(event, Meeting):
+    if isinstance(event, CodimensionTwo):
         event = event.base
     if event is None or event.locus is None:
         event = event_of(point.curve.problem) or event
@@ -239,7 +239,7 @@ def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, 
     return replace(ground, curve=curve, z=curve.start, tangent=None), event
 
 
-def meeting(kind: str, event: Event) -> Meeting:
+def meeting(kind: str, event: Event) -> CodimensionTwo:
     """An event of the original problem as one on the boundary of another: PF-GR.
 
     Where both have a locus, the meeting is located by the conditions of both at once. Where
@@ -247,14 +247,14 @@ def meeting(kind: str, event: Event) -> Meeting:
     """
     assert event.test is not None
     if event.crosses:
-        return Meeting(
+        return CodimensionTwo(
             f"{kind}-{event.kind}",
             branch_point_test,  # to look ahead costs as much as a step
             locus=Crossings(),
             examine=_examine_crossing,
             base=event,
         )
-    return Meeting(
+    return CodimensionTwo(
         f"{kind}-{event.kind}",
         partial(_value_beneath, event),
         locus=partial(_locus_beneath, event) if event.locus else None,

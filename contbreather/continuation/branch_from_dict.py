@@ -20,7 +20,7 @@ from .defining_systems import ExtendedProblem
 from .equilibria import branch_point, fold, hopf
 from .maps import Iterate, with_period
 from .newton import Undefined
-from .point import Counting, Event, Point
+from .point import Event, Point, UnstableDimension
 from .points import Points
 from .problem import Problem
 from .samples import measure
@@ -62,8 +62,9 @@ def branch_from_dict(content: Content, problem: Problem | None = None) -> Branch
         fits = problem is not None and set(problem.names) <= set(born.here)
         curve, _, events = born.attached(problem if fits else None, None)
         origin = replace(born.points(curve, events)[0], label=born.content["point_label"])
-    curve, settings, events = _Stored(content).attached(problem, origin)
-    points = _Stored(content).points(curve, events)
+    stored = _Stored(content)
+    curve, settings, events = stored.attached(problem, origin)
+    points = stored.points(curve, events)
     if content["parent"]:
         points = points.put(0, replace(points[0], parent=origin))
     doubtful, began = groups.get("doubtful"), content["began"]
@@ -173,8 +174,8 @@ class _Stored:
         for name in self.content["recorded"]:
             function = problem.record.get(name, missing)
             column = _Recorded(function, z, self.columns[name])
-            counts = isinstance(function, Counting)
-            record[name] = Counting(column, column.rows) if counts else column
+            counts = isinstance(function, UnstableDimension)
+            record[name] = UnstableDimension(column, column.rows) if counts else column
         return Curve(replace(problem, record=record), tuple(self.content["free"]))
 
     def _settings(self, candidates: Sequence[Event]) -> Settings | None:

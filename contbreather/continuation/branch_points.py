@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 from .curve import Curve
 from .defining_systems import Singular, signed_smallest
-from .linear_algebra import Bordered, Weak, sense, weakest
+from .linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
 from .newton import Solution, Undefined, solve
 from .point import Event, Locus, Point
 from .sparse import Factors, Matrix, above, beside, is_sparse
@@ -59,7 +59,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
     previous = math.inf
     for iteration in range(1, most + 1):
         value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
-        weak = weakest(matrix)
+        weak = least_singular(matrix)
         w, null, rest = weak.left, weak.plane, -weak.rest(value)
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
         second = _finite(np.stack([w @ change for change in turned]))
@@ -175,11 +175,11 @@ def branches_cross(ground: Point) -> bool:
     """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
     no smooth surface, and branches cross for other values of the parameters as well."""
     matrix = balanced(ground)
-    weak = weakest(matrix)
+    weak = least_singular(matrix)
     return weak.size < _lost(matrix, weak) < weak.second
 
 
-def _lost(matrix: Matrix, weak: Weak) -> float:
+def _lost(matrix: Matrix, weak: LeastSingular) -> float:
     """Below which a singular value is zero. Large problems have fine meshes, where even the others
     are small."""
     return _RANK * (min(1.0, weak.second) if is_sparse(matrix) else 1.0)
@@ -221,8 +221,8 @@ class _LostRank:
             factors = Factors(wider)
             columns = np.stack([factors.solve(right, below) for right in unit.T], axis=1)
             return columns, factors.transposed(unit[:, 1], below)[:n]
-        matrix = above(wider, below)
-        return _solved(matrix, unit), _solved(matrix.T, unit[:, 1])[:n]
+        matrix, why = above(wider, below), "more than one rank is lost at a branch point"
+        return solved(matrix, unit, why), solved(matrix.T, unit[:, 1], why)[:n]
 
     def unfolding(self, extra: Array) -> tuple[Array, Array]:
         return extra[0] * self.b, self.b[:, None]
@@ -248,13 +248,6 @@ def _columns(rows: Matrix, direction: Array) -> Matrix:
     return beside(rows[:, :n], last)
 
 
-def _solved(matrix: Array, right: Array) -> Array:
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError as error:
-        raise Undefined("more than one rank is lost at a branch point") from error
-
-
 def _held_together(point: Point) -> tuple[Array, Array, Array]:
     """A border of A, its right null vectors, and the direction d across the curve of branch points:
     to first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z.
@@ -262,7 +255,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     curve, z = point.curve, point.z
     one, other = curve.free
     matrix = balanced(point)
-    weak = weakest(matrix)
+    weak = least_singular(matrix)
     refusal = (
         f"the branches cross at these values of {one} and {other} only, and come apart beside "
         "them; a curve of such branch points needs a third parameter"
@@ -280,8 +273,9 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     if not np.linalg.norm(tangent) > _RANK:
         raise Undefined(f"the branch point does not move with {one} and {other}")
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
+    across = least_singular(_columns(point.jacobian(), direction))
     # each row in its own size: what is left of the conditions is then rounding, as of equations
-    return weak.left * curve.rows, weakest(_columns(point.jacobian(), direction)).plane, direction
+    return weak.left * curve.rows, across.plane, direction
 
 
 def _refuse_to_part(point: Point) -> float:

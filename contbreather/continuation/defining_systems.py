@@ -23,7 +23,7 @@ from ..errors import BadInput
 from ..kernels import bound
 from . import derivatives, null_loops
 from .curve import Curve, Params
-from .linear_algebra import Bordered, Weak, inverses_between, sense, weakest
+from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
 from .newton import Undefined, solve
 from .point import Event, Locus, Point
 from .problem import Problem
@@ -107,7 +107,7 @@ def signed_smallest(matrix: Matrix) -> float:
     if isinstance(matrix, Bordered):
         return matrix.signed_least()
     if is_sparse(matrix):
-        weak = weakest(matrix)
+        weak = least_singular(matrix)
         return weak.sign * weak.size
     left, values, right = np.linalg.svd(matrix)
     return float(np.linalg.det(left) * np.linalg.det(right) * values[-1])
@@ -118,7 +118,7 @@ def oriented_overlap(matrix: Matrix) -> float:
     where the eigenvalue 0 is double with one eigenvector."""
     if matrix.shape[0] < 2:
         return math.nan
-    weak = weakest(matrix)
+    weak = least_singular(matrix)
     return float(weak.sign * weak.left @ weak.right)
 
 
@@ -162,13 +162,13 @@ class _NullVector:
         return rows
 
 
-def weak_in_unknowns(curve: Curve, z: Array) -> Weak:
+def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     """The weak end of the derivative in the unknowns, in their scales and balanced."""
 
-    def make(z: Array) -> Weak:
-        return weakest(curve.balanced(curve.jacobian(z)[:, : curve.size]))
+    def make(z: Array) -> LeastSingular:
+        return least_singular(curve.balanced(curve.jacobian(z)[:, : curve.size]))
 
-    found: Weak = curve.once("weak", z, make)
+    found: LeastSingular = curve.once("weak", z, make)
     return found
 
 
@@ -179,12 +179,12 @@ def rank_locus() -> Locus:
 
 
 def _least(curve: Curve, z: Array, extra: Array) -> Array:
-    weak = weak_in_unknowns(curve, z)
+    weak = least_in_unknowns(curve, z)
     return np.array([weak.sign * weak.size])
 
 
 def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
-    weak, n = weak_in_unknowns(curve, z), curve.size
+    weak, n = least_in_unknowns(curve, z), curve.size
     # second derivatives are symmetric, as in `null_locus`
     change = curve.along(z, weak.right * curve.scales[:n])
     return np.asarray(weak.sign * ((weak.left / curve.rows) @ change))[None, :]

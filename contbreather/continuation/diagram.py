@@ -20,9 +20,9 @@ from ..storage.serialise import serialised
 from ..tables import Column, Sheet
 from .branch import Branch, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
+from .duplicates import Duplicate, duplicate_of, same_place, simplest
 from .point import Event, Point
 from .problem import Problem
-from .recognition import Likeness, recognised, same_place, simplest
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
 from .switching import Seed, follow, lift_of, seeds_at
@@ -49,7 +49,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Birth:
+class Bifurcation:
     """How a branch came about: at which depth, from where, and of which branch it is the image."""
 
     depth: int
@@ -58,7 +58,7 @@ class Birth:
 
 
 @dataclass(frozen=True)
-class Meeting:
+class Connection:
     """An arm that was not followed: it leads to a branch that is known."""
 
     place: Place
@@ -87,12 +87,12 @@ class Diagram(Columns, Shown):
     ----------
     branches : tuple of Branch
         In the order in which they were followed, the start first.
-    births : tuple of Birth
+    births : tuple of Bifurcation
         How each of them came about.
     places : tuple of tuple of Place
         For each branch its special points, in order; a point where branches cross is the same
         `Place` on all of them.
-    meetings : tuple of Meeting
+    meetings : tuple of CodimensionTwo
         Arms that lead to branches known already, and were not followed again.
     failed : tuple of Failure
         Arms that could not be followed.
@@ -104,9 +104,9 @@ class Diagram(Columns, Shown):
     """
 
     branches: tuple[Branch, ...]
-    births: tuple[Birth, ...]
+    births: tuple[Bifurcation, ...]
     places: tuple[tuple[Place, ...], ...]
-    meetings: tuple[Meeting, ...] = ()
+    meetings: tuple[Connection, ...] = ()
     failed: tuple[Failure, ...] = ()
     left: tuple[Place, ...] = ()
     interrupted: bool = False
@@ -315,7 +315,7 @@ class _Growth:
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
         walk = partial(trace, start, self.free)
-        self._grow(Birth(0), walk, within=self.within, events=self.events)
+        self._grow(Bifurcation(0), walk, within=self.within, events=self.events)
         while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
@@ -358,19 +358,19 @@ class _Growth:
         glance = replace(self.steps, most=1)
         first = follow(point, seed, within=within, events=(), steps=glance, progress=False)
         reach = first.curve.length(first[-1].z - first[0].z)
-        known = recognised(first[-1], self.tree, reach)
+        known = duplicate_of(first[-1], self.tree, reach)
         if known is not None and (known.simpler or not known.image):
             self._meet(place, known, seed)
             return
         image_of = None if known is None else known.branch
-        birth = Birth(self.tree.births[place.branch].depth + 1, place, image_of)
+        birth = Bifurcation(self.tree.births[place.branch].depth + 1, place, image_of)
         small, walk = simplest(first[-1], reach), partial(follow, point, seed)
         if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
             walk, own = partial(trace, small.problem, self.free), None
             within = self._within(small.problem)
         self._grow(birth, walk, within=within, events=own)
 
-    def _grow(self, birth: Birth, walk: Callable[..., Branch], **how: Any) -> None:
+    def _grow(self, birth: Bifurcation, walk: Callable[..., Branch], **how: Any) -> None:
         """One more branch, or what there is of it where it is interrupted."""
 
         def whole(piece: Branch) -> Diagram | None:
@@ -386,18 +386,18 @@ class _Growth:
     def _within(self, problem: Problem) -> Within:
         return {name: window for name, window in self.within.items() if name in problem.names}
 
-    def _meet(self, place: Place, known: Likeness, seed: Seed) -> None:
+    def _meet(self, place: Place, known: Duplicate, seed: Seed) -> None:
         larger = seed.problem.residual is not self.tree[place.branch].problem.residual
         if larger and known.branch == place.branch:  # else a curve that crosses itself
             raise NotConverged(
                 "an arm cannot be distinguished from the branch it was to leave; shorter first "
                 "steps, or switch by hand"
             )
-        meeting = Meeting(place, known.branch)
+        meeting = Connection(place, known.branch)
         if meeting not in self.tree.meetings:
             self._note(meetings=meeting)
 
-    def _add(self, branch: Branch, birth: Birth) -> None:
+    def _add(self, branch: Branch, birth: Bifurcation) -> None:
         index, later = len(self.tree), list[Place]()
         places: list[Place] = []
         for point in branch.special:
@@ -463,7 +463,7 @@ def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
         return places.setdefault((branch, number), Place(branch, branches[branch][number]))
 
     births = tuple(
-        Birth(depth, place and at(place), image) for depth, place, image in about["births"]
+        Bifurcation(depth, place and at(place), image) for depth, place, image in about["births"]
     )
     for i, birth in enumerate(births):  # the point that an arm left is that of the branch
         if birth.place is not None and branches[i][0].parent is not None:
@@ -474,7 +474,7 @@ def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
         tuple(branches),
         births,
         tuple(tuple(at(where) for where in row) for row in about["places"]),
-        tuple(Meeting(at(where), branch) for where, branch in about["meetings"]),
+        tuple(Connection(at(where), branch) for where, branch in about["meetings"]),
         tuple(Failure(at(where), reason) for where, reason in about["failed"]),
         tuple(at(where) for where in about["left"]),
         about["interrupted"],

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from . import branch_points, normal_forms, spectrum
 from . import defining_systems as systems
 from .boundary import meeting
-from .linear_algebra import weakest
+from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN
-from .point import Event, Examined, Locus, Meeting, Point
+from .point import CodimensionTwo, Event, Examined, Locus, Point
 from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ def _fold_test(point: Point) -> float:
 def _fold_locus(point: Point) -> Locus:
     curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
     if is_sparse(matrix):
-        null = systems.weak_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
+        null = systems.least_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
         own = replace(cusp(), test=partial(_cusp_beside, null))
         return replace(systems.rank_locus(), events=(own,), meets=MEETINGS["LP"])
     null = systems.null_vector(matrix, curve.scales[: curve.size])
@@ -122,7 +122,7 @@ def _examine_fold(point: Point) -> str:
     whole = branch_points.balanced(point)
     if point.tangent is not None and "null" not in point.detail and not is_sparse(whole):
         return "a degenerate fold or a branch point: no null vector could be solved for"
-    weak = systems.weak_in_unknowns(curve, z)
+    weak = systems.least_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
     near = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
@@ -141,7 +141,7 @@ def _cusp_test(point: Point) -> float:
 def _cusp_beside(reference: Array, point: Point) -> float:
     """The same with the null vector that is no unknown here, on the side of another."""
     ground = point.ground
-    weak = systems.weak_in_unknowns(ground.curve, ground.z)
+    weak = systems.least_in_unknowns(ground.curve, ground.z)
     null = weak.right * ground.curve.scales[: ground.curve.size]
     return _quadratic(ground, math.copysign(1.0, null @ reference) * null)
 
@@ -149,7 +149,7 @@ def _cusp_beside(reference: Array, point: Point) -> float:
 def _quadratic(ground: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     curve, n = ground.curve, ground.curve.size
-    weak = weakest(ground.jacobian()[:, :n])
+    weak = least_singular(ground.jacobian()[:, :n])
     sign = weak.sign * np.sign(weak.right @ null)
     return float(sign * weak.left @ (curve.along(ground.z, null)[:, :n] @ null) / 2)
 
@@ -407,13 +407,13 @@ _HOPF = Event("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examin
 _GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
 _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.
-_BT_ON_HOPF = Meeting(
+_BT_ON_HOPF = CodimensionTwo(
     "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
 )
-_BT = Meeting("BT", partial(systems.overlap, 0.0), examine=_examine_takens, base=_HOPF)
+_BT = CodimensionTwo("BT", partial(systems.overlap, 0.0), examine=_examine_takens, base=_HOPF)
 
 
-def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> Meeting:
+def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> CodimensionTwo:
     return replace(meeting(on, event), kind="ZH", test=test, examine=_examine_zero_hopf)
 
 

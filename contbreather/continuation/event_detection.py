@@ -24,7 +24,7 @@ _POINT = 1e-6  # relative length of a piece of curve within which two zeros are 
 _ROUNDS = 20  # how often a step is looked through again, at the events found so far
 _SAME = 1e-6  # relative distance of places on a boundary that are the same
 _AT_CUT = 1e-7  # a test this small where curves cross, relative to beside it, vanishes there
-_BESIDE = 1e-2  # how far off an event, relative to the piece beside it, a tally is looked at
+_BESIDE = 1e-2  # how far off an event, relative to the piece beside it, a count is looked at
 _TALLIED = 1e-4  # and how closely, relative to the step, it is seen where it changes
 # A test whose last three values lie on a parabola that stays above these fractions of its largest
 # value is not looked at within the step: neither a dip nor a kink could make anything of it.
@@ -304,32 +304,32 @@ def _at_ends(samples: Samples, ends: Ends) -> Iterator[Point]:
 # --- what no event explains -------------------------------------------------------------------
 
 
-def _explained(tally: Samples, others: Sequence[Samples], points: Sequence[Point]) -> list[Point]:
-    """Events of all others next to where a tally changes without one; where there are none, that
+def _explained(count: Samples, others: Sequence[Samples], points: Sequence[Point]) -> list[Point]:
+    """Events of all others next to where a count changes without one; where there are none, that
     place, as doubtful."""
-    segment, more = tally.segment, list[Point]()
-    if jumps := _jumps(tally, points):
+    segment, more = count.segment, list[Point]()
+    if jumps := _jumps(count, points):
         for other, u in itertools.product(others, itertools.chain(*jumps)):
             other.learn(u, measure(other.event, segment.provisional(u)))
         more = [point for other in others for point in locate(other)]
-        jumps = _jumps(tally, [*points, *more])
+        jumps = _jumps(count, [*points, *more])
     for low, high in jumps:
-        before, after = tally.known(low), tally.known(high)
+        before, after = count.known(low), count.known(high)
         reason = f"a count changes from {before} to {after}, and no event here explains it"
-        more.append(special(tally, segment.provisional(0.5 * (low + high)), low, high, reason))
+        more.append(special(count, segment.provisional(0.5 * (low + high)), low, high, reason))
     return more
 
 
-def _jumps(tally: Samples, points: Sequence[Point]) -> list[tuple[float, float]]:
-    """Where a tally changes between the events of a step, a little off them: there it is
+def _jumps(count: Samples, points: Sequence[Point]) -> list[tuple[float, float]]:
+    """Where a count changes between the events of a step, a little off them: there it is
     rounding."""
-    first, length, jumps = tally.segment.first.arclength, tally.segment.length, []
+    first, length, jumps = count.segment.first.arclength, count.segment.length, []
     cuts = sorted((point.arclength - first) / length for point in points)
     for i, (low, high) in enumerate(itertools.pairwise([0.0, *cuts, 1.0])):
         room = _BESIDE * (high - low)
         low, high = low + (room if i else 0.0), high - (room if i < len(cuts) else 0.0)
         if high - low > ASIDE:
-            before, after = tally.known(low), tally.known(high)
+            before, after = count.known(low), count.known(high)
             if before != after and not math.isnan(before) and not math.isnan(after):
-                jumps.append(first_jump(tally, low, high, _TALLIED))
+                jumps.append(first_jump(count, low, high, _TALLIED))
     return jumps

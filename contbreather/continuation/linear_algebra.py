@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .sparse import Factors, Matrix, any_vector, beside, is_sparse
+from .newton import Undefined
+from .sparse import Factors, Matrix, any_vector, beside, factorised, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,7 @@ _AT_ONCE = 60  # branch points that are looked for on one step
 
 
 @dataclass(frozen=True, eq=False)
-class Weak:
+class LeastSingular:
     """The weak end of a matrix of n rows and n + k columns.
 
     Attributes
@@ -69,7 +70,19 @@ def sense(vector: NDArray[Any]) -> Any:
     return entry / abs(entry) if entry else 1.0
 
 
-def weakest(matrix: Matrix) -> Weak:
+def solved(matrix: Matrix, right: NDArray[Any], why: str) -> NDArray[Any]:
+    """The solution of one system, dense or sparse, real or complex; `why` says what it means that
+    there is none."""
+    try:
+        if not is_sparse(matrix):
+            return np.asarray(np.linalg.solve(matrix, right))
+        dtype = np.result_type(matrix.dtype, right.dtype)
+        return np.asarray(factorised(matrix.astype(dtype)).solve(right.astype(dtype)))
+    except (np.linalg.LinAlgError, RuntimeError) as error:
+        raise Undefined(why) from error
+
+
+def least_singular(matrix: Matrix) -> LeastSingular:
     """Least singular values and vectors of a matrix with at least as many columns as rows."""
     if not is_sparse(matrix):
         return _dense(matrix)
@@ -78,11 +91,11 @@ def weakest(matrix: Matrix) -> Weak:
     return _sparse(Factors(matrix))
 
 
-def _dense(matrix: Array) -> Weak:
+def _dense(matrix: Array) -> LeastSingular:
     left, sizes, right = np.linalg.svd(matrix)
     n = sizes.size - 1
     side = sense(right[n])
-    return Weak(
+    return LeastSingular(
         side * left[:, -1],
         side * right[n],
         right[n + 1 :],
@@ -94,7 +107,7 @@ def _dense(matrix: Array) -> Weak:
     )
 
 
-def _sparse(factors: Factors) -> Weak:
+def _sparse(factors: Factors) -> LeastSingular:
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     matrix, n = factors.matrix, factors.matrix.shape[0]
@@ -124,7 +137,7 @@ def _sparse(factors: Factors) -> Weak:
         wider = Factors(beside(matrix, left[:, None]))
         return -wider.sign(np.append(right, 0.0)[None, :])
 
-    return Weak(
+    return LeastSingular(
         left,
         right,
         factors.basis.T,

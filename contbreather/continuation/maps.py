@@ -24,7 +24,7 @@ from .boundary import meeting
 from .branch_points import branches_cross, crossed, crossing_event
 from .curve import Params
 from .equilibria import cusp, fold
-from .point import Counting, Event, Examined, Locus, Meeting, Point
+from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
 from .problem import Problem
 from .sparse import is_sparse
 from .starts import all_of
@@ -109,7 +109,7 @@ def FixedPoint(
         params,
         jacobian=None if jacobian is None else iterate.jacobian,
         events=EVENTS if events is None else all_of(events) or (),
-        record={**(record or {}), "unstable": Counting(attrgetter("solution.unstable"))},
+        record={**(record or {}), "unstable": UnstableDimension(attrgetter("solution.unstable"))},
         domain={} if domain is None else domain,
         scales={} if scales is None else scales,
         interpret=cycle,
@@ -439,17 +439,19 @@ _FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=partial(_examine_one, _P
 _FLIP = Event("PD", systems.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
 _ROTATION = Event("NS", partial(_off_circle, ()), locus=_rotation_locus, examine=_examine_rotation)
 _DOUBLE_ONE, _DOUBLE_MINUS_ONE = (partial(_examine_double, sign) for sign in (1, -1))
-_R1_ON_FOLD = Meeting("R1", partial(systems.overlap, 0.0), examine=_DOUBLE_ONE, base=_ROTATION)
-_R2_ON_FLIP = Meeting(
+_R1_ON_FOLD = CodimensionTwo(
+    "R1", partial(systems.overlap, 0.0), examine=_DOUBLE_ONE, base=_ROTATION
+)
+_R2_ON_FLIP = CodimensionTwo(
     "R2", partial(systems.overlap, 2.0), examine=_DOUBLE_MINUS_ONE, base=_ROTATION
 )
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 _ON_ROTATION = (
     # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
-    Meeting(
+    CodimensionTwo(
         "R1", partial(_from_angle, -1, 1.0), examine=_examine_double_one, ends="domain", base=_FOLD
     ),
-    Meeting(
+    CodimensionTwo(
         "R2", partial(_from_angle, 1, -1.0), examine=_DOUBLE_MINUS_ONE, ends="domain", base=_FLIP
     ),
     _resonance(3),
@@ -460,7 +462,7 @@ _ON_ROTATION = (
 
 def _named(
     on: str, event: Event, kind: str, wanted: str, test: Callable[[Point], float] | None = None
-) -> Meeting:
+) -> CodimensionTwo:
     examine = partial(_on_circle, wanted, "+1" in wanted and on != "BP")
     plain = meeting(on, event)
     return replace(plain, kind=kind, examine=examine, test=test or plain.test)

@@ -14,15 +14,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .linear_algebra import sense, weakest
+from .linear_algebra import least_singular, sense, solved
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
-from .sparse import Factors, Matrix, above, beside, is_sparse, null_vectors, scaled, shifted, solved
+from .sparse import Factors, Matrix, above, beside, is_sparse, null_vectors, scaled, shifted
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -159,13 +160,7 @@ def eigenvectors(matrix: Matrix) -> tuple[Any, Any]:
     return q, p / np.conj(overlap)
 
 
-def solve(matrix: Matrix, right: NDArray[Any]) -> NDArray[Any]:
-    """Solution of a linear system that another resonance makes singular."""
-    try:
-        found = solved(matrix, right) if is_sparse(matrix) else np.linalg.solve(matrix, right)
-    except (np.linalg.LinAlgError, RuntimeError) as error:
-        raise Undefined("a second resonance: no normal form of this kind") from error
-    return np.asarray(found)
+solve = partial(solved, why="a second resonance: no normal form of this kind")
 
 
 def value_or_nan(coefficient: Callable[[], Coefficient]) -> float:
@@ -263,14 +258,14 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     Raises `Undefined` where the zero eigenvalue is not double with one eigenvector.
     """
     forms = Forms(point)
-    weak = weakest(forms.A)
+    weak = least_singular(forms.A)
     q0, p1 = weak.right, weak.left
     # fine meshes have small singular values everywhere
     small = weak.size if is_sparse(forms.A) else _DEFECTIVE * max(weak.largest, 1e-300)
     if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
         raise Undefined("no double zero eigenvalue with one eigenvector")
     if is_sparse(forms.A):
-        q1, p0 = weak.rest(q0), weakest(forms.A.T.tocsc()).rest(p1)
+        q1, p0 = weak.rest(q0), least_singular(forms.A.T.tocsc()).rest(p1)
     else:
         q1 = np.asarray(np.linalg.lstsq(forms.A, q0)[0])
         p0 = np.asarray(np.linalg.lstsq(forms.A.T, p1)[0])

@@ -326,7 +326,7 @@ class Event:
         return hasattr(self.locus, "solve")
 
     @property
-    def walls(self) -> bool:
+    def ends_domain(self) -> bool:
         """Whether solutions mean nothing beyond it."""
         return self.ends == "domain"
 
@@ -334,7 +334,7 @@ class Event:
     def bifurcates(self) -> bool:
         """Whether counts of unstable directions are decided by rounding there: not at a wall, at a
         level that a user asked for, and where a count changes for no reason that is known."""
-        return not (self.walls or self.test is None or isinstance(self.test, Level))
+        return not (self.ends_domain or self.test is None or isinstance(self.test, Level))
 
     def of(self, problem: Problem) -> Event:
         """The event as it is for one problem: itself, unless only its kind is known so far."""
@@ -351,7 +351,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Counting:
+class UnstableDimension:
     """A recorded column that counts what is unstable: not asked for along the boundary of a
     bifurcation, where rounding would decide it.
 
@@ -372,7 +372,7 @@ class Counting:
 
 
 @dataclass(frozen=True, repr=False)
-class Judged(Event):
+class EventWithRule(Event):
     """An event with a rule of its own for who counts as unstable: the columns that go with it.
 
     Parameters
@@ -394,13 +394,13 @@ class Judged(Event):
         return self.form
 
     @classmethod
-    def judging(cls, event: Event, **rule: Any) -> Self:
+    def of_event(cls, event: Event, **rule: Any) -> Self:
         """The same event with such columns."""
         return cls(**{same.name: getattr(event, same.name) for same in fields(Event)}, **rule)
 
 
 @dataclass(frozen=True, repr=False)
-class Meeting(Event):
+class CodimensionTwo(Event):
     """An event on a boundary; `base` is that of the base problem that happens there too,
     so that a meeting can be the start of either curve."""
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .curve import Curve
 from .newton import Array
-from .point import Counting, Point
+from .point import Point, UnstableDimension
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,8 +85,9 @@ class Points(Sequence[Point]):
 
     def recorded(self, name: str) -> NDArray[Any]:
         """A recorded column; of those that can say many numbers at once the rest is asked for."""
-        column, along = self.curve.problem.record[name], None
-        if isinstance(column, Counting) and column.rows and self.curve.problem.beneath is None:
+        problem, along = self.curve.problem, None
+        column = problem.record[name]
+        if isinstance(column, UnstableDimension) and column.rows and problem.beneath is None:
             along = column.rows(self)
         if along is None:
             return np.array([point[name] for point in self])

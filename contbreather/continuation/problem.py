@@ -161,13 +161,11 @@ class Problem:
         if clash:
             raise BadInput(f"{sorted(clash)} are named both as unknowns and as parameters")
         for name, value in (*self.start.items(), *self.params.items()):
-            array = _real(name, value)
+            array = numbers(name, value)
             if not array.size:
                 raise BadInput(f"{name!r} is empty; at least one number was expected")
             if array.ndim > (name in self.start):
                 raise BadInput(f"{name!r} has shape {array.shape}; a number was expected")
-            if not np.isfinite(array).all():
-                raise BadInput(f"{name!r} must be finite, got {value}")
         taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
         if taken:
             raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
@@ -340,18 +338,6 @@ class Problem:
         return ", ".join(
             f"{name}={float(value):.6g}" for name, value in values.items() if np.ndim(value) == 0
         )
-
-
-def _real(name: str, value: Any) -> Array:
-    try:
-        found = np.asarray(value)
-        if found.dtype.kind in "iufO":  # objects may be Fractions, or numbers of mpmath
-            return found.astype(float)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise BadInput(
-        f"{name!r} must be a number or a one-dimensional array of numbers, got {value!r}"
-    )
 
 
 def problem_in(given: object) -> Problem:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from ..checks import flag
-from .point import Event, Judged, Point
+from .point import Event, EventWithRule, Point
 from .problem import Problem
 from .starts import all_of
 
@@ -30,10 +30,10 @@ def scope(
     if asked is None:
         return problem, problem.events
     kinds = {event.kind for event in asked}
-    walls = tuple(e for e in problem.events if e.walls and e.kind not in kinds)
+    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
     for event in asked:
-        if isinstance(event, Judged):
-            problem = _judged(problem, event)
+        if isinstance(event, EventWithRule):
+            problem = _with_rule(problem, event)
     return problem, (*asked, *walls)
 
 
@@ -58,12 +58,12 @@ def titled(title: str, problem: Problem) -> str:
 
 
 def _lifted(problem: Problem) -> Problem:
-    walls = [event for event in problem.events if event.walls]
+    walls = [event for event in problem.events if event.ends_domain]
     if not walls:
         return problem
     return replace(
         problem,
-        events=tuple(event for event in problem.events if not event.walls),
+        events=tuple(event for event in problem.events if not event.ends_domain),
         record={**problem.record, MARGIN: partial(_margin, tuple(walls))},
         label=problem.label + _LIFTED,
     )
@@ -73,7 +73,7 @@ def _margin(walls: tuple[Event, ...], point: Point) -> float:
     return min(float(wall.value(point)) for wall in walls)
 
 
-def _judged(problem: Problem, event: Judged) -> Problem:
+def _with_rule(problem: Problem, event: EventWithRule) -> Problem:
     """The problem with the columns that an event brings, and what they are about in its label."""
     plain = problem.label.removesuffix(_LIFTED)
     end = problem.label[len(plain) :]

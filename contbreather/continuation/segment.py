@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .curve import Curve
-from .linear_algebra import sense, weakest
+from .linear_algebra import least_singular, sense
 from .newton import Array, Dense, Solution, Undefined
 from .point import Point
 from .sparse import Matrix
@@ -123,7 +123,7 @@ def _oriented(curve: Curve, z: Array, row: Array) -> tuple[Array | None, int]:
 def _null_vector(matrix: Matrix, row: Array, curve: Curve) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
-    weak = weakest(matrix)
+    weak = least_singular(matrix)
     null = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
     nearest = (null @ row) @ null
     if curve.length(nearest) > LEVEL:

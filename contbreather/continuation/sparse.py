@@ -303,12 +303,6 @@ def shifted(matrix: Matrix, value: complex) -> Matrix:
     return matrix + value * one
 
 
-def solved(matrix: Matrix, right: NDArray[Any]) -> NDArray[Any]:
-    """The solution of one sparse system, real or complex."""
-    dtype = np.result_type(matrix.dtype, right.dtype)
-    return np.asarray(factorised(matrix.astype(dtype)).solve(right.astype(dtype)))
-
-
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
     """Unit null vectors (q, p) of a sparse matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
     try:

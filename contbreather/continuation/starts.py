@@ -14,7 +14,7 @@ from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
-from .linear_algebra import sense, weakest
+from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
 from .point import Event, Point
 from .problem import Problem
@@ -155,7 +155,7 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
 def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
     matrix = curve.jacobian(z)
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
-        weak = weakest(scaled(matrix, 1 / curve.rows, curve.scales))
+        weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
         return weak.size < 1e-4 * weak.second
     sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
     return bool(sizes[-1] < 1e-7 * sizes[0])

@@ -7,7 +7,7 @@ is the same walk as ever, along a direction that is given.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,11 +20,11 @@ from ..progress import Counter
 from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
-from .linear_algebra import weakest
+from .duplicates import images, lies_on
+from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN, Array, Undefined, newton
 from .point import Event, Point
 from .problem import Problem
-from .recognition import images, lies_on
 from .scope import walls_are_lifted
 from .starts import Within, all_of
 from .steps import Steps
@@ -95,7 +95,7 @@ class Lift:
     def tangents(self) -> tuple[Array, Array | None]:
         """The tangent of the first arm, and that of the branch where it solves the problem, too."""
         curve = Curve(self.problem, (self.free,))
-        weak = weakest(curve.balanced(curve.jacobian(curve.start)))
+        weak = least_singular(curve.balanced(curve.jacobian(curve.start)))
         plane = weak.plane * curve.scales
         if weak.size > _SINGULAR * max(1.0, weak.largest):
             return self._oriented(plane[1], curve), None
@@ -341,8 +341,7 @@ def _start(seed: Seed, free: str) -> Problem:
     curve = Curve(seed.problem, (free,))
     if np.shape(seed.z) != curve.start.shape:
         raise BadInput(f"a seed of shape {curve.start.shape} was expected, got {np.shape(seed.z)}")
-    values: Mapping[str, Any] = {name: seed.z[slot] for name, slot in curve.slots.items()}
-    return seed.problem.at(**values)
+    return Point(curve, np.array(seed.z, dtype=float)).problem
 
 
 def _with_parent(arm: Branch, point: Point) -> Branch:

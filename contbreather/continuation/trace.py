@@ -477,7 +477,7 @@ class Walker:
         # a test that fails here, as for a wrong name, is a mistake
         values = tuple(counted(event, event.value(self.origin)) for event in self.events)
         for event, value in zip(self.events, values, strict=True):
-            if event.walls and value < -1e-9:
+            if event.ends_domain and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
                     "positive values are admissible; start elsewhere, or lift this rule by "
@@ -523,7 +523,7 @@ class Walker:
     def _broken(self, found: Found) -> list[Event]:
         """The events on whose negative side the step ends, where only the positive one is meant."""
         after = zip(self.events, found.after, strict=False)
-        return [event for event, value in after if event.walls and value < 0]
+        return [event for event, value in after if event.ends_domain and value < 0]
 
     def _returns(self, last: Point) -> bool:
         """Whether the step passes the start of the walk, in the direction it set out."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Meeting
+from contbreather.continuation.point import CodimensionTwo
 from contbreather.continuation.strider import Loops
 from contbreather.orbits.clearance import (
     Clearance,
@@ -154,7 +154,7 @@ class _OtherContact:
 
     def event(self) -> Event:
         base = Event("GR", self.margin, ends="domain", locus=self.locus)
-        return Meeting("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
+        return CodimensionTwo("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
     def closest(self, point: Point) -> Clearance:
         motion = solution_at(point).motion

@@ -31,7 +31,7 @@ from contbreather.continuation import Event, Locus, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.defining_systems import Singular
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Examined, Judged, Meeting
+from contbreather.continuation.point import CodimensionTwo, EventWithRule, Examined
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.orbits.branch_switching import from_arms
@@ -261,7 +261,7 @@ class _Next:
 
     def event(self) -> Event:
         base = Event("NS", self.pair.test, locus=self.locus, examine=_examine_angle)
-        return Meeting("NS-NS", self.test, ends="domain", base=base, examine=self.examine)
+        return CodimensionTwo("NS-NS", self.test, ends="domain", base=base, examine=self.examine)
 
     def others(self, point: Point) -> NDArray[np.complex128]:
         mu = upper(self.pair.map(point).coupled)
@@ -285,7 +285,7 @@ def _turns_real(radius: float, point: Point) -> Iterator[Event]:
     known, half = {e.kind: e for e in point.curve.problem.events}, solution_at(point).symmetric
     plus, minus = (("R1", "PF"), ("R1", "LP")) if half else (("R1", "LP"), ("R2", "PD"))
     for mu, (kind, meets) in ((1.0, plus), (-1.0, minus)):
-        yield Meeting(
+        yield CodimensionTwo(
             kind,
             partial(_from_real, mu),
             examine=partial(_is_double, mu * radius),
@@ -477,4 +477,4 @@ def _pair_leaves(
         endless = lattice.sites is None
         about = "" if endless else f"stability of a ring of {lattice.sites}, {about}"
     record = {"unstable": unstable_by(threshold, on)}
-    return Judged.judging(event, record=record, about=about, form=form)
+    return EventWithRule.of_event(event, record=record, about=about, form=form)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Lift, Point, Problem
-from contbreather.continuation.point import Counting
+from contbreather.continuation.point import UnstableDimension
 from contbreather.continuation.points import Points
 from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import Conditions
@@ -129,10 +129,10 @@ def _interpreted(at: At, point: Point) -> Orbit:
     return Orbit(at(point.x, point.params))
 
 
-def unstable_by(threshold: float, lattice: Any = None) -> Counting:
+def unstable_by(threshold: float, lattice: Any = None) -> UnstableDimension:
     """The column of the multipliers outside: isolated ones on the infinite chain, those beyond the
     threshold on a finite lattice; of a symmetric breather also as one of another lattice."""
-    return Counting(partial(_unstable, threshold, lattice), partial(_rows, lattice))
+    return UnstableDimension(partial(_unstable, threshold, lattice), partial(_rows, lattice))
 
 
 def _unstable(threshold: float, lattice: Any, point: Point) -> float:

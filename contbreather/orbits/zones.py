@@ -20,7 +20,7 @@ from contbreather.checks import flag
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.checkpoint import Checkpoint, Inner, Save, checkpoint
-from contbreather.continuation.point import Meeting
+from contbreather.continuation.point import CodimensionTwo
 from contbreather.continuation.starts import windows
 from contbreather.display import Shown
 from contbreather.errors import BadInput, NoSolution, keeping, taking
@@ -510,7 +510,7 @@ class _Search:
 
 
 def _is_meeting(point: Point) -> bool:
-    return isinstance(point.event, Meeting)
+    return isinstance(point.event, CodimensionTwo)
 
 
 def _leads_on(point: Point) -> bool:
@@ -524,7 +524,7 @@ def _followed(point: Point) -> str:
     event = point.event
     if event is None:
         return point.kind
-    return event.base.kind if isinstance(event, Meeting) else event.kind
+    return event.base.kind if isinstance(event, CodimensionTwo) else event.kind
 
 
 def up_to_the_fold(event: Event) -> Event:

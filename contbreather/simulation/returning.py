@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from contbreather.checks import flag, number, whole
 from contbreather.continuation import Event, Point, Problem, maps
 from contbreather.continuation.maps import Iterate, multiplier_matrix, shorter, with_period
-from contbreather.continuation.point import Counting
+from contbreather.continuation.point import UnstableDimension
 from contbreather.continuation.switching import Lift
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions
@@ -356,7 +356,7 @@ def _dressed(problem: Problem, back: Return) -> Problem:
         events=_events(back.on, own.breaks),
         record={
             "largest": attrgetter("solution.largest"),
-            "unstable": Counting(attrgetter("solution.unstable")),
+            "unstable": UnstableDimension(attrgetter("solution.unstable")),
         },
         interpret=_motion,
         label=f"{'symmetric ' if own.symmetric else ''}motion of period {2 * own.periods} pi",

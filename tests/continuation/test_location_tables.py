@@ -18,8 +18,8 @@ from contbreather.continuation import (
     trace,
     user,
 )
+from contbreather.continuation.duplicates import lies_on, placed
 from contbreather.continuation.event_detection import calm
-from contbreather.continuation.recognition import lies_on, placed
 from contbreather.errors import BadInput, NotConverged
 from contbreather.storage import netcdf
 

@@ -7,7 +7,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import maps
-from contbreather.continuation.point import Meeting
+from contbreather.continuation.point import CodimensionTwo
 from contbreather.errors import BadInput
 
 
@@ -104,5 +104,5 @@ def test_two_kinds_of_maps_that_meet_have_one_name_whichever_is_followed(on: str
         assert meeting.kind == f"{first}{'-' if first == 'BP' else ''}{second}"
         wanted, *_ = meeting.examine.args  # type: ignore[union-attr]
         assert wanted == f"{MULTIPLIERS[first]} {MULTIPLIERS[second]}"
-        assert isinstance(meeting, Meeting)
+        assert isinstance(meeting, CodimensionTwo)
         assert meeting.base.kind == met

@@ -26,7 +26,7 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.recognition import lies_on, recognised, same_place
+from contbreather.continuation.duplicates import duplicate_of, lies_on, same_place
 from contbreather.continuation.switching import (
     ArmsCoincide,
     Lift,
@@ -383,15 +383,15 @@ def test_images_and_solutions_of_a_smaller_problem_are_recognised_as_such() -> N
     known = [trace(small, "mu", within=MU), trace(larger, "mu", within=MU)]
     curve = Curve(larger, ("mu",))
     near = replace(known[1][3], curve=curve)
-    found = recognised(near, known)
+    found = duplicate_of(near, known)
     assert (found.branch, found.image, found.simpler) == (1, False, False)
     swapped = replace(near, z=near.z[[1, 0, 2]])
-    found = recognised(swapped, known)
+    found = duplicate_of(swapped, known)
     assert (found.branch, found.image, found.simpler) == (1, True, False)
     together = replace(near, z=np.array([0.7, 0.7, 0.7]))
-    found = recognised(together, known)
+    found = duplicate_of(together, known)
     assert (found.branch, found.image, found.simpler) == (0, False, True)
-    assert recognised(replace(near, z=np.array([0.7, 0.1, 0.4])), known) is None
+    assert duplicate_of(replace(near, z=np.array([0.7, 0.1, 0.4])), known) is None
     assert same_place(together, moved(known[0], [0.7, 0.7]))
 
 

@@ -1,5 +1,5 @@
-"""Whether a solution is on a branch that is known: itself, as an image, or as one of a smaller
-problem."""
+"""Duplicate branches: whether a solution is on one that is known, itself, by a symmetry, or as one
+of a smaller problem."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
 
 
 @dataclass(frozen=True)
-class Likeness:
+class Duplicate:
     """How a solution is known: on which branch, and whether as an image or in a smaller problem."""
 
     branch: int
@@ -101,23 +101,23 @@ class Likeness:
     simpler: bool = False
 
 
-def recognised(
+def duplicate_of(
     point: Point, branches: Iterable[Branch], reach: float = math.inf
-) -> Likeness | None:
+) -> Duplicate | None:
     """The first of `branches` on which a solution lies, itself or one of its images; `reach` as
     for `lies_on`."""
     known = list(branches)
     for i, branch in enumerate(known):
         if lies_on(point, branch, reach):
-            return Likeness(i)
+            return Duplicate(i)
     small = simplest(point, reach)
     if small is not point:
-        found = recognised(small, known, reach)
+        found = duplicate_of(small, known, reach)
         return found and replace(found, simpler=True)
     for image in images(point):
         for i, branch in enumerate(known):
             if lies_on(image, branch, reach):
-                return Likeness(i, image=True)
+                return Duplicate(i, image=True)
     return None
 
 
