@@ -64,6 +64,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
         second = _finite(np.stack([w @ change for change in turned]))
         form = second @ null.T  # w^T H_zz on the null space
+        # to first order w^T H_z at z + N c + y vanishes on N:  form c = -N w^T H_z - (w^T H_zz y) N
         c = solve(form, -null @ (w @ matrix) - second @ rest)
         if c is None:
             break
@@ -89,10 +90,12 @@ def _finite(matrix: Matrix) -> Matrix:
 def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array) -> Crossing:
     """The tangents ``c . N`` with ``c^T form c = 0``, once the curves are seen to cross."""
     z, value = found.z, curve.equations(found.z)
+    # two lines are where an indefinite form vanishes: low < 0 < high on its axes
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
     if not min(-low, high) > _ANGLE * max(-low, high):
         raise Undefined("an isolated point or a touch: no two curves cross at an angle")
     left = max(0.0, abs(w.dot(value / curve.rows)) - abs(w) @ (curve.rounding(z) / curve.rows))
+    # the hyperbola c^T form c / 2 + beta = 0 stays about this far off its centre
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):
         raise Undefined(f"the curves pass each other at a distance of {gap:.2g}")
@@ -214,6 +217,8 @@ class _LostRank:
 
     def _solved(self, curve: Curve, z: Array) -> tuple[Array, Array]:
         """The last two columns of the inverse of A with borders, and its last row but for two."""
+        # | A       b |  A is n x (n + 1) and of rank n - 1: with the borders b, next to its left
+        # | null^T  0 |  null vector, and the two right ones below it is regular
         A, n = _columns(curve.jacobian(z), self.direction), curve.size
         below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
         wider = beside(A, self.b[:, None])
@@ -234,6 +239,7 @@ class _LostRank:
         n = curve.size
         columns, w = self._solved(curve, z)
         vectors = columns[:-1].T
+        # the derivative of an inverse, -M^-1 M' M^-1, in its last row and its last two columns:
         # - w^T A'(u) v for all u at once: second derivatives are symmetric
         rows = [w @ curve.along(z, np.append(v[:n], v[n] * self.direction)) for v in vectors]
         return -np.hstack([rows, np.zeros((2, 1))])

@@ -78,6 +78,9 @@ def _pencil(first: Array, *others: Array) -> Array | None:
     middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
     if middle is None:
         return solve(first, first - last)
+    # M(u) = M0 + u (M1 - M0 - bend) + u^2 bend, bend = 2 (M0 - 2 M1/2 + M1): with w = u x
+    #     | M0^-1 (M0 - M1 + bend)   -M0^-1 bend |  has the eigenvalues 1 / u where M(u) x = 0
+    #     |           1                   0      |
     bend = 2 * (first - 2 * middle + last)
     change = solve(first, np.hstack([first + bend - last, -bend]))
     return change if change is None else np.vstack([change, np.eye(*change.shape)])
@@ -109,7 +112,7 @@ def signed_smallest(matrix: Matrix) -> float:
     if is_sparse(matrix):
         weak = least_singular(matrix)
         return weak.sign * weak.size
-    left, values, right = np.linalg.svd(matrix)
+    left, values, right = np.linalg.svd(matrix)  # det M = det left . det right . product of values
     return float(np.linalg.det(left) * np.linalg.det(right) * values[-1])
 
 
@@ -133,6 +136,11 @@ def null_vector(matrix: Array, scales: Array) -> Array:
     return np.asarray(vector / (sense(vector) * np.linalg.norm(vector)))
 
 
+# A fold, or with shift 2 a period doubling of a map. The null vector is an unknown like any other
+# (G. Moore and A. Spence, SIAM J. Numer. Anal. 17, 567, 1980):
+#     | F_x                 0            F_p    |
+#     | (F_x v)_x    F_x + shift      (F_x v)_p |
+#     | 0                 2 v^T          0      |
 def null_locus(null: Array, shift: float = 0.0) -> Locus:
     """``(F_x + shift) v = 0, |v| = 1``."""
     vector = _NullVector(shift)
@@ -270,6 +278,7 @@ class _PairVector:
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         v, (b, c), matrix = extra[:-1], self._quadratic(extra[-1]), self._shifted(curve, z)
         turned = matrix @ v
+        # M^2 + b M + c vanishes on the plane of the pair: the last two conditions choose v in it
         own = matrix @ turned + b * turned + c * v
         return np.concatenate([own, [v.dot(v) - 1, self.reference.dot(v)]])
 

@@ -63,6 +63,7 @@ def _near(z: Array, branch: Branch) -> list[int]:
     start, chords = places[:-1], np.diff(places, axis=0)
     lengths = np.maximum((chords**2).sum(axis=1), 1e-300)
     to = z * weights - start
+    # the nearest place of each chord; curves bulge from it by a fraction _OFF of its length at most
     u = np.clip((to * chords).sum(axis=1) / lengths, 0.0, 1.0)
     gaps = np.sqrt(((to - u[:, None] * chords) ** 2).sum(axis=1))
     close = gaps <= _OFF * np.sqrt(lengths) + _SAME * (1 + curve.length(z))

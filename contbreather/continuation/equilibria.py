@@ -359,6 +359,7 @@ def _lyapunov_on_hopf(point: Point) -> float:
     square = point["omega2"]
     if not square > 0:
         return math.nan  # beyond BT
+    # det F_x vanishes at ZH as 1 / l1 does
     l1 = normal_forms.value_or_nan(lambda: normal_forms.lyapunov(point, math.sqrt(square)))
     return l1 * systems.signed_smallest(_flow(point))
 

@@ -1,4 +1,4 @@
-"""What nearly vanishes in a matrix, dense or sparse: least singular values and their vectors."""
+"""Least singular values and their vectors, of dense and of sparse matrices, and along a curve."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AT_ONCE = 60  # branch points that are looked for on one step
 
 @dataclass(frozen=True, eq=False)
 class LeastSingular:
-    """The weak end of a matrix of n rows and n + k columns.
+    """The least singular value of a matrix of n rows and n + k columns.
 
     Attributes
     ----------
@@ -95,6 +95,7 @@ def _dense(matrix: Array) -> LeastSingular:
     left, sizes, right = np.linalg.svd(matrix)
     n = sizes.size - 1
     side = sense(right[n])
+    # A = sum of size_i left_i right_i^T: all but the last term can be inverted
     return LeastSingular(
         side * left[:, -1],
         side * right[n],
@@ -112,6 +113,7 @@ def _sparse(factors: Factors) -> LeastSingular:
 
     matrix, n = factors.matrix, factors.matrix.shape[0]
 
+    # 1 / size^2 is the largest eigenvalue of (A A^T)^-1, applied by two triangular solves
     def both(vector: Array) -> Array:
         return factors.transposed(factors.least(vector, refined=False))
 
@@ -119,6 +121,7 @@ def _sparse(factors: Factors) -> LeastSingular:
     values, vectors = eigsh(inverse, k=2, which="LM", v0=any_vector(n), tol=1e-9)
     least = int(values.argmax())
     left, sizes = vectors[:, least], 1 / np.sqrt(abs(values))
+    # one more step from left gives right: A right = size left to rounding, not to ARPACK's 1e-9
     right = factors.least(left)
     size = float(left @ (matrix @ right))
     right /= math.copysign(math.sqrt(right @ right), size)
@@ -130,10 +133,12 @@ def _sparse(factors: Factors) -> LeastSingular:
         x = factors.least(value - (left @ value) * left)
         return np.asarray(x - (right @ x) * right)
 
+    # |A|_2^2 <= |A|_1 |A|_inf
     largest = abs(matrix).sum(axis=0).max() * abs(matrix).sum(axis=1).max()
 
     def orientation() -> float:
-        """By the determinant with both vectors as borders, which is far from zero."""
+        # | A      left |  is far from singular where A nearly is; its determinant is minus the sign
+        # | right^T  0  |  that is asked for, times the product of all other singular values
         wider = Factors(beside(matrix, left[:, None]))
         return -wider.sign(np.append(right, 0.0)[None, :])
 
@@ -177,7 +182,7 @@ class Bordered:
     def signed_least(self) -> float:
         """About the least singular value, with the sign of the determinant."""
         x, size = any_vector(self.row.size), math.inf
-        for _ in range(_LOOKS):
+        for _ in range(_LOOKS):  # x <- (M M^T)^-1 x, whose largest eigenvalue is 1 / size^2
             y = self.solve(x)
             x = self.transposed(y / np.linalg.norm(y))
             size = 1 / float(np.linalg.norm(x))
@@ -192,9 +197,11 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
 
     middle, last, size = others[0], others[-1], first.row.size
 
+    # M(u) = M0 + u (M1 - M0) is singular at u where M0^-1 (M0 - M1) has the eigenvalue 1 / u
     def linear(x: Array) -> Array:
         return first.solve(first @ x - last @ x)
 
+    # with u^2 as well, of the companion matrix of three, for x and y = u x
     def quadratic(xy: Array) -> Array:
         x, y = xy[:size], xy[size:]
         bend = 2 * (first @ (x - y) - 2 * (middle @ (x - y)) + last @ (x - y))

@@ -158,7 +158,7 @@ class Iterate:
     def jacobian(self, x: Array, params: Params) -> Array:
         """By the chain rule from the derivative of the map."""
         assert self.derivative is not None
-        product = np.eye(x.size)
+        product = np.eye(x.size)  # DG^m = DG(x_m-1) ... DG(x_1) DG(x_0)
         for _ in range(self.period):
             own = self.derivative(x.copy(), params)
             if is_sparse(own):
@@ -402,6 +402,7 @@ def _examine_generalised_flip(point: Point) -> str:
 def _rotation_coefficient(point: Point) -> float:
     """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
     is another."""
+    # d has a pole where 1 is a multiplier, det(A - 1) = 0: the test is their product
     ground, cosine = point.ground, point["cosine"]
     if not -1 < cosine < 1:
         return math.nan

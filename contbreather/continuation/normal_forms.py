@@ -219,6 +219,7 @@ def _of_pair(point: Point, value: complex, second: complex, unit: complex) -> Co
     real, imaginary = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
     B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
+    # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
     h11 = solve(-forms.A, B @ q.conj())
     h20 = solve(shifted(-forms.A, second), B @ q)
     terms = (C, 2 * B @ h11, B.conj() @ h20)

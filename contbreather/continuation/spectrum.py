@@ -102,7 +102,7 @@ def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
         inverse = eigs(operator, wanted, v0=any_vector(n), tol=1e-10, return_eigenvectors=False)
     except ArpackError as error:
         raise Undefined(f"no eigenvalues were found next to {height:.3g}i: {error}") from error
-    values = 1 / inverse + 1j * height
+    values = 1 / inverse + 1j * height  # those of (A - i height)^-1, the largest first
     radius = float(abs(values - 1j * height).max())
     return values[values.imag >= 0], radius
 
@@ -132,7 +132,7 @@ def plane_at(matrix: Matrix, square: float) -> Plane:
         lambda x: factors.solve(np.append(0 * x, x), refined=False)[:n], matrix, square
     )
     left = _iterated(lambda x: factors.transposed(np.append(x, 0 * x))[n:], matrix.T, square)
-    left = np.asarray(np.linalg.solve(left.T @ right, left.T).T)
+    left = np.asarray(np.linalg.solve(left.T @ right, left.T).T)  # now left^T right = 1
     return Plane(right, left, left.T @ (matrix @ right))
 
 

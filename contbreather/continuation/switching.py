@@ -99,6 +99,7 @@ class Lift:
         plane = weak.plane * curve.scales
         if weak.size > _SINGULAR * max(1.0, weak.largest):
             return self._oriented(plane[1], curve), None
+        # c1 v1 + c2 v2 of the two null vectors with no component along the parameter
         one, other = plane[:, -1]
         if not math.hypot(one, other) > _SINGULAR * np.linalg.norm(plane):
             raise Undefined("the parameter changes along no curve at first: they fold there")
@@ -171,6 +172,7 @@ def _beside(point: Point, tangent: Array) -> Array:
         if not found.converged:
             return tangent
         near.append(found.z)
+    # the one-sided difference of second order: (4 z(h) - z(2h) - 3 z(0)) / 2h
     secant = curve.normalised(4.0 * near[0] - near[1] - 3.0 * point.z)
     off = curve.length(secant - tangent)
     follows = curve.length(secant - float(row @ point.direction) * point.direction) < off
