@@ -151,11 +151,12 @@ def null_locus(null: Array, shift: float = 0.0) -> Locus:
 class _NullVector:
     shift: float
 
-    def loops(self, own: Loops, n: int) -> Loops:
+    def loops(self, plain: Loops, n: int) -> Loops:
         """The equations and these conditions, from the equations alone."""
-        given = {"evaluate": own.evaluate, "derive": own.derive, "N": n, "SHIFT": self.shift}
-        conditions, slopes = null_loops.conditions, null_loops.slopes
-        return Loops(bound(conditions, **given), bound(slopes, **given), own.data, own.at_once)
+        bounds = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n, "SHIFT": self.shift}
+        texts = null_loops.conditions, null_loops.slopes
+        conditions, slopes = (bound(text, **bounds) for text in texts)
+        return Loops(conditions, slopes, plain.data, plain.at_once)
 
     def conditions(self, curve: Curve, z: Array, v: Array) -> Array:
         return np.append(curve.jacobian(z)[:, : curve.size] @ v + self.shift * v, v.dot(v) - 1)
@@ -201,11 +202,11 @@ def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
 # --- pairs of eigenvalues ---------------------------------------------------------------------
 
 
-def without(values: NDArray[np.complex128], *known: complex) -> NDArray[np.complex128]:
+def without(values: NDArray[np.complex128], *everywhere: complex) -> NDArray[np.complex128]:
     """Eigenvalues but for those that the curve has everywhere: where a second one joins them the
     meeting has another name, BT for a flow."""
-    for one in known:
-        values = np.delete(values, int(abs(values - one).argmin()))
+    for value in everywhere:
+        values = np.delete(values, int(abs(values - value).argmin()))
     return values
 
 
@@ -279,8 +280,8 @@ class _PairVector:
         v, (b, c), matrix = extra[:-1], self._quadratic(extra[-1]), self._shifted(curve, z)
         turned = matrix @ v
         # M^2 + b M + c vanishes on the plane of the pair: the last two conditions choose v in it
-        own = matrix @ turned + b * turned + c * v
-        return np.concatenate([own, [v.dot(v) - 1, self.reference.dot(v)]])
+        in_plane = matrix @ turned + b * turned + c * v
+        return np.concatenate([in_plane, [v.dot(v) - 1, self.reference.dot(v)]])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         v, (b, c), n = extra[:-1], self._quadratic(extra[-1]), curve.size
@@ -340,48 +341,48 @@ class Extended:
     def __call__(self, x: Array, params: Params) -> Array:
         curve, z = self.beneath(x, params, self.free)
         extra = x[self.n : -1]
-        own = curve.equations(z)
+        values = curve.equations(z)
         if self.locus.unfolding is not None:
-            own = own + self.locus.unfolding(extra)[0]
+            values = values + self.locus.unfolding(extra)[0]
         conditions = np.asarray(self.locus.conditions(curve, z, extra))
         if conditions.shape != (self.extra + 1,):
             raise BadInput(
                 f"a locus with {self.extra} extra unknowns needs {self.extra + 1} conditions, "
                 f"it gave {conditions.shape}"
             )
-        return np.concatenate([own, conditions])
+        return np.concatenate([values, conditions])
 
     def loops(self, names: tuple[str, ...], params: Params) -> Loops | None:
         """As those of a `Problem`."""
         longer = self.locus.loops
-        found = longer and Curve(self.problem, (self.released, *names)).loops(params)
-        return longer(found, self.n) if longer and found else None
+        shorter = longer and Curve(self.problem, (self.released, *names)).loops(params)
+        return longer(shorter, self.n) if longer and shorter else None
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         """Columns in the order: unknowns, extra, released, free."""
         (curve, z), extra = self.beneath(x, params, free), x[self.n : -1]
         n, unfolding = self.n, self.locus.unfolding
-        own, rows = curve.jacobian(z), self._of_conditions(curve, z, extra)
+        matrix, rows = curve.jacobian(z), self._of_conditions(curve, z, extra)
         middle = np.zeros((n, self.extra)) if unfolding is None else unfolding(extra)[1]
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
-        return above(beside(beside(own[:, :n], middle), own[:, n:]), below)
+        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
     def _of_conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
-        own = derivatives.differences(
+        in_z = derivatives.differences(
             lambda y: self.locus.conditions(curve, y, extra), z, scales=curve.scales, one_sided=True
         )
         if not extra.size:
-            return own
-        others = derivatives.differences(
+            return in_z
+        in_extra = derivatives.differences(
             lambda y: self.locus.conditions(curve, z, y),
             extra,
             scales=np.ones(extra.size),
             one_sided=True,
         )
-        return np.hstack([own, others])
+        return np.hstack([in_z, in_extra])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -454,12 +455,12 @@ class _Above:
     together: Extended
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        base, own = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        return np.asarray(self.locus.conditions(base, own, extra))
+        base, near = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(self.locus.conditions(base, near, extra))
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         assert self.locus.derivative is not None
-        base, own = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        rows = np.asarray(self.locus.derivative(base, own, extra))
+        base, near = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        rows = np.asarray(self.locus.derivative(base, near, extra))
         n, m = self.together.n, self.together.extra
         return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])

@@ -40,12 +40,12 @@ def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
 
 def placed(point: Point, curve: Curve) -> Array | None:
     """The z of a solution among the unknowns and free parameters of a curve, if it fits in."""
-    own, other = point.curve.problem, curve.problem
-    if own.slots != other.slots or set(own.params) != set(other.params):
+    here, there = point.curve.problem, curve.problem
+    if here.slots != there.slots or set(here.params) != set(there.params):
         return None
     params = point.params
     for name, value in curve.fixed.items():
-        scale = float(other.scales.get(name, 1.0))
+        scale = float(there.scales.get(name, 1.0))
         if name not in curve.free and abs(params[name] - value) > _SAME * max(abs(value), scale):
             return None
     return np.append(point.x, [params[name] for name in curve.free])
@@ -107,16 +107,16 @@ def duplicate_of(
 ) -> Duplicate | None:
     """The first of `branches` on which a solution lies, itself or one of its images; `reach` as
     for `lies_on`."""
-    known = list(branches)
-    for i, branch in enumerate(known):
+    branches = list(branches)
+    for i, branch in enumerate(branches):
         if lies_on(point, branch, reach):
             return Duplicate(i)
     small = simplest(point, reach)
     if small is not point:
-        found = duplicate_of(small, known, reach)
-        return found and replace(found, simpler=True)
+        duplicate = duplicate_of(small, branches, reach)
+        return duplicate and replace(duplicate, simpler=True)
     for image in images(point):
-        for i, branch in enumerate(known):
+        for i, branch in enumerate(branches):
             if lies_on(image, branch, reach):
                 return Duplicate(i, image=True)
     return None
@@ -144,10 +144,10 @@ def _solves(small: Problem, reach: float) -> bool:
     if math.isinf(reach):
         return True
     try:
-        found, _ = small.solve()
+        solved, _ = small.solve()
     except NotConverged:
         return False
-    return _same(Curve(small, ()), small.x, found.x, reach)
+    return _same(Curve(small, ()), small.x, solved.x, reach)
 
 
 def same_place(one: Point, other: Point) -> bool:

@@ -279,8 +279,8 @@ def _between(
                 # its sign is rounding: what is seen here must not be seen to either side as well
                 seen[1.0] = math.nan
                 yield special(part, replace(end, located=True, detail={}), 1.0, 1.0)
-        own = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
-        yield from _events_on(parts, own)
+        piece_ends = Ends(ends.first and at_first, ends.last and at_last, ends.closed and at_last)
+        yield from _events_on(parts, piece_ends)
         values = [part.values[1.0] for part in parts]
 
 

@@ -43,16 +43,16 @@ def special(samples: Samples, point: Point, low: float, high: float, reason: str
     event, start, length = samples.event, samples.segment.first.arclength, samples.segment.length
     around = (start + low * length, start + high * length)
     point = replace(point, kind=event.kind, event=event, bracket=around)
-    found: Examined = reason or point.detail.get("reason", "")
-    if not found and event.examine is not None:
-        found = event.examine(point)
-    if isinstance(found, str) and found:
-        return replace(point, located=False, detail={**point.detail, "reason": found})
-    known = dict(found or {})
+    verdict: Examined = reason or point.detail.get("reason", "")
+    if not verdict and event.examine is not None:
+        verdict = event.examine(point)
+    if isinstance(verdict, str) and verdict:
+        return replace(point, located=False, detail={**point.detail, "reason": verdict})
+    more = dict(verdict or {})
     if isinstance(event.test, Level):
-        known["level"] = str(event.test)
-    kind = known.pop("kind", point.kind)
-    return replace(point, kind=kind, detail={**point.detail, **known})
+        more["level"] = str(event.test)
+    kind = more.pop("kind", point.kind)
+    return replace(point, kind=kind, detail={**point.detail, **more})
 
 
 def not_simple(kind: str) -> str:
@@ -148,8 +148,8 @@ def _at_crossing(samples: Samples, u: float, size: float) -> Place:
     """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
     fails beside it, so the branch point is solved for."""
     segment = samples.segment
-    found = crossing(segment.curve, segment.provisional(u).z)
-    place, point = segment.settled(found.solution, found.tangents)
+    there = crossing(segment.curve, segment.provisional(u).z)
+    place, point = segment.settled(there.solution, there.tangents)
     if abs(measure(samples.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
@@ -195,10 +195,10 @@ def _solved(samples: Samples, u: float, left: float, right: float) -> Place | No
     if event.locus is None:
         return None
     try:
-        found, detail = _newton(event.locus, samples.place(u), segment.tolerance)
-        if not found.converged:
+        solution, detail = _newton(event.locus, samples.place(u), segment.tolerance)
+        if not solution.converged:
             return None
-        place, point = segment.settled(found, detail.get("tangents", ()))
+        place, point = segment.settled(solution, detail.get("tangents", ()))
         if not left - ASIDE <= place <= right + ASIDE:
             return None
         low, high = place - ASIDE, place + ASIDE
@@ -221,14 +221,14 @@ def _newton(
     if isinstance(locus_at, Crossings):
         return locus_at.solve(near)
     locus = locus_at(near)
-    own = {f"{name} of the locus": value for name, value in locus.extra.items()}
-    problem = extended(near.curve, replace(locus, extra=own))  # names that no problem has
+    renamed = {f"{name} of the locus": value for name, value in locus.extra.items()}
+    problem = extended(near.curve, replace(locus, extra=renamed))  # names that no problem has
     curve, n = Curve(problem, ()), near.curve.size
     start = np.concatenate([near.x, problem.x[n:-1], near.z[-1:]])
-    found = curve.newton(start, tolerance=min(tolerance, _LOCATED))
-    known = Point(curve, found.z)
-    detail = {name: known[long] for name, long in zip(locus.extra, own, strict=True)}
-    return replace(found, z=np.append(found.z[:n], found.z[-1])), detail
+    solution = curve.newton(start, tolerance=min(tolerance, _LOCATED))
+    there = Point(curve, solution.z)
+    detail = {name: there[long] for name, long in zip(locus.extra, renamed, strict=True)}
+    return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
 
 
 # --- double zeros -----------------------------------------------------------------------------
@@ -317,7 +317,7 @@ def kinks(samples: Samples) -> Iterator[Point]:
     for end in (0.0, 1.0):
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
-            if min(abs(u - known) for known in size) > _ONE:
+            if min(abs(u - v) for v in size) > _ONE:
                 near = measure(samples.event, samples.segment.provisional(u))
                 size[u] = abs(samples.deflated(u, near))
     places = sorted(size)

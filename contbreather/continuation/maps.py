@@ -142,10 +142,10 @@ class Iterate:
 
     def image(self, x: Array, params: Params) -> Array:
         """One iterate; a map may write to what it is given, and return one array each time."""
-        found = np.array(self.map(x.copy(), params))
-        if found.shape != x.shape or not np.issubdtype(found.dtype, np.number):
-            raise BadInput(f"the map makes {found!r} of {x!r}; {x.size} numbers were expected")
-        return found
+        image = np.array(self.map(x.copy(), params))
+        if image.shape != x.shape or not np.issubdtype(image.dtype, np.number):
+            raise BadInput(f"the map makes {image!r} of {x!r}; {x.size} numbers were expected")
+        return image
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         """The other points of the cycle, each a start of the same one."""
@@ -160,15 +160,15 @@ class Iterate:
         assert self.derivative is not None
         product = np.eye(x.size)  # DG^m = DG(x_m-1) ... DG(x_1) DG(x_0)
         for _ in range(self.period):
-            own = self.derivative(x.copy(), params)
-            if is_sparse(own):
+            slopes = self.derivative(x.copy(), params)
+            if is_sparse(slopes):
                 raise BadInput("the Jacobian of a map is sparse; give its toarray() instead")
-            if np.shape(own) != product.shape:
+            if np.shape(slopes) != product.shape:
                 raise BadInput(
-                    f"the Jacobian of the map has shape {np.shape(own)}; {product.shape} was "
+                    f"the Jacobian of the map has shape {np.shape(slopes)}; {product.shape} was "
                     "expected"
                 )
-            product = np.asarray(own) @ product
+            product = np.asarray(slopes) @ product
             x = self.image(x, params)
         return product - np.eye(x.size)
 

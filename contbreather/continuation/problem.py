@@ -147,9 +147,9 @@ class Problem:
                 object.__setattr__(self, what, plain)
                 object.__setattr__(self, "compiled", True)
         for what in ("start", "params", "scales", "domain", "record"):
-            given = getattr(self, what)
-            if not isinstance(given, Mapping):
-                raise BadInput(f"{what} must be a dict of names and values, got {given!r}")
+            values = getattr(self, what)
+            if not isinstance(values, Mapping):
+                raise BadInput(f"{what} must be a dict of names and values, got {values!r}")
         check_serialised(self.serialised)
         for what in ("residual", "jacobian", "sensitivity"):
             function = getattr(self, what)
@@ -227,7 +227,7 @@ class Problem:
 
     def having(self, *names: str) -> Problem:
         """The problem with these parameters among its own, as far as it can have them."""
-        absent = tuple(one for one in names if isinstance(one, str) and one not in self.names)
+        absent = tuple(name for name in names if isinstance(name, str) and name not in self.names)
         return self.wider(absent) if absent else self
 
     def check_names(self, names: Iterable[str]) -> None:
@@ -292,26 +292,26 @@ class Problem:
         try:
             near = approach(curve.equations, curve.jacobian, self.x, curve.metric)
             z = self.x if near is None else near
-            found = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
+            solution = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
                 f"the start {self.shown()} is not a solution (residual {before:.3g}) and Newton's "
                 f"iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
-        if not found.converged and self._is_solved(curve):
+        if not solution.converged and self._is_solved(curve):
             return self, Solution(self.x, True, 0, before, 0.0)
-        small = 1e-6 * (1 + float(abs(found.z).max())) * curve.row_sizes(found.z)
-        if not found.converged or (abs(curve.equations(found.z)) > small).any():
+        small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
+        if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
             raise NotConverged(
                 f"the start {self.shown()} is not a solution: residual {before:.3g}, and "
-                f"{found.residual:.3g} after {found.iterations} Newton iterations; "
+                f"{solution.residual:.3g} after {solution.iterations} Newton iterations; "
                 "start closer to a solution or at other parameters",
                 residual=before,
-                iterations=found.iterations,
-                last=self._started(found.z) if np.isfinite(found.z).all() else None,
+                iterations=solution.iterations,
+                last=self._started(solution.z) if np.isfinite(solution.z).all() else None,
             )
-        return self._started(found.z), found
+        return self._started(solution.z), solution
 
     def _is_solved(self, curve: Curve) -> bool:
         """Whether the start solves the equations to rounding: at a fold or a branch point Newton's

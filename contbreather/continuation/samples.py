@@ -137,11 +137,11 @@ class Samples:
     def changes(self) -> list[tuple[float, float]]:
         """Neighbouring places between which the test changes sign, or jumps; not within brackets
         that were dealt with, in which a place where it was looked at before may lie."""
-        known = sorted(u for u, value in self.values.items() if not math.isnan(value))
+        places = sorted(u for u, value in self.values.items() if not math.isnan(value))
         differ = self._unequal if self.jumps else self.changes_sign
         return [
             (left, right)
-            for left, right in itertools.pairwise(known)
+            for left, right in itertools.pairwise(places)
             if differ(left, right)
             and not any(low <= left and right <= high for low, high in self.done)
         ]
@@ -191,9 +191,9 @@ class Samples:
             near = min(sizes) < _LOW * max(sizes)
             middle = (segment.provisional(0.5),) if near else ()
             places = singular_between(*map(test.matrix, (segment.first, *middle, segment.last)))
-            for one, other in itertools.pairwise(places.tolist()):
-                look.append((one + other) / 2)
-                self.beside(*(look[-1:] if other - one < _CLOSE else ()))
+            for low, high in itertools.pairwise(places.tolist()):
+                look.append((low + high) / 2)
+                self.beside(*(look[-1:] if high - low < _CLOSE else ()))
         if self.values[0.0] == 0 and not self.jumps:
             size = 1 + segment.curve.length(segment.first.z)
             look.append(ASIDE + 1e-12 * size / segment.length)

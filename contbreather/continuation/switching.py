@@ -100,10 +100,10 @@ class Lift:
         if weak.size > _SINGULAR * max(1.0, weak.largest):
             return self._oriented(plane[1], curve), None
         # c1 v1 + c2 v2 of the two null vectors with no component along the parameter
-        one, other = plane[:, -1]
-        if not math.hypot(one, other) > _SINGULAR * np.linalg.norm(plane):
+        first, second = plane[:, -1]
+        if not math.hypot(first, second) > _SINGULAR * np.linalg.norm(plane):
             raise Undefined("the parameter changes along no curve at first: they fold there")
-        return self._oriented(other * plane[0] - one * plane[1], curve), plane[:, -1] @ plane
+        return self._oriented(second * plane[0] - first * plane[1], curve), plane[:, -1] @ plane
 
     def _oriented(self, tangent: Array, curve: Curve) -> Array:
         slots = [curve.slots[name] for name in self.by or self.problem.start]
@@ -130,7 +130,7 @@ class Lift:
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
         try:
-            found = newton(
+            solution = newton(
                 curve.equations, curve.jacobian, guess, row=row, tolerance=1e-11, most=20
             )
         except Undefined as error:
@@ -138,13 +138,13 @@ class Lift:
                 f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {error}; try a "
                 "smaller one."
             ) from error
-        if not found.converged:
+        if not solution.converged:
             raise NotConverged(
                 f"no orbit branches off at the amplitude {amplitude:g} ({self.problem.label}): "
-                f"residual {found.residual:.3g}; try a smaller one.",
-                residual=found.residual,
+                f"residual {solution.residual:.3g}; try a smaller one.",
+                residual=solution.residual,
             )
-        return Point(curve, found.z).problem
+        return Point(curve, solution.z).problem
 
 
 def across(point: Point) -> tuple[Seed, ...]:
@@ -166,12 +166,12 @@ def _beside(point: Point, tangent: Array) -> Array:
     row = curve.dual(tangent)
     for distance in (_STRIDE, 2 * _STRIDE):
         try:
-            found = curve.newton(point.z + distance * tangent, row)
+            solution = curve.newton(point.z + distance * tangent, row)
         except Undefined:
             return tangent
-        if not found.converged:
+        if not solution.converged:
             return tangent
-        near.append(found.z)
+        near.append(solution.z)
     # the one-sided difference of second order: (4 z(h) - z(2h) - 3 z(0)) / 2h
     secant = curve.normalised(4.0 * near[0] - near[1] - 3.0 * point.z)
     off = curve.length(secant - tangent)
@@ -281,8 +281,8 @@ def lift_of(point: Point) -> Callable[[Point], Lift] | None:
     """What knows the curves that leave a point, if any do."""
     if point.event is None:
         return None
-    own = _crossed if point.event.crosses else None
-    return point.curve.problem.lift(point.kind) or own
+    crossing = _crossed if point.event.crosses else None
+    return point.curve.problem.lift(point.kind) or crossing
 
 
 def _crossed(point: Point) -> Lift:
@@ -297,12 +297,12 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     if why or lift is None:
         raise NothingToSwitch(f"{point!r}{why}", point)
     try:
-        found = lift(point)
-        if isinstance(found, Lift):
-            return found.seeds() if lift is not _crossed else across(point)
+        lifted = lift(point)
+        if isinstance(lifted, Lift):
+            return lifted.seeds() if lift is not _crossed else across(point)
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
-    raise BadInput(f"the lift of {point!r} is {found!r}; a Lift was expected")
+    raise BadInput(f"the lift of {point!r} is {lifted!r}; a Lift was expected")
 
 
 def _nothing(point: Point) -> str:
@@ -368,12 +368,12 @@ def _leave(arm: Branch, seed: Seed, point: Point) -> None:
         return
     curve = arm.curve
     chord = curve.normalised(arm[1].z - arm[0].z)
-    own, parent = (curve.normalised(np.asarray(t, dtype=float)) for t in seed[2:4])
-    if _aside(curve, chord, parent) < _aside(curve, chord, own):
+    away, parent = (curve.normalised(np.asarray(t, dtype=float)) for t in seed[2:4])
+    if _aside(curve, chord, parent) < _aside(curve, chord, away):
         distance = _aside(curve, chord, parent)
         raise ArmsCoincide(
             f"an arm of {point!r} follows the branch it was to leave: their directions differ by "
-            f"{distance:.2g}, {_aside(curve, own, parent):.2g} apart as they were given",
+            f"{distance:.2g}, {_aside(curve, away, parent):.2g} apart as they were given",
             arm,
             seed.parent,
             distance,
