@@ -169,10 +169,13 @@ def boundary_problem(
         own = tuple(one for one in own if one.ends)
     if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
         own = tuple(e for e in own if not (isinstance(e, CodimensionTwo) and e.base.ends_domain))
+    record = base.record
+    if event.bifurcates:  # a multiplier passes all along: rounding would decide their counts
+        record = {name: partial(_uncounted, column) for name, column in record.items()}
     make = partial(
         BoundaryProblem,
         events=(*own, *others),
-        record={name: _beside(event, column) for name, column in base.record.items()},
+        record=record,
         label=titled(f"{_named(ground, event)} boundary", base),
         asked=asked,
         inadmissible=inadmissible,
@@ -199,13 +202,8 @@ def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
             raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
 
 
-def _beside(event: Event, column: Callable[[Point], Any]) -> Callable[[Point], Any]:
-    """A column on the boundary of an event: NaN for a count of multipliers or eigenvalues, where
-    the boundary is the place at which one of them passes, and rounding would decide it."""
-    return partial(_blurred, column) if event.bifurcates else column
-
-
-def _blurred(column: Callable[[Point], Any], point: Point) -> Any:
+def _uncounted(column: Callable[[Point], Any], point: Point) -> Any:
+    """A column, NaN for a count."""
     value = math.nan if isinstance(column, UnstableDimension) else column(point)
     return math.nan if isinstance(value, int | np.integer) else value
 

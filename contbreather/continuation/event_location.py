@@ -20,9 +20,8 @@ from .branch_points import Crossings, crossing
 from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined
-from .point import Event, Examined, Level, Locus, Point
+from .point import Examined, Level, Locus, Point
 from .samples import ASIDE, Samples, count_at, counts_apart, measure
-from .segment import Segment
 
 Place = tuple[float, float, Point]  # bracket and point
 
@@ -202,16 +201,13 @@ def _solved(samples: Samples, u: float, left: float, right: float) -> Place | No
         if not left - ASIDE <= place <= right + ASIDE:
             return None
         low, high = place - ASIDE, place + ASIDE
-        if not event.crosses and not _changes_across(segment, event, low, high):
-            return None
+        if not event.crosses:
+            before, after = measure(event, segment.at(low)), measure(event, segment.at(high))
+            if before == after if isinstance(before, int) else not before * after <= 0:
+                return None
     except OUT_OF_DOMAIN:
         return None  # the system has no value here: location goes on without it
     return low, high, replace(point, detail=detail)
-
-
-def _changes_across(segment: Segment, event: Event, low: float, high: float) -> bool:
-    before, after = measure(event, segment.at(low)), measure(event, segment.at(high))
-    return before != after if isinstance(before, int) else before * after <= 0
 
 
 def _newton(
