@@ -470,5 +470,5 @@ def _pair_leaves(on: InfiniteChain | Ring | None, threshold: float, problem: Pro
     if closed:
         endless = lattice.sites is None
         about = "" if endless else f"stability of a ring of {lattice.sites}, {about}"
-    record = {"unstable": unstable_by(threshold, on)}
+    record = {"unstable": unstable_by(threshold, on if closed else None)}
     return Judged.judging(event, record, about)
