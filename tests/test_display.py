@@ -18,7 +18,7 @@ from nbclient import NotebookClient
 import contbreather as cb
 from contbreather import progress
 from contbreather.errors import BadInput
-from contbreather.orbits.zones import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting import cards, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, GREY
 from contbreather.simulation import (

@@ -17,7 +17,8 @@ from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
-from contbreather.orbits.zones import Zones, zones
+from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zones import zones
 from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels

@@ -14,7 +14,8 @@ from matplotlib.colors import to_hex, to_rgb
 
 import contbreather as cb
 from contbreather.continuation import Branch
-from contbreather.orbits.zones import Zones, zones
+from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zones import zones
 from contbreather.plotting import (
     new_figure,
     plot,

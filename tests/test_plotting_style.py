@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 import contbreather as cb
 from contbreather.cli.simulate import draw
 from contbreather.errors import BadInput
-from contbreather.orbits.zones import Zones
+from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
 from contbreather.paper.time_series import Curve, Panel, TimeSeries
 from contbreather.plotting import (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.orbits.regions import Region, regions
-from contbreather.orbits.zones import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import names_of_meetings
 

@@ -20,7 +20,7 @@ from contbreather.files import writable
 from contbreather.lattice import Ring
 from contbreather.lattice.parse import lattice_by
 from contbreather.orbits import zones
-from contbreather.orbits.zones import Zones
+from contbreather.orbits.zone_diagram import Zones
 from contbreather.parameters import NEEDED, parameter
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.runs import load, save

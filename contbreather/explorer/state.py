@@ -11,7 +11,7 @@ from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
 from contbreather.explorer.preview import Preview, preview_of
 from contbreather.lattice.parse import as_code
-from contbreather.orbits.zones import Zones
+from contbreather.orbits.zone_diagram import Zones
 from contbreather.simulation import Run
 
 RING = 400  # sites of the ring that is judged besides, the paper's

@@ -177,7 +177,7 @@ class Lattice:
             total = total * x + c
         total = total * x + series.constant
         for weight, width in series.poles:
-            total += weight * self._excess(x / width)
+            total += weight * self._excess(x / width)  # the pole next to the band, exact
         return total
 
     def means(self, gamma: FloatArray, name: str) -> FloatArray:
@@ -280,7 +280,7 @@ class Lattice:
 
     def by_spring(self, gamma: float, name: str) -> float:
         """Derivative of `chi`, `eta`, `sigma` or `psi` with respect to the spring."""
-        raw, s, x = _functions()[name], self.spring, 4.0 * self.check(gamma)
+        raw, s, x = _functions()[name], self.spring, 4.0 * self.check(gamma)  # w^2 in [s, s + x]
         total = float((np.arange(1, TERMS + 1) * raw.tail) @ self.powers(gamma, 0)[:-1])
         for weight, P in raw.poles:
             z = x / (P - s)

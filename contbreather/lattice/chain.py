@@ -74,11 +74,11 @@ class InfiniteChain(Lattice):
 
     def _excess(self, z: float) -> float:
         r = math.sqrt(1.0 - z)
-        return z / (r * (1.0 + r))
+        return z / (r * (1.0 + r))  # 1/r - 1 without cancellation
 
     def _dexcess(self, z: float) -> float:
         rr = 1.0 - z
-        return 0.5 / (rr * math.sqrt(rr))
+        return 0.5 / (rr * math.sqrt(rr))  # d(1/r)/dz
 
     def distance(self, n: Any) -> Any:
         """How many bonds from site n to the impacting site 0; of an array for each."""
@@ -305,7 +305,7 @@ class Ring(Lattice):
     def _laps(self, z: float) -> tuple[float, float, float, float]:
         """r, the factor rho of (A3) from site to site, the sign and 1 - sign * rho^N of a lap."""
         r = math.sqrt(1.0 - z)
-        rho = z / (1.0 + r) ** 2
+        rho = z / (1.0 + r) ** 2  # |xi| of (A3)
         if self.sites % 2:
             return r, rho, -1.0, 1.0 + rho**self.sites
         # near the band's edge rho -> 1: the difference must not be formed

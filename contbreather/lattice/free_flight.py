@@ -39,7 +39,7 @@ def response_weights() -> FloatArray:
     gap = np.concatenate(
         [[1.0 - 0.25 * math.pi], 4.0**-order * (zeta(order, 0.75) - zeta(order, 1.25))]
     )
-    w = np.ones((POWERS, TERMS + 1))
+    w = np.ones((POWERS, TERMS + 1))  # rows: powers of y; columns: of w^2
     for i in range(POWERS):
         w[i, i:] = gap[: max(0, TERMS + 1 - i)]
         w[i] *= (-1.0) ** i * 4.0 / (math.pi * math.factorial(2 * i + 1))

@@ -71,7 +71,7 @@ class Wave:
         itself those just after it."""
         n = self.periods
         value, slope, curvature, jerk = self.about(math.pi - (s / n) % (2.0 * math.pi))
-        return n * value, -slope, curvature / n, -jerk / (n * n)
+        return n * value, -slope, curvature / n, -jerk / (n * n)  # y = pi - s/n
 
     def about(self, y: Any) -> Four:
         """The same for n = 1 as a function of ``y = pi - s`` in [-pi, pi], derivatives in y."""
@@ -236,7 +236,7 @@ def _bernoulli() -> FloatArray:
 def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tuple[Wave, Wave]:
     """`wave` and `wave_slope` of a ring whose band reaches over a harmonic."""
     theta, weight, w = lattice.nodes(gamma)
-    W, amplitude = periods * w, weight * np.cos(distance * theta)
+    W, amplitude = periods * w, weight * np.cos(distance * theta)  # in units of n
     off = np.abs(W - np.round(W))
     clash = np.flatnonzero((off < APART) & (W > 0.5))
     if clash.size:
@@ -259,8 +259,8 @@ def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tu
 
 
 def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[ModeSums, ModeSums]:
-    sine, cosine = np.sin(math.pi * W), np.cos(math.pi * W)
-    alpha = a / (2.0 * W * sine)
+    sine, cosine = np.sin(math.pi * W), np.cos(math.pi * W)  # of the whole period
+    alpha = a / (2.0 * W * sine)  # g_w = cos(W y)/(2 W sin(W pi))
     value = ModeSums(W, alpha, np.zeros_like(W), -float(np.sum(a / (2.0 * math.pi * W * W))))
     speed = W / (2.0 * gamma)  # dW/dgamma
     alpha_slope = -alpha * (1.0 / W + math.pi * cosine / sine) * speed

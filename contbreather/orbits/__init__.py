@@ -20,7 +20,8 @@ from contbreather.orbits.orbit_events import (
 )
 from contbreather.orbits.regions import Region
 from contbreather.orbits.search import find_event, find_symmetric
-from contbreather.orbits.zones import Zones, zones
+from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zones import zones
 
 __all__ = [
     "Admissibility",

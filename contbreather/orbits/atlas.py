@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbreather.checks import kind_of
 from contbreather.errors import BadInput, keeping, taking
 from contbreather.lattice import Forcing, Lattice
-from contbreather.orbits.zones import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.orbits.zones_many import Slice, drawn, slices_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.netcdf import ATLAS, encoded, write_checked

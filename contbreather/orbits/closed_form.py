@@ -77,7 +77,7 @@ class ClosedForm(SymmetricBreather):
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
         return closed_slopes.locus(of, point, nu, **more)
 
-    def crest(self, site: int) -> GrazingSite:
+    def grazing_site(self, site: int) -> GrazingSite:
         return closed_slopes.crest(self, site)
 
     def speed_slope(self, j: int) -> None:
@@ -210,7 +210,7 @@ def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
     return {
         **DOMAIN,
         "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
-        "spring": (0.0, stiffest),
+        "spring": (0.0, stiffest),  # spring + 4 gamma < 1
     }
 
 

@@ -57,7 +57,7 @@ class ExactModes(SectionFlight):
     def of(cls, on: Conditions, section: Section, x: FloatArray, params: Params) -> ExactModes:
         """With these unknowns."""
         m = section.count
-        q, r = np.split(x[m:], 2)
+        q, r = np.split(x[m:], 2)  # x = (t_1 .. t_m, q, r)
         return cls(section, x[:m], q, r, on.at(params))
 
     @classmethod
@@ -66,7 +66,7 @@ class ExactModes(SectionFlight):
         check_order(section, times)
         still = np.zeros(on.lattice.basis(section.hit).lam.size)
         rest = cls(section, np.array(times, dtype=float), still, still, on)
-        matrix = rest.jacobian()[:, section.count :]
+        matrix = rest.jacobian()[:, section.count :]  # at rest: linear in the state
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
@@ -79,7 +79,7 @@ class ExactModes(SectionFlight):
     def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
         return of.locus(by_impacts, nu, **more)
 
-    def crest(self, site: int) -> GrazingSite:
+    def grazing_site(self, site: int) -> GrazingSite:
         return GrazingSite(site, partial(_slopes_at, site))
 
     def speed_slope(self, j: int) -> Any:

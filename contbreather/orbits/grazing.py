@@ -49,7 +49,7 @@ AT_IMPACT = 1e-9  # a contact this close to an impact of its site, in periods, i
 
 @dataclass(frozen=True)
 class GrazingSite:
-    """One site whose crest is followed: it is on a wall, without velocity, at an unknown time.
+    """One site whose local maximum is followed: on a wall, without velocity, at an unknown time.
 
     The representation of an orbit knows how its motion depends on its unknowns.
     """
@@ -110,9 +110,9 @@ def _follow(orbit: Orbit, site: int, t: float) -> Locus:
         return shallow_impact(orbit)
     there = orbit.motion.at(site, t)[0]
     place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
-    crest = orbit.representation.crest(site)
-    other = _OtherContact(site, _is_mirrored(orbit, site, t), crest.scale)
-    return crest.locus(place, t, events=(*crest.further, other.event()), meets=crest.meets)
+    followed = orbit.representation.grazing_site(site)
+    other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
+    return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
 
 
 @lru_cache(maxsize=4)
@@ -145,8 +145,8 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
 
 @dataclass(frozen=True)
 class _OtherContact:
-    """Where one crest grazes, all else must still keep off the walls: other sites, and other crests
-    of the same one. Where it does not, the limit of existence goes on with that."""
+    """Where one local maximum grazes, all else must still keep off the walls: other sites, and
+    other maxima of the same one. Where it does not, the limit of existence goes on with that."""
 
     site: int
     mirrored: bool

@@ -100,7 +100,7 @@ class OrbitEquations:
         if self.lattice.sites is not None and r > 1:  # and on around the ring
             pairs.append((r - 1, 0, self.lattice.sites - hit[-1] + hit[0]))
         for i, j, bonds in pairs:
-            stiffness[i, i] -= 1.0 / bonds
+            stiffness[i, i] -= 1.0 / bonds  # bonds in a row: their stiffness is 1/bonds
             stiffness[j, j] -= 1.0 / bonds
             stiffness[i, j] += 1.0 / bonds
             stiffness[j, i] += 1.0 / bonds
@@ -136,7 +136,7 @@ class OrbitEquations:
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, offsets = self.split(x)
         h = self._in_turn(self.meetings(gamma, times), times)
-        q = (1.0 - k) / (1.0 + k)
+        q = (1.0 - k) / (1.0 + k)  # the mean velocity at an impact is -q J/2
         return np.concatenate(
             [
                 self._told(x, params, h),
@@ -179,12 +179,12 @@ class OrbitEquations:
         bent.flat[:: m + 1] = 0.0  # an impact does not move against itself
         out[walls, walls] = -h[1] * impulses
         out[resets, walls] = -bent * impulses
-        out[own, own] = a * f.df(times) + h[1] @ impulses
+        out[own, own] = a * f.df(times) + h[1] @ impulses  # the site itself moves on
         out[m + own, own] = a * f.d2f(times) + bent @ impulses
-        out[walls, resets], out[resets, resets] = h[0], h[1]
+        out[walls, resets], out[resets, resets] = h[0], h[1]  # both are linear in J
         out[m + own, m + own] += 0.5 * (1.0 - k) / (1.0 + k)
-        out[own, 2 * m + self.own] = 1.0
-        out[2 * m + self.own, m + own] = 1.0
+        out[own, 2 * m + self.own] = 1.0  # u moves with the offset of its site
+        out[2 * m + self.own, m + own] = 1.0  # mean impulses add up
         out[balance, balance] = (self.section.period * gamma) * self.links
         if self.section.repeats:
             told = self._told(x, params, h)
@@ -203,7 +203,7 @@ class OrbitEquations:
             walls, resets = h[0] @ impulses, h[1] @ impulses
             balance = self.section.period * (self.links @ offsets)
         elif name == "k":
-            walls, resets = np.zeros(times.size), -impulses / (1.0 + k) ** 2
+            walls, resets = np.zeros(times.size), -impulses / (1.0 + k) ** 2  # d(q/2)/dk
         else:  # a parameter of the forcing
             moved = ([f.f_param(name, float(t), order) for t in times] for order in (0, 1))
             walls, resets = (a * np.array(row) for row in moved)

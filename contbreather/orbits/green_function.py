@@ -194,7 +194,7 @@ class GreensFunction:
         """The map of small perturbations over one period, of a ring by its modes."""
         on, first, T = self.conditions, self.impacts[0].time, self.section.period
         _, impulses, _ = self.equations.split(self.x)
-        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses
+        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses  # (19), u' = -J/(1 + k)
         kicks = [
             Saltation(impact.site, first + (impact.time - first) % T, entry)
             for impact, entry in zip(self.impacts, b.tolist(), strict=True)
@@ -258,8 +258,8 @@ class GreensFunction:
         endless = self.conditions.lattice.sites is None
         return of.locus(by_differences if nu is None or not endless else off_the_edge, nu, **more)
 
-    def crest(self, site: int) -> GrazingSite:
-        return _crest(Orbit(self), site)
+    def grazing_site(self, site: int) -> GrazingSite:
+        return _grazing_site(Orbit(self), site)
 
     def speed_slope(self, j: int) -> None:
         """An impulse of 0 pushes away from no wall."""
@@ -449,7 +449,7 @@ def _fold_locus(point: Point) -> Locus:
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def _crest(orbit: Orbit, site: int) -> GrazingSite:
+def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     """A site with its share of the offsets as it is where the curve sets out.
 
     The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm

@@ -128,7 +128,7 @@ def _form(point: Point) -> PitchforkForm:
         raise Undefined("a second multiplier is 1, as of idle sites without coupling")
     shifts = right[-1][_slots(curve, 1)] - right[-1][_slots(curve, 0)]
     # so that s is the asymmetry
-    v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]
+    v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]  # G_x v = 0, w G_x = 0
     bend = _bend(curve, matrix, v, w)
     return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0)
 
@@ -145,12 +145,15 @@ def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> flo
     n = v.size
     change, cubic = _turned(curve, matrix, v, w)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    # G_x       w  G_a        h        -G_xx v v/2
+    # v         0  0        ( 0    ) = 0
+    # w G_xx v  0  w G_xa v   bend     -w G_xxx v v v/6
     whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
-    whole[n, :n] = v
+    whole[n, :n] = v  # h has no share of v
     row = w @ change
     whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
     right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
-    bend = float(solve(whole, right)[-1])
+    bend = float(solve(whole, right)[-1])  # h and, last, the parameter per s^2
     if abs(bend) > _STEEP:
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
     return bend

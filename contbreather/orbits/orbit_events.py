@@ -476,5 +476,5 @@ def _pair_leaves(
     if closed:
         endless = lattice.sites is None
         about = "" if endless else f"stability of a ring of {lattice.sites}, {about}"
-    record = {"unstable": unstable_by(threshold, on)}
+    record = {"unstable": unstable_by(threshold, on if closed else None)}
     return EventWithRule.of_event(event, record=record, about=about, form=form)

@@ -122,7 +122,7 @@ class PeriodicMotion:
     @property
     def incoming(self) -> FloatArray:
         """Velocity of the site just before each impact, ``-J/(1 + k)``."""
-        return -self.impulses / (1.0 + self.k)
+        return -self.impulses / (1.0 + self.k)  # u' -> -k u'
 
     @property
     def accelerations(self) -> FloatArray:
@@ -132,7 +132,7 @@ class PeriodicMotion:
     @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact of a section."""
-        c = 1.0 + self.k
+        c = 1.0 + self.k  # b = (1 + k) u''/u' of (19), with losses
         # braked less after the impact than before, a site turns round faster by damping (1 + k) v
         b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
         b.setflags(write=False)
@@ -143,7 +143,7 @@ class PeriodicMotion:
         """All impacts of a period in order of time."""
         found = []
         for half in range(2 if self.symmetric else 1):
-            side = 1 - 2 * half
+            side = 1 - 2 * half  # u(t + T/2) = -u(t)
             for one, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
                 before = -side * one.impulse / (1.0 + self.k)
                 # just after the impact a damped site is braked the other way

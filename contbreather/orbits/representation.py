@@ -88,7 +88,7 @@ class Representation(Protocol):
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
         """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
 
-    def crest(self, site: int) -> Any:
+    def grazing_site(self, site: int) -> Any:
         """How the motion of a site is followed, `grazing.GrazingSite`."""
 
     def speed_slope(self, j: int) -> Any:

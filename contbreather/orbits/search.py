@@ -21,7 +21,7 @@ from contbreather.lattice.finite import Lattice
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.constructors import rooted, symmetric_roots
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.zones import up_to_the_fold
+from contbreather.orbits.zone_search import up_to_the_fold
 from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of
 from contbreather.stability.verdict import THRESHOLD
 

@@ -131,7 +131,7 @@ class SectionFlight:
     @cached_property
     def z(self) -> FloatArray:
         """Squared frequencies of the modes."""
-        return self.conditions.gamma * self.basis.lam + self.conditions.spring
+        return self.conditions.gamma * self.basis.lam + self.conditions.spring  # w^2
 
     @cached_property
     def forced(self) -> Driven:
@@ -164,7 +164,7 @@ class SectionFlight:
             legs.append(Leg(at, j, start + now, lag - now, fly, q, r, *end, one))
             if one is not None:
                 loss = (1.0 + self.conditions.k) * one.velocity
-                at, now, q, r = j, lag, end[0], end[1] - loss * self.kicks[j]
+                at, now, q, r = j, lag, end[0], end[1] - loss * self.kicks[j]  # u' -> -k u'
         return tuple(legs)
 
     @cached_property
@@ -188,7 +188,7 @@ class SectionFlight:
 
     @cached_property
     def impacts(self) -> tuple[Impact, ...]:
-        loss = -(1.0 + self.conditions.k)
+        loss = -(1.0 + self.conditions.k)  # J = -(1 + k) u'
         in_order = sorted(self.arrivals)
         return tuple(Impact(x.site, x.wall, x.time, loss * x.velocity) for x in in_order)
 
@@ -265,7 +265,7 @@ class SectionFlight:
         """In which flight after the first impact times fall, how far ahead of its start, and with
         which sign the section repeats there."""
         starts = self._flights[0]
-        T, first = self.section.length, starts[0]
+        T, first = self.section.length, starts[0]  # sections repeat from the first impact on
         sections = np.floor((times - first) / T)
         since = times - first - sections * T
         # an impact time + T in floating point is not quite an impact; it is meant to be one
@@ -340,7 +340,7 @@ class SectionFlight:
         width = m + 2 * K
         walls, speeds = np.zeros((2, m, width + len(names)))
         Y, R = np.zeros((2, K, width + len(names)))
-        Y[own, m + own] = R[own, m + K + own] = 1.0
+        Y[own, m + own] = R[own, m + K + own] = 1.0  # dq/dq, dr/dr
         starts = []
         for leg in self.legs:
             starts.append((Y, R))
@@ -355,7 +355,7 @@ class SectionFlight:
                 wall[i] += moved[0]
                 speed[i] += moved[1]
             _, tilt, bend = self.forced.at(one.site, one.time)
-            wall[one.which] += self.conditions.a * tilt
+            wall[one.which] += self.conditions.a * tilt  # the forced motion goes on with its time
             speed[one.which] += self.conditions.a * bend
             loss = (1.0 + self.conditions.k) * speed
             loss[width:] += [one.velocity if name == "k" else 0.0 for name in names]
@@ -381,7 +381,7 @@ class SectionFlight:
                 slope = propagator_slope(self.z, leg.flight, leg.propagator, damping)
             else:
                 continue
-            rise = self.basis.lam if name == "gamma" else 1.0
+            rise = self.basis.lam if name == "gamma" else 1.0  # dz/dgamma, dz/dspring
             y, v = slope(leg.q, leg.r)
             Y[:, column] += rise * y
             R[:, column] += rise * v
@@ -393,7 +393,7 @@ class SectionFlight:
         found, sign = self.tangents(names), self.section.sign
         walls = told_apart_slopes(self.section, self.t, self._walls, found.walls)
         matrix = np.vstack([walls, found.Y, found.R])
-        matrix[m + own, m + own] -= sign
+        matrix[m + own, m + own] -= sign  # the section closes with its sign: q(T) = sign q(0)
         matrix[m + K + own, m + K + own] -= sign
         return matrix
 

@@ -167,7 +167,7 @@ class ChainMotion(SiteMotion):
     def influence(self, site: int) -> float:
         away = min(self.lattice.distance(site - busy) for busy in self.hit)
         largest = max(abs(impact.impulse) for impact in self.impacts)
-        return float(0.5 * largest * self.on.gamma**away)
+        return float(0.5 * largest * self.on.gamma**away)  # |xi| of (A3) is gamma to first order
 
 
 @lru_cache(maxsize=64)
@@ -205,7 +205,7 @@ def _odd_responses(lattice: Lattice, gamma: float, sites: tuple[int, ...]) -> Re
     """To the impulse -2p, of which `Flight` is the response per unit p."""
     table = np.zeros((len(sites), POWERS + 2))
     np.matmul(lattice.powers(gamma, sites), -0.5 * _WEIGHTS, out=table[:, :POWERS])
-    table[:, POWERS] = 2.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites))
+    table[:, POWERS] = 2.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites))  # of sin y
     rows, none = np.arange(len(sites))[:, None], np.empty((len(sites), 0))
     largest = bounds(table, _odd_basis())
     return Responses(rows, table, _NO_VECTOR, none, none, largest, 1.0, True)

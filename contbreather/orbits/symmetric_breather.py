@@ -100,7 +100,7 @@ class SymmetricBreather:
 
     @property
     def impacts(self) -> tuple[Impact, ...]:
-        return (Impact(0, 1, self.phi, -2.0 * self.p),)
+        return (Impact(0, 1, self.phi, -2.0 * self.p),)  # the other one is its mirror image
 
     @property
     def error(self) -> float:
@@ -127,13 +127,13 @@ class SymmetricBreather:
         Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
         """
         f = self.forcing
-        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)
+        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)  # det of (11), over -a
         return "upper" if turn >= 0.0 else "lower"
 
     @property
     def w_minus(self) -> float:
         """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
-        return 2.0 * self.p / (1.0 + self.k)
+        return 2.0 * self.p / (1.0 + self.k)  # (1 + k) times it is the jump 2p
 
     @property
     def acceleration(self) -> float:
@@ -147,7 +147,7 @@ class SymmetricBreather:
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
-        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p
+        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p  # (19)
 
     # ------------------------------------------------------------------------------- profile
 
@@ -184,7 +184,7 @@ class SymmetricBreather:
         """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
         since = t - self.phi
         flights = np.floor(since / math.pi)
-        s = since - flights * math.pi
+        s = since - flights * math.pi  # time since the last impact, in [0, pi)
         # phi + pi in floating point is not quite an impact; it is meant to be one
         late = math.pi - s <= 4.0 * EPS * (math.pi + np.abs(t) + abs(self.phi))
         flights = np.where(late, flights + 1.0, flights)

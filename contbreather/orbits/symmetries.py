@@ -29,7 +29,7 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
     orbit, among those that have the same sequence of impacts; each begins with the impact that
     comes closest in time to the first one. A shift of half a symmetric orbit is itself."""
     # by odd multiples of pi the walls change places
-    stride = 1 if orbit.walls.symmetric else 2
+    stride = 1 if orbit.walls.symmetric else 2  # in half periods of the forcing
     shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
     hit, walls = orbit.section.hit, orbit.walls
     others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
@@ -50,7 +50,7 @@ def _answers(orbit: Orbit) -> Any:
     if lattice.sites is None:
         return abs(hit[:, None] - hit)
     basis = lattice.basis(orbit.section.hit)
-    shapes = basis.at(hit)
+    shapes = basis.at(hit)  # (1 + L)^-1 between these sites
     return (shapes / (1.0 + basis.lam)) @ shapes.T * lattice.masses[hit]
 
 

@@ -11,7 +11,9 @@ from typing import Any
 from contbreather.checks import check_kind, combinations, row
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Lattice, forcing_of
-from contbreather.orbits.zones import PAIRS, Zones, zones
+from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zone_search import PAIRS
+from contbreather.orbits.zones import zones
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.workers import Failed, each
 

@@ -11,7 +11,8 @@ from contbreather.continuation import trace
 from contbreather.errors import keeping
 from contbreather.orbits import neimark_sacker as exact_event
 from contbreather.orbits import symmetric
-from contbreather.orbits.zones import Zones, zones
+from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zones import zones
 from contbreather.paper import threshold as rule
 from contbreather.paper.threshold import ThresholdLine
 from contbreather.plotting.canvas import new_figure, style

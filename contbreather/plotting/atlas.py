@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contbreather.checks import kind_of
 from contbreather.errors import BadInput
 from contbreather.orbits.atlas import words
-from contbreather.orbits.zones import KINDS
+from contbreather.orbits.zone_diagram import KINDS
 from contbreather.plotting.canvas import COLUMN, Drawn, drawing, symbol
 from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import LINES

@@ -13,7 +13,7 @@ from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.run import Run as Kept
 from contbreather.errors import ContbreatherError
 from contbreather.orbits import Orbit
-from contbreather.orbits.zones import Zones
+from contbreather.orbits.zone_diagram import Zones
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import inline, symbol
 from contbreather.plotting.diagrams import plot_diagram

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, flag
 from contbreather.errors import BadInput
 from contbreather.orbits.regions import Box, Region
-from contbreather.orbits.zones import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,

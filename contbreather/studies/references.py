@@ -8,7 +8,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.orbits.section import Section, check_walls
-from contbreather.orbits.zones import PAIRS
+from contbreather.orbits.zone_search import PAIRS
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.studies.schema import Chain, Figure, Study
 

@@ -19,7 +19,7 @@ from pydantic import (
 from contbreather.checks import number, spread
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
-from contbreather.orbits.zones import PAIRS
+from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 

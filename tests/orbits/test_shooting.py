@@ -343,11 +343,10 @@ def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
     orbit = tilted()
     one, lone = np.zeros(11), orbit.representation
     one[0] = 1.0
-    free = replace(
-        lone, conditions=replace(lone.conditions, k=0.0)
-    )  # any section without kicks: use its flows alone
+    # any section without kicks: use its flows alone
+    free = replace(lone, conditions=replace(lone.conditions, k=0.0))
     for leg in free.legs:
-        one = leg.turn(one, np.zeros(11))[0]
+        one = leg.propagator(one, np.zeros(11))[0]
     assert one[0] == 1.0
     assert orbit.representation.condition < 1e4
     x = lone.x.copy()

@@ -1,0 +1,242 @@
+"""A zone diagram: the curves that bound existence and stability in one plane of parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.columns import Columns, stacked
+from contbreather.continuation import Branch, Point
+from contbreather.continuation.point import CodimensionTwo
+from contbreather.continuation.starts import windows
+from contbreather.display import Shown
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice import Forcing
+from contbreather.orbits.clearance import least_margin
+from contbreather.orbits.constructors import symmetric_roots
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.regions import PROBES, Box, Region, regions
+from contbreather.parameters import window_of
+from contbreather.stability.verdict import THRESHOLD
+from contbreather.storage.serialise import serialised
+from contbreather.tables import Column, Sheet
+
+Array = NDArray[np.float64]
+
+KINDS = ("LP", "GR", "PF", "NS")
+ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
+FAMILIES = ("upper", "lower")  # breathers before and behind a fold
+JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
+
+
+@dataclass(frozen=True, eq=False)
+class Zones(Columns, Shown):
+    """The curves that bound existence and stability of the symmetric breather in one plane.
+
+    Attributes
+    ----------
+    fixed : tuple of (str, float)
+        The third parameter and its value.
+    pair : tuple of str
+        The two parameters of the plane, abscissa first.
+    curves : dict
+        ``{"LP": (branch, ...), "GR": ..., "PF": ..., "NS": ...}``; each branch is a boundary.
+    threshold : float
+        Modulus over 2 pi of the paper's rule, which the NS curves of a ring follow.
+    past_folds : bool
+        Whether the lower breathers, those behind a fold, are in the diagram besides the upper ones.
+    interrupted : bool
+        Whether it was cut short: curves may be missing, and the last one may end early.
+    ceiling : float or None
+        With lower breathers: the amplitude at which their impacts vanish, a max|f| = 1, p -> 0.
+    """
+
+    fixed: tuple[str, float]
+    pair: tuple[str, str]
+    curves: Mapping[str, tuple[Branch, ...]]
+    threshold: float = THRESHOLD
+    past_folds: bool = False
+    interrupted: bool = False
+    ceiling: float | None = None
+
+    def __iter__(self) -> Iterator[tuple[str, Branch]]:
+        for kind in KINDS:
+            for branch in self.curves[kind]:
+                yield kind, branch
+
+    def __getitem__(self, kind: str) -> tuple[Branch, ...]:
+        if not isinstance(kind, str) or kind not in self.curves:
+            raise BadInput(f"no curves {kind!r}; there are {list(self.curves)}")
+        return self.curves[kind]
+
+    def columns(self) -> dict[str, Any]:
+        """Those of all curves, by their kind and the number of the piece."""
+        curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
+        return stacked(({"curve": kind, "piece": i}, b.columns()) for kind, i, b in curves)
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """Where curves meet, each once: PF-GR, NS-LP, NS-GR, LP-GR, GR-GR.
+
+        The pieces of the paper's rule on a ring are one curve.
+        """
+        found: list[Point] = []
+        for kind in reversed(KINDS):
+            for point in (p for branch in self.curves[kind] for p in branch.special):
+                if not is_meeting(point) or point.kind == JOINT:
+                    continue
+                if not any(self._same(point, one) for one in found):
+                    found.append(point)
+        return tuple(found)
+
+    def table(self) -> Sheet:
+        """Where curves meet: the two kinds, stability first, and the breather there."""
+        places = [point.solution for point in self.special]
+        columns = [Column("k", [b.k for b in places]), Column("meeting", self.meetings())]
+        names = ("gamma", "a", "p", "phi")
+        columns += [Column(name, [getattr(b, name) for b in places]) for name in names]
+        return Sheet(columns, "Where the curves meet")
+
+    def meetings(self) -> list[str]:
+        """The two kinds of curves of each special point, stability first."""
+        return ["-".join(sorted(p.kind.split("-"), key=ORDER.index)) for p in self.special]
+
+    def _same(self, one: Point, other: Point) -> bool:
+        """Whether two meetings are one, seen from either curve."""
+        kinds = [set(point.kind.split("-")) for point in (one, other)]
+        return kinds[0] == kinds[1] and all(abs(one[n] - other[n]) < 1e-6 for n in self.pair)
+
+    @cached_property
+    def regions(self) -> tuple[Region, ...]:
+        """The pieces into which the curves cut the plane, as polygons with their verdicts."""
+        return self.regions_of(self.box()) if any(self.curves.values()) else ()
+
+    def regions_of(self, box: Box) -> tuple[Region, ...]:
+        """Those of a part of the plane, ``((0, 0.25), (0, 1))``: abscissa first."""
+        lines = [np.column_stack([branch[name] for name in self.pair]) for _, branch in self]
+        if lines and self.ceiling is not None:
+            lines.append(np.array([(x, self.ceiling) for x in box[0]]))
+        lower = None if self.past_folds else self.lower
+        return regions(lines, box, self.unstable, lower) if lines else ()
+
+    def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
+        """What the curves span in both parameters, and on to a window where breathers go on."""
+        columns = [[branch[name] for _, branch in self] for name in self.pair]
+        spans = [(min(map(np.min, own)), max(map(np.max, own))) for own in columns]
+        if self.ceiling is not None:
+            spans[1] = spans[1][0], max(spans[1][1], self.ceiling)
+        for i, name in enumerate(self.pair if within is not None else ()):
+            across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
+            ends = list(spans[i])
+            reach = windows(within).get(name, window_of(name))
+            for end in (0, 1):
+                # beyond the outermost curve nothing changes: any breather there speaks for all
+                beyond = 0.5 * (ends[end] + reach[end])
+                if not math.isfinite(beyond) or beyond == ends[end]:
+                    continue
+                places = [(beyond, other)[:: 1 - 2 * i] for other in across]
+                if any(self.unstable(*place) is not None for place in places):
+                    ends[end] = reach[end]
+            spans[i] = (ends[0], ends[1])
+        return spans[0], spans[1]
+
+    def unstable(self, x: float, y: float) -> int | None:
+        """Unstable multipliers of the breather at a place of the plane, of the chain and by the
+        threshold of these zones: of several breathers the fewest, None where there is none of the
+        families that the diagram is of."""
+        counts = [
+            breather.map.unstable(self.threshold)
+            for breather in self.breathers(x, y)
+            if breather.representation.family in self.families
+        ]
+        return min(counts, default=None)
+
+    def lower(self, x: float, y: float) -> float | None:
+        """The largest p of the lower breathers at a place of the plane, None where there is none;
+        they may be there without the upper one."""
+        found = [b.p for b in self.breathers(x, y) if b.representation.family == "lower"]
+        return max(found, default=None)
+
+    def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
+        """All admissible breathers at a place of the plane, of both families, by falling p."""
+        like = self._any.solution
+        values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
+        return admissible(values, like.forcing, like.lattice)
+
+    def told(self) -> Iterator[str]:
+        """A sentence on each region without upper breathers in which there are lower ones."""
+        for one in self.regions:
+            if any(one.lower):
+                place = f"({', '.join(self.pair)}) = ({one.x:.4g}, {one.y:.4g})"
+                yield f"Around {place} {one.describe()}"
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """Which breathers it is a diagram of: the upper ones, or with `past_folds` both."""
+        return FAMILIES if self.past_folds else FAMILIES[:1]
+
+    @property
+    def _any(self) -> Point:
+        """Any point of any curve."""
+        for _, branch in self:
+            return branch[0]
+        raise BadInput("this zone diagram has no curve")
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)
+        cut = "; interrupted, curves may be missing" if self.interrupted else ""
+        of = f"{' and '.join(self.families)} breathers in {self.pair}"
+        return f"<Zones of {of} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
+
+
+def admissible(at: Mapping[str, float], forcing: Forcing, lattice: Any) -> tuple[Orbit, ...]:
+    """All roots of (11) that keep off the walls."""
+    values: dict[str, Any] = {**at, "forcing": forcing, "lattice": lattice}
+    try:
+        found = symmetric_roots(**values)
+    except NoSolution:
+        return ()
+    return tuple(breather for breather in found if least_margin(breather.motion) > 0.0)
+
+
+def is_meeting(point: Point) -> bool:
+    """Whether two curves meet there."""
+    return isinstance(point.event, CodimensionTwo)
+
+
+# --- in files -----------------------------------------------------------------------------------
+
+
+PLAIN = ("fixed", "pair", "threshold", "past_folds", "interrupted", "ceiling")
+
+
+def _to_dict(zones: Zones) -> dict[str, Any]:
+    branches = {
+        f"{kind}{i}": branch
+        for kind, branches in zones.curves.items()
+        for i, branch in enumerate(branches, start=1)
+    }
+    counts = {kind: len(branches) for kind, branches in zones.curves.items()}
+    return {name: getattr(zones, name) for name in PLAIN} | {"curves": counts, "groups": branches}
+
+
+@serialised("zones", Zones, _to_dict)
+def _from_dict(
+    *,
+    fixed: Sequence[Any],
+    pair: Sequence[str],
+    curves: Mapping[str, int],
+    groups: Mapping[str, Branch] | None = None,
+    **plain: Any,  # older files have no ceiling
+) -> Zones:
+    by_kind = {
+        kind: tuple((groups or {})[f"{kind}{i}"] for i in range(1, 1 + count))
+        for kind, count in curves.items()
+    }
+    return Zones(tuple(fixed), tuple(pair), by_kind, **plain)  # type: ignore[arg-type]

@@ -1,0 +1,242 @@
+"""Where the curves of a zone diagram are found, without a seed.
+
+Branches in one parameter are traced at a comb of values of the other; each event on them that lies
+on no curve known so far is traced as a boundary, to the ends of the region where breathers exist.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
+from contbreather.continuation.checkpoint import Checkpoint
+from contbreather.continuation.point import CodimensionTwo
+from contbreather.errors import BadInput, taking
+from contbreather.lattice import Forcing, Lattice
+from contbreather.orbits.closed_form import events_on, symmetric_problem
+from contbreather.orbits.closure import folds
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
+from contbreather.parameters import window_of
+from contbreather.progress import Counter
+
+Array = NDArray[np.float64]
+Place = Point | Mapping[str, float]
+
+# the comb of values on which branches are traced
+COMBS = {
+    "gamma": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.235, 0.245),
+    "k": (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 0.99, 0.997, 0.999),
+    "a": (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
+}
+PAIRS = {"k": ("gamma", "a"), "gamma": ("k", "a"), "a": ("k", "gamma")}
+FEWEST = 80  # points on a curve
+STEPS = Steps(first=0.005, largest=0.05, tolerance=1e-11)
+SAME = 1e-3  # an event this close to a traced curve lies on it
+PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords of a branch are long
+NEXT = (0.999, 1.001)  # next to a fold, as parts of its amplitude
+PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
+VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
+BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
+
+
+@dataclass
+class Search:
+    """One zone diagram in the making."""
+
+    name: str
+    value: float
+    forcing: Forcing
+    lattice: Lattice
+    given: Mapping[str, tuple[float, float]]
+    threshold: float
+    past_folds: bool
+    kept: Checkpoint = field(default_factory=Checkpoint)
+
+    def __post_init__(self) -> None:
+        self.pair = PAIRS[self.name]
+        for other in self.given:
+            if other not in self.pair:
+                raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
+        self.within = {n: _narrowed(n, self.given.get(n)) for n in self.pair}
+        self.events = events_on(self.lattice, self.threshold)
+        if not self.past_folds:
+            self.events = tuple(map(up_to_the_fold, self.events))
+        self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
+
+    def zones(self, *, interrupted: bool = False) -> Zones:
+        """The curves there are."""
+        curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
+        fixed, ceiling = (self.name, self.value), None
+        if self.past_folds and self.within.get("a", (0.0, 0.0))[1] > 1.0 / self.forcing.peak():
+            ceiling = 1.0 / self.forcing.peak()
+        return Zones(
+            fixed, self.pair, curves, self.threshold, self.past_folds, interrupted, ceiling
+        )
+
+    def so_far(self) -> Zones | None:
+        return self.zones(interrupted=True) if any(self.curves.values()) else None
+
+    def run(self, shown: Counter) -> None:
+        found = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
+        if not any(found):
+            raise BadInput(
+                f"no breather at {self.name} = {self.value:g} for {self._searched()}; "
+                "widen the window, or choose another value"
+            )
+        # a curve too narrow for the comb still shows where it meets others: look beside these, and
+        # between them, where one that leads from meeting to meeting has to pass
+        met = [point[self.pair[0]] for point in self._unexplained()]
+        beside = [x + step for x in met for step in (-BESIDE, BESIDE)]
+        between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
+        low, high = self.within[self.pair[0]]
+        for x in (*beside, *between):
+            if low <= x <= high:
+                self._scan(x, shown)
+
+    def _searched(self) -> str:
+        """The windows as words."""
+        return " and ".join(
+            f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
+            for name, (low, high) in self.within.items()
+        )
+
+    def _scan(self, x: float, shown: Counter) -> bool:
+        """Trace branches at one value of the first parameter, and every new event on them."""
+        found = False
+        for branch in self._branches(x):
+            found = True
+            shown.advance(branch[-1])
+            for point in branch.special:
+                if point.kind in KINDS and point.located:
+                    self._follow(point)
+                    self.kept.look(True, self.so_far)
+        return found
+
+    def _unexplained(self) -> list[Point]:
+        """Meetings with a curve that was not traced."""
+        branches = [branch for kind in KINDS for branch in self.curves[kind]]
+        return [p for b in branches for p in b.special if is_meeting(p) and not self._known(p)]
+
+    def _known(self, point: Point, but: Branch | None = None) -> bool:
+        # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p
+        names = (*self.pair, "p", "phi")
+        curves = (b for b in self.curves[_followed(point)] if b is not but)
+        return any(_on_curve(b, point, names, SAME) for b in curves)
+
+    def _branches(self, x: float) -> Iterator[Branch]:
+        """Branches of admissible breathers in the second parameter, at one value of the first."""
+        free = self.pair[1]
+        traced: list[Branch] = []
+        for y in (*_comb(free, self.within), *self._next_to_folds(x)):
+            for breather in self._breathers(x, y):
+                here = {free: y, "p": breather.p, "phi": breather.phi}
+                if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
+                    continue
+                branch = trace(
+                    symmetric_problem(breather, self.threshold),
+                    free,
+                    within={free: self.within[free]},
+                    events=self.events,
+                    steps=Steps(first=0.02, largest=0.1),
+                    progress=False,
+                )
+                traced.append(branch)
+                yield branch
+
+    def _next_to_folds(self, x: float) -> list[float]:
+        """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
+        if self.pair[1] != "a":
+            return []
+        at = {self.name: self.value, self.pair[0]: x}
+        found = folds(at["gamma"], at["k"], self.forcing, self.lattice)
+        low, high = self.within["a"]
+        beside = [factor * a for a in found for factor in NEXT]
+        return [a for a in beside if low <= a <= high]
+
+    def _breathers(self, x: float, y: float) -> list[Orbit]:
+        """Those that are admissible; where folds end the diagram the ones before the fold."""
+        values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
+        found = admissible(values, self.forcing, self.lattice)
+        return [b for b in found if self.past_folds or b.representation.family == "upper"]
+
+    def _follow(self, point: Point) -> None:
+        """Trace an event as a boundary unless it lies on one already, and what takes over where it
+        ends: another crest that grazes, another wave of a ring, a fold."""
+        waiting: list[tuple[Point, Branch | None]] = [(point, None)]
+        while waiting:
+            point, since = waiting.pop()
+            if point["p"] < VANISHED or self._known(point, but=since):
+                continue
+            curves = self.curves[_followed(point)]
+            with taking(curves.append):
+                branch = boundary(
+                    point, self.pair, within=self.within, events=self.events, steps=STEPS,
+                    progress=False,
+                )  # fmt: skip
+            curves.append(branch)  # before it is refined: an interruption keeps it
+            pieced = any(end.kind == JOINT for end in branch.special)
+            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
+            waiting += [(end, branch) for end in branch.special if _leads_on(end)]
+
+
+def _leads_on(point: Point) -> bool:
+    """Whether what a curve meets is followed from there: not what crosses a fold, for that would go
+    on behind it; beside the fold it is found on a branch."""
+    return is_meeting(point) and (point.kind in ("GR-GR", JOINT) or _followed(point) == "LP")
+
+
+def _followed(point: Point) -> str:
+    """The kind of the curve that leads on from a special point."""
+    event = point.event
+    if event is None:
+        return point.kind
+    return event.base.kind if isinstance(event, CodimensionTwo) else event.kind
+
+
+def up_to_the_fold(event: Event) -> Event:
+    """A fold ends the zone: what lies behind it is the other breather."""
+    return replace(event, ends="branch") if event.kind == "LP" else event
+
+
+def _narrowed(name: str, window: tuple[float, float] | None) -> tuple[float, float]:
+    low, high = reach = window_of(name)
+    if window is None:
+        return low, high
+    low, high = max(low, window[0]), min(high, window[1])
+    if not low < high:
+        raise BadInput(f"the window {window} of {name!r} leaves nothing of {reach}")
+    return low, high
+
+
+def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[float]:
+    """Values inside the window and at its ends, at least nine."""
+    low, high = within[name]
+    low, high = max(low, COMBS[name][0]), min(high, COMBS[name][-1])
+    inside = [value for value in COMBS[name] if low < value < high]
+    if low > high:  # a window beyond the comb
+        low, high = within[name]
+    comb = [low, *inside, high] if len(inside) >= 7 else np.linspace(low, high, 9).tolist()
+    return [value for value in comb if value > 0 or name != "a"]  # no forcing, no breather
+
+
+def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float) -> bool:
+    """Whether a traced curve passes a place: these values by name."""
+    nodes = np.stack([branch[name] for name in names], axis=-1)
+    gap = np.array([place[name] for name in names]) - nodes
+    if "phi" in names:
+        turn, phase = 2.0 * math.pi, names.index("phi")
+        gap[:, phase] -= turn * np.rint(gap[:, phase] / turn)
+        gap[:, phase] *= PHASE
+        nodes[:, phase] *= PHASE
+    if len(nodes) > 1:
+        gap, chord = gap[:-1], np.diff(nodes, axis=0)
+        along = np.sum(gap * chord, axis=-1) / np.sum(chord * chord, axis=-1)
+        gap -= np.clip(along, 0, 1)[:, None] * chord
+    return bool(np.linalg.norm(gap, axis=-1).min() < near)
