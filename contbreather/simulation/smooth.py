@@ -17,7 +17,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, ClassVar, Protocol, Unpack
 
 import numpy as np
@@ -32,6 +32,7 @@ from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
 from contbreather.simulation.impacting import States, advance, gathered
+from contbreather.simulation.smooth_flow import MOTION, VARIED, Parameters, ceiling
 from contbreather.simulation.states import (
     PERIOD,
     State,
@@ -119,10 +120,10 @@ class SmoothConditions:
         return replace(self, **own, forcing=self.forcing.at(**values) if values else self.forcing)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
-        """What the compiled right-hand sides take after (t, y)."""
+    def parameters(self) -> Parameters:
+        """What the kernels take."""
         numbers = (float(getattr(self, name)) for name in OWN)
-        return (*numbers, _series(self.forcing), *_network(self.lattice))
+        return Parameters(*numbers, _series(self.forcing), *_network(self.lattice))
 
 
 def smooth_conditions_of(
@@ -179,10 +180,10 @@ class OnSmooth(Under, total=False):
 Rhs = Callable[[float, Array], Array]
 
 
-def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) -> Rhs:
-    """What a kernel fills in at a time and a state; to copy both costs less than to look up where
-    they are."""
-    state, out = np.empty(shape[0]), np.empty(shape)
+def right_side(kernel: Kernel, args: tuple[Any, ...], size: int) -> Rhs:
+    """What a kernel fills in at a time and a state."""
+    # to copy both costs less than to look up where they are
+    state, out = np.empty(size), np.empty(size)
     fill = kernel.following(state, *args, out)
 
     def at(t: float, y: Array) -> Array:
@@ -191,6 +192,13 @@ def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) ->
         return out.copy()
 
     return at
+
+
+def jacobian(on: SmoothConditions, t: float, y: Array) -> Array:
+    """The derivative of the right-hand side in y: the rates of variations that are unit vectors."""
+    columns = np.concatenate([y, np.eye(y.size).ravel()])
+    rates = right_side(VARIED, (on.parameters, 0), columns.size)(t, columns)
+    return rates.reshape(-1, y.size)[1:].T
 
 
 class Solver(Protocol):
@@ -385,30 +393,20 @@ def flown(
     ArithmeticError
         Where the solver cannot go on: there are no equations there.
     """
-    from contbreather.simulation.smooth_flow import MOTION, VARIED
-
     x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
-    solver, arguments = Explicit(FINE), on.arguments
+    solver, parameters = Explicit(FINE), on.parameters
     try:
         if not slopes:
-            rhs = right_side(MOTION, arguments, x.shape)
+            rhs = right_side(MOTION, (parameters,), x.size)
             return solver.states(rhs, None, t0, x, times)[0], None, None
         first = np.eye(x.size) if columns is None else columns.T
         params = len(OWN) if columns is None else 0
         start = np.concatenate([x, first.ravel(), np.zeros(params * x.size)])
-        rhs = right_side(VARIED, (*arguments, params), start.shape)
+        rhs = right_side(VARIED, (parameters, params), start.size)
         end = solver.states(rhs, None, t0, start, times)[0].reshape(-1, x.size)
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
     return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
-
-
-def sides(on: SmoothConditions, size: int) -> tuple[Rhs, Rhs]:
-    """The right-hand side of (21) for states of so many numbers, and its Jacobian."""
-    from contbreather.simulation.smooth_flow import JACOBIAN, MOTION
-
-    given = on.arguments
-    return right_side(MOTION, given, (size,)), right_side(JACOBIAN, given, (size, size))
 
 
 @dataclass
@@ -446,14 +444,13 @@ class SmoothFlight:
 
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""
-        y = np.concatenate(self.state)
-        found = self.solver.states(*sides(self.conditions, y.size), self.t0, y, times)
-        return np.reshape(found, (len(times), 2, -1))
+        y, on = np.concatenate(self.state), self.conditions
+        rhs = right_side(MOTION, (on.parameters,), y.size)
+        states = self.solver.states(rhs, partial(jacobian, on), self.t0, y, times)
+        return np.reshape(states, (len(times), 2, -1))
 
     def check(self, state: State, j: int) -> None:
         """Refuse a state far behind the walls: there the force is no longer the model's."""
-        from contbreather.simulation.smooth_flow import ceiling
-
         u, top = state.u, ceiling(float(self.conditions.m))
         n = int(np.abs(u).argmax())
         if np.all(np.isfinite(state)) and abs(u[n]) < top:
