@@ -14,7 +14,7 @@ from contbreather.cli.interrupts import computing
 
 if TYPE_CHECKING:
     from contbreather.simulation import SmoothRun
-    from contbreather.simulation.stretches import Stretch
+    from contbreather.simulation.chunks import Chunk
 
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
@@ -36,18 +36,18 @@ class RunSummary:
     reason: str = "no verdict: interrupted before it was found"
     evidence: dict[str, float] = field(default_factory=dict)
 
-    def stretches(self) -> Iterator[Stretch]:
+    def chunks(self) -> Iterator[Chunk]:
         """All of it; a stream piece by piece, so that memory does not grow with its length."""
         if self.stream is None:
-            from contbreather.simulation.stretches import Stretch
+            from contbreather.simulation.chunks import Chunk
 
             u, v = (row[1:] for row in self.run.strobe)
             hits: dict[str, Any] = (
                 {"impacts": self.run.impacts} if isinstance(self.run, cb.simulation.Run) else {}
             )
-            yield Stretch(0, u, v, u[:0], v[:0], **hits)
+            yield Chunk(0, u, v, u[:0], v[:0], **hits)
             return
-        for one in self.stream.stretches():
+        for one in self.stream.chunks():
             one.impacts["time"] += self.stream.t0
             yield one
 
@@ -75,7 +75,7 @@ def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
         if isinstance(summary.run, cb.simulation.Run):
-            by_site = _counted(one.impacts for one in summary.stretches())
+            by_site = _counted(one.impacts for one in summary.chunks())
             summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
         kind, reason, evidence = _judged(summary.run)
     except KeyboardInterrupt:
@@ -101,7 +101,7 @@ def _lost_in(summary: RunSummary) -> int | None:
     from contbreather.paper.fates import unlike_a_breather
 
     wall = 0
-    for one in summary.stretches():
+    for one in summary.chunks():
         wrong = unlike_a_breather(one.impacts, one.periods, one.first, wall, summary.site)
         gone = np.flatnonzero(wrong)
         if gone.size:
@@ -115,13 +115,13 @@ def _end_of(kept: cb.simulation.Recording, count: int) -> cb.simulation.Run:
     import numpy as np
 
     from contbreather.simulation import RunStop
+    from contbreather.simulation.chunks import IMPACT, REST
     from contbreather.simulation.states import PERIOD
-    from contbreather.simulation.stretches import IMPACT, REST
 
     first = max(0, kept.periods - count)
     u, v = [kept.start.u[None]], [kept.start.v[None]]
     impacts, rests, stop, reason = [np.empty(0, IMPACT)], [np.empty(0, REST)], RunStop.DONE, ""
-    for one in kept.stretches():
+    for one in kept.chunks():
         stop, reason = one.stop or stop, one.reason or reason
         if one.first + one.periods < first:
             continue
@@ -153,7 +153,7 @@ def periods_in_words(count: float) -> str:
 
 def _judged(run: cb.simulation.Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
-    from contbreather.simulation.verdicts import Kind, judge
+    from contbreather.simulation.classify import Kind, judge
 
     half = min(JUDGED, run.periods // 2)
     if run.stop is cb.simulation.RunStop.CHATTER:

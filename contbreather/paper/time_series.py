@@ -42,7 +42,7 @@ from contbreather.simulation import (
     sweep,
     verdict,
 )
-from contbreather.simulation.impacting import completed
+from contbreather.simulation.simulate import completed
 from contbreather.simulation.states import PERIOD
 
 if TYPE_CHECKING:

@@ -19,10 +19,10 @@ from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
-from contbreather.simulation.impacting import advance, completed
+from contbreather.simulation.simulate import advance, completed
 from contbreather.simulation.states import On, State, check_state, conditions_of, wall_rows, within
-from contbreather.simulation.stretches import RunStop
 from contbreather.tables import Sheet
 from contbreather.workers import NO_WORKERS, Failed, each
 

@@ -31,8 +31,9 @@ from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
-from contbreather.simulation.impacting import States, advance, gathered
-from contbreather.simulation.smooth_flow import MOTION, VARIED, Parameters, ceiling
+from contbreather.simulation.chunks import Chunk, Sample, check_sample
+from contbreather.simulation.simulate import States, advance, gathered
+from contbreather.simulation.smooth_flow import MOTION, VARIED, SmoothParameters, ceiling
 from contbreather.simulation.states import (
     PERIOD,
     State,
@@ -43,7 +44,6 @@ from contbreather.simulation.states import (
     ranged,
     reduced,
 )
-from contbreather.simulation.stretches import Sample, Stretch, check_sample
 from contbreather.storage.serialise import to_dict
 
 Array = NDArray[Any]
@@ -120,10 +120,11 @@ class SmoothConditions:
         return replace(self, **own, forcing=self.forcing.at(**values) if values else self.forcing)
 
     @property
-    def parameters(self) -> Parameters:
+    def parameters(self) -> SmoothParameters:
         """What the kernels take."""
-        numbers = (float(getattr(self, name)) for name in OWN)
-        return Parameters(*numbers, _series(self.forcing), *_network(self.lattice))
+        a, gamma, lam, m, mu, spring = (float(getattr(self, name)) for name in OWN)
+        where = _network(self.lattice)
+        return SmoothParameters(a, gamma, lam, m, mu, spring, _series(self.forcing), *where)
 
 
 def smooth_conditions_of(
@@ -366,8 +367,8 @@ def advance_smooth(
     """`simulate_smooth`, of a state and conditions that have been checked."""
     check_sample(sample, start.u.size)
     solver = Explicit() if solver is None else solver
-    flight = SmoothFlight(start, conditions, reduced(t0), sample, solver)
-    return SmoothRun(**gathered(flight, periods=periods, t0=t0, progress=progress)[0])
+    integrator = SmoothIntegrator(start, conditions, reduced(t0), sample, solver)
+    return SmoothRun(**gathered(integrator, periods=periods, t0=t0, progress=progress)[0])
 
 
 def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:
@@ -410,29 +411,29 @@ def flown(
 
 
 @dataclass
-class SmoothFlight:
-    """A lattice with smooth walls under one solver, period by period."""
+class SmoothIntegrator:
+    """The integrator of smooth walls: a solver, period by period."""
 
     state: State
     conditions: SmoothConditions
     t0: float
     sample: Sample | None
     solver: Solver
-    roomy = 1
+    most_periods = 1
 
     def __post_init__(self) -> None:
         if not hasattr(self.solver, "states"):
             raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
         self.check(self.state, 0)
 
-    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
         """One period, or one of another length."""
         (u, v) = self.at(np.array([self.t0 + span]))[0]
         self.check(State(u, v), first + 1)
         # integrated apart, so that looking at a run does not change it
         dense = self.dense() if span == PERIOD else np.empty((2, 0, 0))
         self.state = State(u, v)
-        return Stretch(first, u[None], v[None], *dense[:, None])
+        return Chunk(first, u[None], v[None], *dense[:, None])
 
     def dense(self) -> Array:
         """Displacements and velocities of the sampled sites in the period to come."""

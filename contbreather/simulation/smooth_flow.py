@@ -11,7 +11,7 @@ from typing import NamedTuple
 from contbreather.kernels import Kernel, Matrix, Vector
 
 
-class Parameters(NamedTuple):
+class SmoothParameters(NamedTuple):
     """What the smooth chain moves under; the first six are those of the variations, in order."""
 
     a: float
@@ -47,7 +47,7 @@ def add_pull(entries: Matrix, y: Vector, first: int, out: Vector, to: int, facto
         out[to + int(entries[i, 0])] -= pull
 
 
-def motion(t: float, y: Vector, on: Parameters, out: Vector) -> None:
+def motion(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
     """(u', u'') of (21), for y that begins with (u, u')."""
     size, push = on.drive.size, on.a * force(t, on.series)
     # far behind the wall, where it stores a million times the usual energy, a trial step costs a
@@ -80,10 +80,10 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
     return in_u, weight * q, in_m
 
 
-def varied(t: float, y: Vector, on: Parameters, params: int, out: Vector) -> None:
+def varied(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
     """The motion with its variations: y is (u, u'), then columns of the same shape.
 
-    The last ``params`` columns, none or six, are derivatives in the first of the `Parameters`.
+    The last ``params`` columns, none or six, are derivatives in the first of the `SmoothParameters`.
     """
     size = on.drive.size
     wide = 2 * size

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.orbit import orbit_at
 from contbreather.simulation import periodic, rotation, simulate, simulate_smooth
-from contbreather.simulation.returning import _events, _shortened
+from contbreather.simulation.periodic import _events, _shortened
 from tests.simulation.zoo import breather
 
 RING = {"gamma": 0.04, "k": 0.8, "damping": 0.02}

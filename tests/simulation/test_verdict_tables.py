@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather.simulation import Kind, State, judge, simulate, simulate_smooth, verdicts
-from contbreather.simulation.returning import PeriodicMotion
+from contbreather.simulation import Kind, State, classify, judge, simulate, simulate_smooth
+from contbreather.simulation.chunks import IMPACT
+from contbreather.simulation.classify import Rotation
+from contbreather.simulation.periodic import PeriodicMotion
 from contbreather.simulation.states import PERIOD
-from contbreather.simulation.stretches import IMPACT
-from contbreather.simulation.verdicts import Rotation
 
 GOLDEN = 0.3819660113
 
@@ -51,9 +51,9 @@ def opened(
     monkeypatch: Any, walls: str, turn: Rotation, values: Any, errors: Any, repelling: Any = None
 ) -> tuple[Kind, str, dict[str, float]]:
     run, evidence = RUNS[walls], dict[str, float]()
-    monkeypatch.setattr(verdicts, "rotation", lambda *_: turn)
-    monkeypatch.setattr(verdicts, "_exponents", lambda _: (np.array(values), np.array(errors)))
-    return *verdicts._open(run, evidence, repelling), evidence
+    monkeypatch.setattr(classify, "rotation", lambda *_: turn)
+    monkeypatch.setattr(classify, "_exponents", lambda _: (np.array(values), np.array(errors)))
+    return *classify._open(run, evidence, repelling), evidence
 
 
 TORUS, CHAOS, OPEN = Kind.QUASI_PERIODIC, Kind.CHAOTIC, Kind.UNDECIDED

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from contbreather.lattice import Fourier, Harmonic, Ring
+from contbreather.lattice import Fourier, Harmonic, Lattice, Ring
 from contbreather.orbits import symmetric
 from contbreather.simulation import (
     Axis,
@@ -19,12 +19,10 @@ from contbreather.simulation import (
     RunStop,
     Sample,
     attraction,
-    flow,
     periodic,
     simulate,
     variation,
 )
-from contbreather.simulation.resting import _add_shifted
 from contbreather.stability import dense_half_map
 from tests.simulation.independent import dense
 
@@ -293,16 +291,15 @@ def test_impact_at_the_seam_of_two_steps_is_found_once():
 
 @pytest.mark.parametrize("k", [0.05, 0.4, 1.0])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_repaired_surroundings_of_an_impact_are_the_whole_ring_expanded_anew(seed, k, monkeypatch):
-    """Long rings expand anew only what an impact can reach; with many more powers that is all."""
+def test_corrected_surroundings_of_an_impact_are_the_whole_ring_expanded_anew(seed, k):
+    """Long rings expand anew only what an impact can reach; lattices by their matrix all sites."""
     rng = np.random.default_rng(seed)
     state = rng.uniform(-0.9, 0.9, 60), rng.normal(size=60)
     conditions = {"a": 1.2, "gamma": 0.2, "k": k, "damping": 0.05, "periods": 0.75}
     local = simulate(state, **conditions)
     assert len(local.impacts) > 60
     assert (len(local.rests) > 0) == (k == 0.05)
-    monkeypatch.setattr(flow, "LAST", 1e-60)
-    whole = simulate(state, **conditions)
+    whole = simulate(state, lattice=Lattice(dense(Ring(60))), **conditions)
     assert len(local.impacts) == len(whole.impacts)
     order = [np.lexsort((run.impacts["time"], run.impacts["site"])) for run in (local, whole)]
     times = [run.impacts["time"][i] for run, i in zip((local, whole), order, strict=True)]
@@ -468,19 +465,6 @@ def test_samples_are_the_run_at_their_own_times(sites: int, damping: float) -> N
         assert run.record.u[j] == pytest.approx(there.final.u, abs=1e-10)
         assert run.record.v[j] == pytest.approx(there.final.v, abs=1e-10)
         assert run.record.times[j] == pytest.approx(there.end, abs=1e-12)
-
-
-@pytest.mark.parametrize("shift", [0.0, 0.3, -0.8])
-def test_a_column_of_powers_is_added_about_a_later_time(shift: float) -> None:
-    rows, out = np.random.default_rng(1).normal(size=(7, 3)), np.ones((7, 2))
-    known = rows.copy()
-    _add_shifted(rows, 1, shift, 0.7, out, np.empty(7))
-    x = np.linspace(-1.0, 1.0, 9)
-    moved = np.polynomial.Polynomial(rows[:, 1])(x + shift)
-    found = np.polynomial.Polynomial(out[:, 0] - 1.0)(x)
-    np.testing.assert_allclose(found, 0.7 * moved, atol=1e-13)
-    assert (rows == known).all()
-    assert (out[:, 1] == 1.0).all()
 
 
 # --- a run is cut and taken up again --------------------------------------------------------------

@@ -158,7 +158,7 @@ def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
 
 
 def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
-    monkeypatch.setattr("contbreather.simulation.returning.STEPS", 2)
+    monkeypatch.setattr("contbreather.simulation.periodic.STEPS", 2)
     with pytest.raises(NotConverged, match="no periodic motion near this state: the residual is"):
         periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
 

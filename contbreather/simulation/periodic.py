@@ -27,11 +27,11 @@ from contbreather.continuation.switching import Lift
 from contbreather.errors import BadInput, ContbreatherError, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
-from contbreather.simulation.impacting import Run, advance, completed
+from contbreather.simulation.chunks import RunStop, Sample
+from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.simulation.states import HEAVIEST, PERIOD, On, State, check_state, reduced
-from contbreather.simulation.stretches import RunStop, Sample
-from contbreather.simulation.tangent import variation
+from contbreather.simulation.variation import variation
 
 Array = NDArray[Any]
 Params = Mapping[str, float]

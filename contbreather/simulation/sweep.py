@@ -19,11 +19,11 @@ from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.errors import BadInput
 from contbreather.progress import Bar
+from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
-from contbreather.simulation.impacting import Run, completed
+from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
 from contbreather.simulation.states import On, State, check_state, ranged
-from contbreather.simulation.stretches import RunStop
 from contbreather.tables import Column, Sheet
 
 Array = NDArray[Any]

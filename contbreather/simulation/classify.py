@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, numbers, whole
 from contbreather.errors import BadInput, NotConverged
+from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import forced, localised
-from contbreather.simulation.impacting import Run, completed
-from contbreather.simulation.returning import PeriodicMotion, closing
+from contbreather.simulation.lyapunov import exponents, weighted_mean
+from contbreather.simulation.periodic import PeriodicMotion, closing
+from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.simulation.states import On, State, check_state
-from contbreather.simulation.stretches import RunStop
-from contbreather.simulation.tangent import exponents, weighted_mean
 
 Array = NDArray[Any]
 Found = tuple["Kind", str]
