@@ -83,7 +83,7 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
 def varied(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
     """The motion with its variations: y is (u, u'), then columns of the same shape.
 
-    The last ``params`` columns, none or six, are derivatives in the first of the `SmoothParameters`.
+    The last ``params`` columns, none or six, are derivatives in the first of `SmoothParameters`.
     """
     size = on.drive.size
     wide = 2 * size

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
@@ -189,7 +189,8 @@ def sweep(
                 run: Any = let_go(start, ranged(conditions.at({name: value})), **how)
                 # a Ctrl-C inside the run ends the sweep, too: its value is not complete
                 start, stop = run.final, completed(run).stop
-                rows.append((value, *start, *_seen(run)))
+                if run.periods:  # else nothing was seen at this value
+                    rows.append((value, *start, *_seen(run)))
                 bar.advance(len(rows))
                 if stop is not RunStop.DONE:
                     break
@@ -197,6 +198,8 @@ def sweep(
             if not rows:
                 raise
             stop = RunStop.INTERRUPTED
+    if not rows:
+        raise NotConverged(f"at {name} = {steps[0]:g}: {run.reason}")
     table = zip(COLUMNS, zip(*rows, strict=True), strict=True)
     columns: dict[str, Any] = {label: np.array(column) for label, column in table}
     return Sweep(name=name, stop=stop, **columns)

@@ -220,7 +220,9 @@ def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
     monkeypatch.setattr("contbreather.simulation.integrator.MOST", 4)
     seen = sweep(([0.1], [0.0]), "a", [1.5, 6.0, 0.1], periods=2, gamma=0.0, k=1.0)
     assert seen.stop is RunStop.CHATTER
-    assert seen.value.tolist() == [1.5, 6.0]
+    assert seen.value.tolist() == [1.5]
+    with pytest.raises(NotConverged, match="at a = 6: site 0 has more than 4 impacts"):
+        sweep(([0.1], [0.0]), "a", [6.0, 1.5], periods=2, gamma=0.0, k=1.0)
 
 
 # --- basins ---------------------------------------------------------------------------------------

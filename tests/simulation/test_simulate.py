@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from contbreather.lattice import Fourier, Harmonic, Lattice, Ring
+from contbreather.lattice import Fourier, Harmonic, Ring
+from contbreather.lattice.finite import Lattice
 from contbreather.orbits import symmetric
 from contbreather.simulation import (
     Axis,

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from contbreather.continuation import trace
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
 from contbreather.simulation import Kind, lyapunov, periodic, simulate, variation, verdict
@@ -155,12 +155,6 @@ def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
     start = breather(16, a=0.7, gamma=0.04, k=0.8)
     branch = trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
     assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
-
-
-def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
-    monkeypatch.setattr("contbreather.simulation.periodic.STEPS", 2)
-    with pytest.raises(NotConverged, match="no periodic motion near this state: the residual is"):
-        periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
 
 
 def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():
