@@ -98,7 +98,7 @@ def _lost_in(summary: RunSummary) -> int | None:
     """After which period it was no breather any more, if ever."""
     import numpy as np
 
-    from contbreather.paper.fates import unlike_a_breather
+    from contbreather.paper.lifetimes import unlike_a_breather
 
     wall = 0
     for one in summary.chunks():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contbreather.simulation.basin import Axis, Basin, Fate, attraction
+from contbreather.simulation.basin import Axis, Basin, Outcome, attraction
 from contbreather.simulation.chunks import RunStop, Sample
 from contbreather.simulation.classify import Kind, Rotation, Verdict, judge, rotation, verdict
 from contbreather.simulation.energy import Localisation, localisation
@@ -26,7 +26,7 @@ __all__ = [
     "Axis",
     "Basin",
     "Explicit",
-    "Fate",
+    "Outcome",
     "Implicit",
     "Kind",
     "Localisation",

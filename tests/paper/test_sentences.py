@@ -12,7 +12,7 @@ import pytest
 import contbreather as cb
 from contbreather.errors import NotConverged
 from contbreather.paper import figure4, threshold, time_series
-from contbreather.paper.fates import delocalised
+from contbreather.paper.lifetimes import delocalised
 from contbreather.paper.time_series import Curve, Panel
 from contbreather.simulation import Sample, State, simulate_smooth
 

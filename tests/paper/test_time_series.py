@@ -10,12 +10,12 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.paper import time_series
-from contbreather.paper.fates import growth
+from contbreather.paper.lifetimes import growth
 
 
 @pytest.fixture(scope="module")
 def figures():
-    # the growth simulated beside a multiplier is the matter of test_fates; here a few periods do
+    # growth beside a multiplier is the matter of test_lifetimes; here a few periods do
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(time_series, "growth", partial(growth, periods=30))
         yield _once()

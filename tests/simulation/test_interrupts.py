@@ -12,11 +12,11 @@ import pytest
 from contbreather.cli import INTERRUPTED, main
 from contbreather.orbits import symmetric
 from contbreather.paper import figure6, figure7, figure8
-from contbreather.paper.fates import growth
+from contbreather.paper.lifetimes import growth
 from contbreather.signals import deferred
 from contbreather.simulation import (
     Axis,
-    Fate,
+    Outcome,
     RunStop,
     attraction,
     integrator,
@@ -145,15 +145,15 @@ def test_interrupted_sweep_has_the_values_done_and_says_so(ctrl_c):
     assert (found.stop, found.value.tolist()) == (RunStop.INTERRUPTED, [0.2, 0.19])
 
 
-def test_start_that_was_interrupted_has_no_fate(ctrl_c):
+def test_start_that_was_interrupted_has_no_outcome(ctrl_c):
     u, v = Axis("u", 0, [0.1]), Axis("v", 0, [0.0, 0.1, 0.2])
     ctrl_c(2)
     with ThreadPoolExecutor(1) as one:
         basin = attraction(STATE, u, v, periods=20, executor=one, **SET)
     assert not basin.complete
     assert "cut short" in repr(basin)
-    assert int(np.sum(basin.fate == Fate.PENDING)) >= 1
-    assert Fate.SPREAD not in basin.fate
+    assert int(np.sum(basin.outcome == Outcome.PENDING)) >= 1
+    assert Outcome.SPREAD not in basin.outcome
 
 
 BASIN = """
@@ -165,7 +165,7 @@ if __name__ == "__main__":
     state = symmetric(0.2, 0.08, 0.8).state(40)
     u, v = (Axis(name, 0, np.linspace(-0.9, 0.9, 2000)) for name in "uv")
     found = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
-    print(found.complete, (found.fate == -1).any())
+    print(found.complete, (found.outcome == -1).any())
 else:  # a worker, which says when it goes to work
     advance = basin.advance
     def begins(*given, **more):

@@ -13,8 +13,8 @@ from contbreather.errors import NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation import (
     Axis,
-    Fate,
     Kind,
+    Outcome,
     Record,
     RunStop,
     Sample,
@@ -244,9 +244,9 @@ def test_starts_of_a_basin_are_where_its_axes_say() -> None:
     assert inside == pytest.approx(far)
     assert np.isnan(found.distance[:, 2]).all()
     assert np.isnan(found.distance[2]).all()
-    assert (found.fate[:2, 0] == Fate.RETURNED).all()
-    assert (found.fate[:2, 1] == Fate.QUIET).all()
-    assert (found.fate[2] == Fate.OUTSIDE).all()
+    assert (found.outcome[:2, 0] == Outcome.RETURNED).all()
+    assert (found.outcome[:2, 1] == Outcome.QUIET).all()
+    assert (found.outcome[2] == Outcome.OUTSIDE).all()
     assert found.share == pytest.approx(2 / 6)
     assert repr(found) == (
         "<Basin of 4 x 3 starts over u_-1 and u_1: 2 back at the breather; 4 no impacts; "
@@ -273,8 +273,8 @@ def test_another_breather_at_the_site_is_another_motion() -> None:
         own.state, Axis("u", 0, [u]), Axis("v", 0, [v, -v - 0.3]),
         periods=300, executor=1, **shared,
     )  # fmt: skip
-    assert found.fate[0, 0] == Fate.RETURNED
-    assert set(found.fate[:, 0].tolist()) <= {Fate.RETURNED, Fate.OTHER}
+    assert found.outcome[0, 0] == Outcome.RETURNED
+    assert set(found.outcome[:, 0].tolist()) <= {Outcome.RETURNED, Outcome.OTHER}
 
 
 # --- runs -----------------------------------------------------------------------------------------

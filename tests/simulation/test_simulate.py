@@ -16,7 +16,7 @@ from contbreather.lattice.finite import Lattice
 from contbreather.orbits import symmetric
 from contbreather.simulation import (
     Axis,
-    Fate,
+    Outcome,
     RunStop,
     Sample,
     attraction,
@@ -490,8 +490,12 @@ def test_results_are_shown_in_a_line():
         ([0.1], [0.2]), Axis("u", 0, [0.0, 0.5]), Axis("v", 0, [0.1]),
         a=0.1, gamma=0.0, k=0.8, periods=20, executor=1,
     )  # fmt: skip
-    counted = {fate: int(np.sum(basin.fate == fate)) for fate in Fate if fate in basin.fate}
-    words = "; ".join(f"{count} {fate.words}" for fate, count in reversed(counted.items()))
+    counted = {
+        outcome: int(np.sum(basin.outcome == outcome))
+        for outcome in Outcome
+        if outcome in basin.outcome
+    }
+    words = "; ".join(f"{count} {outcome.words}" for outcome, count in reversed(counted.items()))
     assert repr(basin) == f"<Basin of 2 x 1 starts over u_0 and v_0: {words}>"
     own = periodic(symmetric(0.5, 0.0, 0.8).state(1), a=0.5, gamma=0.0, k=0.8)
     assert repr(own).startswith(

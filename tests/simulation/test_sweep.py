@@ -16,7 +16,7 @@ from contbreather.orbits import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.simulation import (
     Axis,
-    Fate,
+    Outcome,
     Sample,
     attraction,
     localisation,
@@ -196,9 +196,9 @@ def test_starts_near_an_attractor_return_and_others_do_not(basin):
     start, x, y, conditions = basin
     found = attraction(start.state, x, y, **conditions, executor=1)
     assert found.complete
-    assert np.all(found.fate[:, 0] == Fate.OUTSIDE)
-    assert np.all(found.fate[:2, 1:3] == Fate.RETURNED)
-    assert found.fate[2, 3] == Fate.QUIET
+    assert np.all(found.outcome[:, 0] == Outcome.OUTSIDE)
+    assert np.all(found.outcome[:2, 1:3] == Outcome.RETURNED)
+    assert found.outcome[2, 3] == Outcome.QUIET
     assert found.distance[0, 1] < 1e-9
     assert 0.0 < found.share < 1.0
 
@@ -209,7 +209,7 @@ def test_starts_whose_impacts_are_all_over_the_ring_have_spread():
     axes = Axis("v", 3, kicks), Axis("v", 6, kicks)
     found = attraction(start, *axes, periods=60, executor=1, **conditions)
     assert found.complete
-    assert np.all(found.fate == Fate.SPREAD)
+    assert np.all(found.outcome == Outcome.SPREAD)
 
 
 @pytest.mark.slow
@@ -218,7 +218,7 @@ def test_picture_does_not_depend_on_who_computes_it(basin):
     alone = attraction(start.state, x, y, **conditions, executor=1)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         shared = attraction(start.state, x, y, **conditions, executor=pool)
-    assert np.array_equal(alone.fate, shared.fate)
+    assert np.array_equal(alone.outcome, shared.outcome)
     assert np.array_equal(alone.distance, shared.distance, equal_nan=True)
 
 
@@ -244,8 +244,8 @@ def test_rows_done_before_the_workers_died_are_kept(basin):
     with Dying(1) as pool:
         found = attraction(start.state, x, y, **conditions, executor=pool)
     assert not found.complete
-    assert np.all(found.fate[0] != Fate.PENDING)
-    assert np.all(found.fate[1:] == Fate.PENDING)
+    assert np.all(found.outcome[0] != Outcome.PENDING)
+    assert np.all(found.outcome[1:] == Outcome.PENDING)
 
 
 def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
@@ -254,7 +254,7 @@ def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
         attraction(start.state, x, y, **conditions, executor=pool)
 
 
-def test_fates_are_small_numbers_without_gaps() -> None:
+def test_lifetimes_are_small_numbers_without_gaps() -> None:
     """They are kept in one byte each, and coloured by steps of one."""
-    assert sorted(int(fate) for fate in Fate) == list(range(-1, 5))
-    assert Fate.PENDING < Fate.OUTSIDE
+    assert sorted(int(outcome) for outcome in Outcome) == list(range(-1, 5))
+    assert Outcome.PENDING < Outcome.OUTSIDE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.orbits import symmetric
-from contbreather.paper.fates import smooth_breather
+from contbreather.paper.lifetimes import smooth_breather
 from contbreather.simulation import (
     Explicit,
     Kind,
