@@ -62,7 +62,7 @@ def summary_of(run: cb.simulation.Run | SmoothRun, site: int = 0) -> RunSummary:
 
 def summary_in(kept: cb.simulation.Recording, wanted: int, site: int = 0) -> RunSummary:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
-    run = _end_of(kept, 2 * JUDGED)
+    run = kept.last(2 * JUDGED)
     interrupted = kept.interrupted
     stop = run.reason or run.stop.value
     if interrupted:
@@ -110,35 +110,6 @@ def _lost_in(summary: RunSummary) -> int | None:
     return None
 
 
-def _end_of(kept: cb.simulation.Recording, count: int) -> cb.simulation.Run:
-    """The last periods of a stream as a run."""
-    import numpy as np
-
-    from contbreather.simulation import RunStop
-    from contbreather.simulation.chunks import IMPACT, REST
-    from contbreather.simulation.states import PERIOD
-
-    first = max(0, kept.periods - count)
-    u, v = [kept.start.u[None]], [kept.start.v[None]]
-    impacts, rests, stop, reason = [np.empty(0, IMPACT)], [np.empty(0, REST)], RunStop.DONE, ""
-    for one in kept.chunks():
-        stop, reason = one.stop or stop, one.reason or reason
-        if one.first + one.periods < first:
-            continue
-        u, v = [*u, one.u], [*v, one.v]
-        impacts, rests = [*impacts, one.impacts], [*rests, one.rests]
-    whole = kept.periods - first + 1
-    states = cb.simulation.State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
-    hits, held = (_since(np.concatenate(rows), first) for rows in (impacts, rests))
-    for table in (hits, held):
-        table["time"] += kept.t0
-    times = kept.t0 + PERIOD * (first + np.arange(len(states.u)))
-    return cb.simulation.Run(
-        impacts=hits, rests=held, times=times, strobe=states, final=kept.final, end=kept.end,
-        record=None, conditions=kept.conditions, stop=stop, reason=reason,
-    )  # fmt: skip
-
-
 def length_of(run: cb.simulation.Run | SmoothRun) -> float:
     """How many periods it went, the fraction at its end included."""
     from contbreather.simulation.states import PERIOD
@@ -163,30 +134,9 @@ def _judged(run: cb.simulation.Run | SmoothRun) -> tuple[str, str, dict[str, flo
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
         reason = f"no verdict: {words}, give at least {2 * ENOUGH}"
         return Kind.UNDECIDED.name, reason, {}
-    later = _later(run, run.periods - half)
     found: Any
     try:
-        found = judge(later)
+        found = judge(run.since(run.periods - half))
     except cb.errors.ContbreatherError as error:
         return Kind.UNDECIDED.name, f"no verdict: {error}", {}
     return found.kind.name, f"{found.kind.value}; {found.reason}", dict(found.evidence)
-
-
-def _later(run: Any, skip: int) -> Any:
-    """A run without its first periods."""
-    rest: dict[str, Any] = {
-        "times": run.times[skip:],
-        "strobe": cb.simulation.State(run.strobe.u[skip:], run.strobe.v[skip:]),
-        # the verdict is about whole periods
-        "final": cb.simulation.State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
-        "end": float(run.times[-1]),
-    }
-    tables = [name for name in ("impacts", "rests") if hasattr(run, name)]
-    return replace(run, **rest, **{name: _since(getattr(run, name), skip) for name in tables})
-
-
-def _since(table: Any, period: int) -> Any:
-    """The rows from a period on, counted from there."""
-    late = table[table["period"] >= period].copy()
-    late["period"] -= period
-    return late

@@ -264,10 +264,10 @@ def _outcome(task: _Task, j: int, i: int) -> tuple[int, float]:
 
 def _elsewhere(task: _Task, run: Any) -> int:
     """Quiet, spread, or another breather at the site, judged by the last tenth of the run."""
-    last = run.impacts[run.impacts["period"] >= run.periods - max(2, run.periods // 10)]
-    if not last.size:
+    late = run.since(run.periods - max(2, run.periods // 10))
+    if not late.impacts.size:
         return Outcome.QUIET
-    if set(last["site"].tolist()) == {task.site % run.sites}:
+    if set(late.impacts["site"].tolist()) == {task.site % run.sites}:
         return Outcome.OTHER
     u, v = run.strobe
     seen = localised(u[-5:], v[-5:], run.times[-5:], task.conditions)

@@ -240,18 +240,16 @@ def judge(run: Run | SmoothRun) -> Verdict:
 
 def _where(run: Ran) -> dict[str, float]:
     u, v = run.strobe
-    half = run.periods // 2
-    on, late = run.conditions, run.times[half:]
+    on, late = run.conditions, run.since(run.periods // 2)
     seen = localised(u, v, run.times, on)
-    off, quick = np.abs(u[half:] - forced(on, late, 0)), np.abs(v[half:] - forced(on, late, 1))
+    off, quick = (np.abs(x - forced(on, late.times, r)) for r, x in enumerate(late.strobe))
     evidence = {
         "participation": float(seen.participation.mean()),
         "spread": float(max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())),
         "aside": float(max(off.max(), quick.max())),
     }
     if isinstance(run, Run):
-        last = run.impacts[run.impacts["period"] >= half]
-        evidence["impacting"] = float(len(np.unique(last["site"])))
+        evidence["impacting"] = float(len(np.unique(late.impacts["site"])))
     return evidence
 
 

@@ -46,6 +46,7 @@ from contbreather.simulation.chunks import (
     in_chunks,
 )
 from contbreather.simulation.integrator import EventDriven
+from contbreather.simulation.simulate import Run, event_tables_of, joined
 from contbreather.simulation.states import (
     PERIOD,
     On,
@@ -142,6 +143,21 @@ class Recording:
         table = np.concatenate([np.empty(0, IMPACT), *(s.impacts for s in self.chunks())])
         table["time"] += self.t0
         return table
+
+    def last(self, periods: int) -> Run:
+        """Its last periods as a run."""
+        first, start, chunks = max(0, self.periods - periods), self.start, list[Chunk]()
+        for chunk in self.chunks():
+            if chunk.first + chunk.periods < first:
+                start = State(chunk.u[-1], chunk.v[-1])
+            else:
+                chunks.append(chunk)
+        before = chunks[0].first if chunks else self.periods
+        left = joined(chunks, start, self.t0 + PERIOD * before, None)
+        tables = event_tables_of(chunks, self.t0)
+        for table in tables.values():
+            table["period"] -= before
+        return Run(conditions=self.conditions, **left, **tables).since(first - before)
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""

@@ -7,7 +7,7 @@ are part of the motion (`cruise`). The only error left is rounding.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, Unpack
 
 import numpy as np
@@ -119,6 +119,17 @@ class States(Columns, Shown):
     def periods(self) -> int:
         """Whole periods completed."""
         return len(self.times) - 1
+
+    def since(self, period: int) -> Any:
+        """Its whole periods from one on, as a run that begins with that one."""
+        states = State(self.strobe.u[period:], self.strobe.v[period:])
+        left: dict[str, Any] = {"times": self.times[period:], "strobe": states}
+        left |= {"final": State(*(x[-1].copy() for x in states)), "end": float(self.times[-1])}
+        for name in {"impacts", "rests"} & {*vars(self)}:
+            table = getattr(self, name)
+            left[name] = table[table["period"] >= period].copy()
+            left[name]["period"] -= period
+        return replace(self, **left, record=None)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -261,11 +272,16 @@ def advance(
     check_sample(sample, state.u.size)
     integrator = EventDriven(within(state, conditions.walls), conditions, reduced(t0), sample)
     left, chunks = gathered(integrator, periods=periods, t0=t0, progress=progress)
+    return Run(**left, **event_tables_of(chunks, t0))
+
+
+def event_tables_of(chunks: list[Chunk], t0: float) -> dict[str, Any]:
+    """Impacts and rests of a run that began at t0."""
     impacts = np.concatenate([np.empty(0, IMPACT), *(chunk.impacts for chunk in chunks)])
     rests = np.concatenate([np.empty(0, REST), *(chunk.rests for chunk in chunks)])
     for table in (impacts, rests):
         table["time"] += t0
-    return Run(impacts=impacts, rests=rests, **left)
+    return {"impacts": impacts, "rests": rests}
 
 
 def length_of(periods: float, sites: int) -> float:
@@ -290,34 +306,37 @@ def gathered(
     start = State(integrator.state.u.copy(), integrator.state.v.copy())
     chunks: list[Chunk] = []
     fraction: list[Chunk] = []
-    stop, reason = RunStop.DONE, ""
+    interrupted = False
     try:
         for chunk in in_chunks(integrator, periods=count, progress=progress):
             chunks.append(chunk)
         if rest > 0.0 and not (chunks and chunks[-1].stop):
             fraction.append(integrator.advance(1, count, span=PERIOD * rest))
     except KeyboardInterrupt:
-        stop = RunStop.INTERRUPTED
-    for chunk in (*chunks, *fraction):
-        stop, reason = chunk.stop or stop, chunk.reason or reason
+        interrupted = True
+    left = joined(chunks, start, float(t0), integrator.sample)
+    for chunk in fraction:
+        left |= {"stop": chunk.stop or left["stop"], "reason": chunk.reason}
+        if chunk.periods:  # else it chatters before its end
+            left |= {"final": State(chunk.u[-1], chunk.v[-1]), "end": left["end"] + PERIOD * rest}
+    if interrupted:
+        left["stop"] = RunStop.INTERRUPTED
+    return {**left, "conditions": integrator.conditions}, [*chunks, *fraction]
+
+
+def joined(chunks: list[Chunk], start: State, t0: float, sample: Sample | None) -> dict[str, Any]:
+    """What `States` has of successive chunks, from the state at t0 on."""
     u = np.concatenate([start.u[None], *(chunk.u for chunk in chunks)])
     v = np.concatenate([start.v[None], *(chunk.v for chunk in chunks)])
-    times = float(t0) + PERIOD * np.arange(len(u))
-    end, final = float(t0) + PERIOD * (len(u) - 1), State(u[-1].copy(), v[-1].copy())
-    for chunk in fraction:
-        if chunk.periods:  # else it chatters before its end
-            final, end = State(chunk.u[-1], chunk.v[-1]), end + PERIOD * rest
-    left = {
-        "times": times,
+    return {
+        "times": t0 + PERIOD * np.arange(len(u)),
         "strobe": State(u, v),
-        "final": final,
-        "end": end,
-        "record": _record(chunks, integrator.sample, start.u.size, float(t0)),
-        "conditions": integrator.conditions,
-        "stop": stop,
-        "reason": reason,
+        "final": State(u[-1].copy(), v[-1].copy()),
+        "end": t0 + PERIOD * (len(u) - 1),
+        "record": _record(chunks, sample, start.u.size, t0),
+        "stop": (chunks[-1].stop if chunks else None) or RunStop.DONE,
+        "reason": chunks[-1].reason if chunks else "",
     }
-    return left, [*chunks, *fraction]
 
 
 def _record(chunks: list[Chunk], sample: Sample | None, sites: int, t0: float) -> Record | None:

@@ -207,24 +207,22 @@ def sweep(
 
 def _seen(run: Any) -> tuple[Any, ...]:
     """What a row says of the run at its value."""
-    u, v = run.strobe
-    found = localised(u, v, run.times, run.conditions)
-    half = 1 + run.periods // 2
-    centre = int(np.bincount(found.centre[half:]).argmax())
-    speed = float(np.sqrt(2.0 * found.energy[half:, centre].max()))
-    change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
-    own = _impacts(run, centre) if isinstance(run, Run) else 4 * (math.nan,)
-    return float(found.participation[half:].mean()), centre, speed, *own, float(change.max())
+    late = run.since(run.periods // 2)
+    u, v = (x[1:] for x in late.strobe)  # the first is the end of the period before
+    found = localised(u, v, late.times[1:], run.conditions)
+    centre = int(np.bincount(found.centre).argmax())
+    speed = float(np.sqrt(2.0 * found.energy[:, centre].max()))
+    change = np.abs(np.diff([x[-2:] for x in run.strobe], axis=1))
+    hits = _impacts(late, centre) if isinstance(run, Run) else 4 * (math.nan,)
+    return float(found.participation.mean()), centre, speed, *hits, float(change.max())
 
 
-def _impacts(run: Any, centre: int) -> tuple[float, ...]:
+def _impacts(run: Run, centre: int) -> tuple[float, ...]:
     """p, tilt, impacts of the centre in a period, impacts of all others."""
-    half = run.periods // 2
-    late = run.impacts[run.impacts["period"] >= half]
-    own = late[late["site"] == centre]
+    own = run.at_site(centre)
     p = 0.5 * float(np.abs(own["before"] - own["after"]).mean()) if own.size else 0.0
     upper, lower = (np.exp(1j * own["phase"][own["wall"] == wall]) for wall in (1, -1))
     both = upper.size and lower.size
     tilt = float(np.angle(-lower.mean() / upper.mean())) if both else 0.0
-    count = run.periods - half
-    return p, tilt, len(own) / count, (len(late) - len(own)) / count
+    count = run.periods
+    return p, tilt, len(own) / count, (len(run.impacts) - len(own)) / count
