@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contbreather.checks import whole
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
+from contbreather.simulation.rotation import weighted_mean
 from contbreather.simulation.smooth import SmoothConditions, rigid_or_smooth
 from contbreather.simulation.states import PERIOD, On, State, check_state, reduced
 from contbreather.simulation.variation import along
@@ -119,20 +120,3 @@ def exponents(
     error[differs] = np.abs(early[differs] - late[differs])
     order = np.argsort(-mean)
     return Lyapunov(mean[order], error[order], periods)
-
-
-def weighted_mean(values: Array) -> Array:
-    """Birkhoff average along the first axis with the weight ``exp(-1/(x (1 - x)))``.
-
-    On a smooth torus it converges faster than any power of the length (Das and Yorke), elsewhere
-    about as the plain mean.
-
-    Examples
-    --------
-    >>> turns = np.cos(0.7 * np.arange(2000.0))
-    >>> abs(float(turns.mean())) > 1e-5, abs(float(weighted_mean(turns))) < 1e-14
-    (True, True)
-    """
-    x = np.arange(1.0, len(values) + 1.0) / (len(values) + 1.0)
-    weight = np.exp(-1.0 / (x * (1.0 - x)))
-    return np.asarray(np.tensordot(weight / weight.sum(), values, axes=1))

@@ -11,7 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, main
-from contbreather.paper import lifetimes, time_series
+from contbreather.paper import lifetimes
 from contbreather.simulation import Sample, periodic, simulate, simulate_smooth, sweep
 from contbreather.simulation.chunks import IMPACT
 from tests.simulation import zoo
@@ -108,16 +108,6 @@ def test_breather_of_panel_c_ends_in_a_fold_between_walls_that_keep_it_and_walls
     assert fold == pytest.approx(16.4605, abs=1e-3)
     assert lifetimes.smooth_breather(breather(0.7), 18, 0.005, 20) is not None
     assert lifetimes.smooth_breather(breather(0.7), 15, 0.005, 20) is None
-
-
-def test_dashed_line_of_figure_7_is_the_exact_orbit_with_the_impacts_of_the_simulated_one():
-    near = cb.symmetric(0.82, 0.04, 0.8)
-    arm = time_series._asymmetric((0.455388, 3.011050), 0.037477, near)
-    assert arm.residual < 1e-12
-    assert abs(arm.asymmetry) == pytest.approx(2 * 0.29836, abs=1e-5)
-    assert arm.c == pytest.approx(0.0373542, abs=1e-7)
-    phases = np.sort(arm.times % (2 * math.pi))
-    assert phases == pytest.approx([0.455388, 3.011050], abs=0.02)
 
 
 @pytest.mark.slow

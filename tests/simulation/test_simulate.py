@@ -15,16 +15,11 @@ from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.lattice.finite import Lattice
 from contbreather.orbits import symmetric
 from contbreather.simulation import (
-    Axis,
-    Outcome,
     RunStop,
     Sample,
-    attraction,
-    periodic,
     simulate,
     variation,
 )
-from contbreather.stability import dense_half_map
 from tests.simulation.independent import dense
 
 PI = math.pi
@@ -130,32 +125,6 @@ def test_dense_samples_are_the_closed_form():
 
 
 # --- the half map ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("sites", "a", "gamma", "k"), [(6, 0.5, 0.08, 0.8), (20, 0.2, 0.11, 0.8), (3, 0.7, 0.06, 0.4)]
-)
-def test_differences_of_the_simulated_half_map_are_the_half_map(sites, a, gamma, k):
-    """Started a moment before the impact, the half map is Q(pi - d) S Q(d), similar to QS."""
-    own = symmetric(a, gamma, k, lattice=Ring(sites))
-    early, h = 0.3, 2e-4
-    u, v = own.state(sites, own.phi - early)
-    flow = generator(sites, gamma, 0.0)
-    forward = expm(early * flow)
-    half = np.linalg.solve(forward, dense_half_map(sites, gamma, k, own.b)) @ forward
-
-    def image(x):
-        settings = {"a": a, "gamma": gamma, "k": k, "periods": 0.5, "t0": own.phi - early}
-        return np.concatenate(simulate((x[:sites], x[sites:]), **settings).final)
-
-    start, columns = np.concatenate([u, v]), []
-    for i in range(2 * sites):
-        step = np.zeros(2 * sites)
-        step[i] = h
-        near = (image(start + step) - image(start - step)) / (2 * h)
-        far = (image(start + 2 * step) - image(start - 2 * step)) / (4 * h)
-        columns.append((4 * near - far) / 3)
-    assert np.abs(np.array(columns).T - half).max() < 1e-8
 
 
 # --- any motion at all ----------------------------------------------------------------------------
@@ -318,15 +287,6 @@ def test_neighbour_touches_its_wall_from_the_upper_limit_on(beyond):
     assert hit == ({0, 1, 39} if beyond > 0 else {0})
 
 
-def test_a_sample_is_of_the_site_that_impacts_unless_others_are_named():
-    state = symmetric(0.5, 0.08, 0.8).state(12)
-    record = simulate(
-        state, a=0.5, gamma=0.08, k=0.8, periods=1, sample=Sample(per_period=4)
-    ).record
-    assert record.sites == (0,)
-    assert record.u[0].tolist() == [state[0][0]]
-
-
 # --- rest on a wall -------------------------------------------------------------------------------
 
 
@@ -483,23 +443,3 @@ def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit(k, a):
     assert np.array_equal(whole.final.v, second.final.v)
     both = np.concatenate([first.impacts["before"], second.impacts["before"]])
     assert np.array_equal(whole.impacts["before"], both)
-
-
-def test_results_are_shown_in_a_line():
-    basin = attraction(
-        ([0.1], [0.2]), Axis("u", 0, [0.0, 0.5]), Axis("v", 0, [0.1]),
-        a=0.1, gamma=0.0, k=0.8, periods=20, executor=1,
-    )  # fmt: skip
-    counted = {
-        outcome: int(np.sum(basin.outcome == outcome))
-        for outcome in Outcome
-        if outcome in basin.outcome
-    }
-    words = "; ".join(f"{count} {outcome.words}" for outcome, count in reversed(counted.items()))
-    assert repr(basin) == f"<Basin of 2 x 1 starts over u_0 and v_0: {words}>"
-    own = periodic(symmetric(0.5, 0.0, 0.8).state(1), a=0.5, gamma=0.0, k=0.8)
-    assert repr(own).startswith(
-        "<PeriodicMotion on the ring of 1 at a = 0.5, k = 0.8: closes after"
-    )
-    assert f"largest multiplier {own.largest:.6g}" in repr(own)
-    assert "\n" not in repr(own)

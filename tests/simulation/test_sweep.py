@@ -144,14 +144,6 @@ def test_the_swept_parameter_may_be_left_out(orbit):
 # --- localisation ---------------------------------------------------------------------------------
 
 
-def test_energies_add_up_to_the_energy_of_the_unforced_motion():
-    rng = np.random.default_rng(0)
-    u, v = rng.normal(size=(2, 7))
-    seen = localisation(u, v, a=0.0, gamma=0.2)
-    bonds = u - np.roll(u, 1)
-    assert seen.energy.sum() == pytest.approx(0.5 * np.sum(v**2) + 0.1 * np.sum(bonds**2))
-
-
 def test_participation_counts_the_sites_that_take_part():
     for count in (1, 3, 8):
         v = np.zeros(8)
