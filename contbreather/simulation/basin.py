@@ -22,7 +22,14 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
 from contbreather.simulation.simulate import advance, completed
-from contbreather.simulation.states import On, State, check_state, conditions_of, wall_rows, within
+from contbreather.simulation.states import (
+    ModelParameters,
+    State,
+    check_state,
+    conditions_of,
+    wall_rows,
+    within,
+)
 from contbreather.tables import Sheet
 from contbreather.workers import NO_WORKERS, Failed, each
 
@@ -166,7 +173,7 @@ def attraction(
     tolerance: float = 1e-3,
     executor: Executor | int | None = None,
     progress: bool | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Basin:
     """From which starts over a plane does a lattice come to a given periodic motion?
 

@@ -20,7 +20,7 @@ from contbreather.simulation.periodic import PeriodicMotion, closing
 from contbreather.simulation.rotation import Rotation, rotation
 from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
-from contbreather.simulation.states import On, State, check_state
+from contbreather.simulation.states import ModelParameters, State, check_state
 
 Array = NDArray[Any]
 Found = tuple["Kind", str]
@@ -86,7 +86,7 @@ def verdict(
     periods: int = 4096,
     m: float | None = None,
     t0: float = 0.0,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Verdict:
     """Let a lattice settle, watch it, and say what its motion is.
 

@@ -23,7 +23,7 @@ from contbreather.checks import numbers
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.modal_flow import driven
-from contbreather.simulation.states import Moved, Under, conditions_of
+from contbreather.simulation.states import LatticeParameters, Moved, conditions_of
 
 Array = NDArray[Any]
 
@@ -96,7 +96,7 @@ def _by_shell(lattice: Finite, energy: Array, centre: int, count: int) -> Array:
 
 
 def localisation(
-    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[Under]
+    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[LatticeParameters]
 ) -> Localisation:
     """Energies and participation ratio of one state, or of many at once.
 

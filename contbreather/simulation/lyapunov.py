@@ -14,7 +14,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.rotation import weighted_mean
 from contbreather.simulation.smooth import SmoothConditions, rigid_or_smooth
-from contbreather.simulation.states import PERIOD, On, State, check_state, reduced
+from contbreather.simulation.states import PERIOD, ModelParameters, State, check_state, reduced
 from contbreather.simulation.variation import along
 
 Array = NDArray[Any]
@@ -49,7 +49,7 @@ def lyapunov(
     t0: float = 0.0,
     seed: int = 0,
     m: float | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Lyapunov:
     """The largest Lyapunov exponents of a lattice, saltations included.
 

@@ -30,7 +30,14 @@ from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.chunks import RunStop, Sample
 from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
-from contbreather.simulation.states import HEAVIEST, PERIOD, On, State, check_state, reduced
+from contbreather.simulation.states import (
+    HEAVIEST,
+    PERIOD,
+    ModelParameters,
+    State,
+    check_state,
+    reduced,
+)
 from contbreather.simulation.variation import variation
 
 Array = NDArray[Any]
@@ -203,7 +210,7 @@ def periodic(
     symmetric: bool = False,
     m: float | None = None,
     t0: float = 0.0,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> PeriodicMotion:
     """The periodic motion of a lattice nearest to a state.
 

@@ -49,7 +49,7 @@ from contbreather.simulation.integrator import EventDriven
 from contbreather.simulation.simulate import Run, event_tables_of, joined
 from contbreather.simulation.states import (
     PERIOD,
-    On,
+    ModelParameters,
     State,
     check_state,
     conditions_of,
@@ -174,7 +174,7 @@ def record(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Recording:
     """`simulate` into a folder: for runs longer than memory or patience.
 

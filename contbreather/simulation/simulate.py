@@ -33,7 +33,7 @@ from contbreather.simulation.chunks import (
 from contbreather.simulation.integrator import EventDriven
 from contbreather.simulation.states import (
     PERIOD,
-    On,
+    ModelParameters,
     State,
     check_state,
     conditions_of,
@@ -202,7 +202,7 @@ def simulate(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Run:
     """Let a lattice of impacting sites go from any state.
 

@@ -36,8 +36,8 @@ from contbreather.simulation.simulate import States, advance, gathered
 from contbreather.simulation.smooth_flow import MOTION, VARIED, SmoothParameters, ceiling
 from contbreather.simulation.states import (
     PERIOD,
+    LatticeParameters,
     State,
-    Under,
     check_state,
     conditions_of,
     lattice_for,
@@ -169,7 +169,7 @@ def _network(lattice: Finite) -> tuple[Array, Array]:
     return np.ascontiguousarray(entries.T), drive_of(lattice)
 
 
-class OnSmooth(Under, total=False):
+class SmoothModelParameters(LatticeParameters, total=False):
     """The keywords of `simulate_smooth` that say what a lattice moves under."""
 
     k: float | None
@@ -316,7 +316,7 @@ def simulate_smooth(
     sample: Sample | None = None,
     solver: Solver | None = None,
     progress: bool | Bar | None = None,
-    **on: Unpack[OnSmooth],
+    **on: Unpack[SmoothModelParameters],
 ) -> SmoothRun:
     """Let a lattice with smooth walls (21) go from any state.
 

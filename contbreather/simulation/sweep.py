@@ -23,7 +23,7 @@ from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
 from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
-from contbreather.simulation.states import On, State, check_state, ranged
+from contbreather.simulation.states import ModelParameters, State, check_state, ranged
 from contbreather.tables import Column, Sheet
 
 Array = NDArray[Any]
@@ -136,7 +136,7 @@ def sweep(
     solver: Solver | None = None,
     t0: float = 0.0,
     progress: bool | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Sweep:
     """Vary a parameter slowly and keep the state.
 
