@@ -163,6 +163,7 @@ def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
     if impacting == 0.0:
         reason = f"no impacts; every site within {evidence['aside']:.2g} of the forced motion"
         return Kind.SYNCHRONISED, reason
+    # far above rounding; a breather differs by order 1 from the sites far from it
     if sites > 1 and evidence["spread"] < 1e-6:
         reason = f"all {sites} sites are within {evidence['spread']:.1g} of each other"
         return Kind.SYNCHRONISED, reason
@@ -208,9 +209,11 @@ def _returns(run: Ran) -> tuple[int, Array]:
     """After how many periods a run comes back best, and how close after each number of them."""
     x = np.concatenate(run.strobe, axis=1)
     longest = min(LONGEST, len(x) // 3)
+    # the last eight states, each against that so many periods before: chance returns one, not eight
     gaps = np.array(
         [np.abs(x[-1 - n :: -1][:8] - x[:n:-1][:8]).max() for n in range(1, longest + 1)]
     )
+    # the shortest of those that are as good as the best: its multiples return as well
     return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
 
 
@@ -247,6 +250,7 @@ def _leaving(run: Ran, found: PeriodicMotion) -> bool:
     n = found.periods
     states = np.concatenate(run.strobe, axis=1)[-1::-n]
     away = np.abs(states - np.concatenate(found.state)).max(axis=1)
+    # from rounding eps on, a distance grows to order 1 within log(1/eps)/log(largest) periods
     beside = bool(away.max() < 10.0 * NEARBY)
     return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
 
@@ -296,6 +300,7 @@ def chaos_or_torus(
     positive exponent is no chaos, but that motion's own.
     """
     exponent, error = float(values[0]), float(errors[0])
+    # zero where it cannot be told from it, known where halves of the run agree on it
     small = np.abs(values) < np.maximum(5.0 * errors, neutral)
     frequencies = int(np.sum(small & (errors < neutral)))
     evidence = {

@@ -86,6 +86,7 @@ def first_contact(
                 return s
         if s >= limit:
             return NEVER
+        # a gap of rounding, of either sign, is taken for one that can be walked off
         s = min(limit, s + safe_advance(max(gap, close), slope, bend, jerk, limit - s))
         if s >= limit and level - last > 2.0 * close:
             return NEVER

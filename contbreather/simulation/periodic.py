@@ -1,4 +1,4 @@
-"""Motions that the flow brings back, on rigid and smooth walls alike: fixed points of a map.
+"""Periodic orbits of the flow, on rigid and smooth walls alike: fixed points of a Poincare map.
 
 The map is the flow over 2 pi, or over half of it with the sign changed where walls of both sides
 mirror each other: then a symmetric motion is a fixed point, any other of period 2 pi a cycle of
@@ -151,6 +151,7 @@ class PeriodicMotion:
     @property
     def half(self) -> Array | None:
         """Of symmetric motions the multipliers of the half map: +1 at PF, -1 at a fold."""
+        # the sign of u(t + pi) = -u(t) is in the matrix, and not in the half flow
         return -_by_size(self.matrix) if self.symmetric else None
 
     @property
@@ -290,6 +291,7 @@ def closing(
         ) from error
     x, defect = problem.x, problem.residual
     assert problem.jacobian is not None
+    # of G(x) - x the derivative is that of the map less 1
     matrix = np.asarray(problem.jacobian(x, on.params)) + np.eye(x.size)
     residual = float(np.abs(defect(x, on.params)).max())
     return PeriodicMotion(State(*np.split(x, 2)), float(t0), count, symmetric, on, matrix, residual)
@@ -391,7 +393,7 @@ def _motion(point: Point) -> PeriodicMotion:
 
 def _sensitivity(back: PoincareMap, period: int, x: Array, params: Params, name: str) -> Array:
     total = np.zeros(x.size)
-    for _ in range(period):
+    for _ in range(period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
         total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
         x = back.image(x, params)
     return total

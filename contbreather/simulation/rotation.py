@@ -106,6 +106,7 @@ def _planes(x: Array, y: Array) -> list[Array]:
     """Ways to look at a section, each about its middle."""
     both = np.concatenate([x, y], axis=1)
     both = both - weighted_mean(both)
+    # directions in which the section extends most; more states tell them no better
     axes = np.linalg.svd(both[: min(len(both), 4000)], full_matrices=False)[2]
     widest = np.argsort(-x.std(axis=0))[:4]
     planes = [both[:, [n, x.shape[1] + n]] for n in widest]

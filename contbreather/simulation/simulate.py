@@ -122,6 +122,7 @@ class States(Columns, Shown):
 
     def since(self, period: int) -> Any:
         """Its whole periods from one on, as a run that begins with that one."""
+        # without the fraction of a period at its end: sections are of whole ones
         states = State(self.strobe.u[period:], self.strobe.v[period:])
         left: dict[str, Any] = {"times": self.times[period:], "strobe": states}
         left |= {"final": State(*(x[-1].copy() for x in states)), "end": float(self.times[-1])}

@@ -220,9 +220,11 @@ def _seen(run: Any) -> tuple[Any, ...]:
 def _impacts(run: Run, centre: int) -> tuple[float, ...]:
     """p, tilt, impacts of the centre in a period, impacts of all others."""
     own = run.at_site(centre)
+    # an impact changes the velocity by 2 p
     p = 0.5 * float(np.abs(own["before"] - own["after"]).mean()) if own.size else 0.0
     upper, lower = (np.exp(1j * own["phase"][own["wall"] == wall]) for wall in (1, -1))
     both = upper.size and lower.size
+    # phases are averaged as directions, for 0 and 2 pi are one; pi is half a period
     tilt = float(np.angle(-lower.mean() / upper.mean())) if both else 0.0
     count = run.periods
     return p, tilt, len(own) / count, (len(run.impacts) - len(own)) / count

@@ -17,7 +17,7 @@ def fly(
     """All perturbations over a time without events."""
     anyone, left = any_at_rest(at_rest), span
     while left > 0.0:
-        h = min(on.step, left)
+        h = min(on.step, left)  # nothing is driven: the harmonics of the forcing do not count
         for i in range(du.shape[0]):
             if anyone or not on.ring:
                 expand_any(du[i], dv[i], h, on.mu, on.bonds, at_rest, nowhere, zeros, rows)

@@ -65,7 +65,7 @@ def driven_terms(drive: Harmonics, t: float, h: float, column: Vector) -> None:
         turned = drive.s[i] * cosine - drive.c[i] * sine
         for j in range(column.size):
             column[j] += own
-            # the next derivative over (j + 1)!, times h^(j + 1)
+            # the next derivative over (j + 1)!, times h^(j + 1): each turns the wave by pi/2
             own, turned = turned * (m * h / (j + 1)), -own * (m * h / (j + 1))
 
 
@@ -92,6 +92,7 @@ def expand(v: Vector, w: Vector, h: float, gamma: float, mu: float, rows: Matrix
     for j in range(2, top + 1):
         pull, drag = -gamma * h * h / (j * (j - 1)), -mu * h / j
         before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        # both ends written out: no remainder of an index in the loop between them
         new[0] = pull * (2.0 * before[0] - (before[last] + before[right])) + drag * now[0]
         left = before[last - 1] + before[0]
         new[last] = pull * (2.0 * before[last] - left) + drag * now[last]
@@ -149,11 +150,13 @@ def expand_any(
     """
     own, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
     for n in range(v.size):
+        # u stays at its wall, so that v = u - a g has the powers of -a g
         rows[0, n] = place[n] - column[0] if at_rest[n] != 0 else v[n]
         rows[1, n] = -column[1] if at_rest[n] != 0 else h * w[n]
     for j in range(2, rows.shape[0]):
         pull, drag = -h * h / (j * (j - 1)), -mu * h / j
         before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        # F = a (g'' + mu g') and a g, as much as one power of each adds to v
         push, still = column[j] - drag * column[j - 1], pull * column[j - 2]
         for n in range(v.size):
             if at_rest[n] != 0:
@@ -183,6 +186,7 @@ def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:
 def site_at(rows: Matrix, n: int, h: float, x: float) -> tuple[float, float, float]:
     """Displacement, velocity and acceleration of one site at s = x h."""
     v = w = b = 0.0
+    # Horner's scheme for a polynomial and its two derivatives, each fed by the one before
     for j in range(rows.shape[0] - 1, -1, -1):
         b = b * x + 2.0 * w
         w = w * x + v

@@ -76,7 +76,7 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     impacts, rests = run.impacts.copy(), run.rests.copy()
     for table in (impacts, rests):
         table["time"] -= run.times[0]
-    rest = run.end - run.times[-1]
+    rest = run.end - run.times[-1]  # a fraction of a period, or rounding of times
     spans = [PERIOD] * run.periods + ([rest] if rest > 1e-12 else [])
     events = saltations(impacts, rests, run.conditions, t0, range(len(spans)))
     at_rest = sites_at_rest(start, run.conditions, t0)
@@ -90,6 +90,7 @@ def carried(
 ) -> Array:
     """Perturbations, in columns, after a time; ``at_rest`` is kept up to date."""
     on, sites = parameters_of(conditions), at_rest.size
+    # a perturbation a row, its sites side by side
     du, dv = np.ascontiguousarray(columns.T.reshape(-1, 2, sites).transpose(1, 0, 2))
     room = np.zeros(on.size), np.zeros(sites), np.empty((on.size, sites))
     with deferred():
@@ -133,6 +134,7 @@ def saltations(
     ``time`` of the tables counts from the start of the run; a NaN of b marks where a rest begins,
     an infinite one where it ends.
     """
+    # (19): the impact shifts by -du/u', and in a time dt velocities part by (u''+ + k u''-) dt
     b = (1.0 + conditions.k) * (impacts["acceleration"] / impacts["before"] + conditions.damping)
     rests = _at_impacts(rests, impacts)
     codes = np.where(rests["begins"], np.nan, np.inf)
@@ -159,6 +161,7 @@ def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[n
         own = impacts[impacts["site"] == site]
         rows = np.flatnonzero(rests["begins"] & (rests["site"] == site))
         last = np.searchsorted(own["time"], rests["time"][rows], side="right") - 1
+        # a site that rests from the start of the run has no impact before
         for name in ("time", "period", "phase"):
             moved[name][rows[last >= 0]] = own[name][last[last >= 0]]
     return moved
