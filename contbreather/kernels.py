@@ -53,7 +53,7 @@ TEXTS = (  # the modules with kernels, each to be imported with nothing but nump
     "contbreather.orbits.closed_loops",
     "contbreather.orbits.pair_loops",
     "contbreather.orbits.margins",
-    "contbreather.simulation.cruise",
+    "contbreather.simulation.event_loop",
     "contbreather.simulation.tangent_flow",
     "contbreather.simulation.smooth_flow",
 )

@@ -7,10 +7,10 @@ from contbreather.continuation import Run, load, save
 from contbreather.storage.serialise import later
 
 
-def _dynamics() -> None:
+def _simulation() -> None:
     import contbreather.simulation.stored_runs  # noqa: F401 - enters runs and motions
 
 
-later(_dynamics)
+later(_simulation)
 
 __all__ = ["Run", "load", "save"]

@@ -222,11 +222,11 @@ class Finder:
 
 sys.meta_path.insert(0, Finder())
 if "in numba" in wanted:
-    import contbreather.simulation.impacting as impacting
-    walk = impacting.walk
+    from contbreather.simulation.integrator import EventDriven
+    advance = EventDriven.advance
     own = dict(globals(), __name__="numba.core.dispatcher")
-    exec("def interrupted(*given, **more): interrupt(); return walk(*given, **more)", own)
-    impacting.walk = own["interrupted"]
+    exec("def interrupted(*given, **more): interrupt(); return advance(*given, **more)", own)
+    EventDriven.advance = own["interrupted"]
 from contbreather.__main__ import main
 sys.exit(main())
 """

@@ -14,6 +14,8 @@ import pytest
 import contbreather as cb
 from contbreather import progress
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from contbreather.simulation import classify
+from contbreather.simulation.integrator import EventDriven
 
 from .typed import table
 
@@ -181,29 +183,26 @@ def test_stream_of_another_run_is_refused(run):
     assert "folder holds another run: a is 0.2 there and 0.1 here" in err
 
 
-def interrupt(monkeypatch, module, periods):
+def interrupt(monkeypatch, periods):
     """Have Ctrl-C come after so many periods of a run."""
-    walk = module.walk
+    advance = EventDriven.advance
 
-    def stopped(*args, **kwargs):
-        for one in walk(*args, **kwargs):
-            yield one
-            if one.first + one.periods >= periods:
-                raise KeyboardInterrupt
+    def stopped(self, count, first, **more):
+        if first >= periods:
+            raise KeyboardInterrupt
+        return advance(self, count, first, **more)
 
-    monkeypatch.setattr(module, "walk", stopped)
+    monkeypatch.setattr(EventDriven, "advance", stopped)
 
 
 def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(run, monkeypatch):
-    from contbreather.simulation import recording
-
-    walk = recording.walk
-    interrupt(monkeypatch, recording, 10)
+    advance = EventDriven.advance
+    interrupt(monkeypatch, 10)
     status, out, _ = run(f"{STABLE} --stream folder --periods 150 --final f.json")
     assert status == INTERRUPTED
     assert re.search(r"Interrupted after \d+ of 150 periods; the same command goes on", out)
     assert Path("f.json").exists()
-    monkeypatch.setattr(recording, "walk", walk)
+    monkeypatch.setattr(EventDriven, "advance", advance)
     status, out, _ = run(f"{STABLE} --stream folder --periods 150 --json")
     whole = json.loads(run(f"{STABLE} --periods 150 --json")[1])
     assert status == DONE
@@ -211,9 +210,7 @@ def test_interrupted_stream_keeps_what_it_has_and_the_same_command_finishes_it(r
 
 
 def test_interrupted_run_writes_what_it_has(run, monkeypatch):
-    from contbreather.simulation import impacting
-
-    interrupt(monkeypatch, impacting, 10)
+    interrupt(monkeypatch, 10)
     status, out, _ = run(f"{STABLE} --periods 1000 --csv s.csv --json")
     content = json.loads(out)
     assert status == INTERRUPTED
@@ -223,13 +220,11 @@ def test_interrupted_run_writes_what_it_has(run, monkeypatch):
 
 
 def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monkeypatch):
-    from contbreather.simulation import impacting, verdicts
-
     def again(_):
         raise KeyboardInterrupt
 
-    interrupt(monkeypatch, impacting, 120)
-    monkeypatch.setattr(verdicts, "judge", again)
+    interrupt(monkeypatch, 120)
+    monkeypatch.setattr(classify, "judge", again)
     line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
     status, out, err = run(line)
     assert status == INTERRUPTED
@@ -241,13 +236,11 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
 
 
 def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypatch):
-    from contbreather.simulation import verdicts
-
     def stopped(_):
         assert Path("s.csv").exists()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(verdicts, "judge", stopped)
+    monkeypatch.setattr(classify, "judge", stopped)
     status, out, _ = run(f"{STABLE} --sites 4 --periods 120 --csv s.csv --json")
     content = json.loads(out)
     assert (status, content["interrupted"], content["periods"]) == (INTERRUPTED, True, 120)
@@ -256,13 +249,13 @@ def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypa
 
 
 def test_interruption_inside_newtons_method_is_not_taken_for_its_failure(monkeypatch):
-    from contbreather.simulation import impacting, periodic
+    from contbreather.simulation import periodic
 
     def stopped(*args, **kwargs):
         raise KeyboardInterrupt
 
     state = cb.symmetric(0.1, 0.08, 0.8).state(4)
-    monkeypatch.setattr(impacting, "walk", stopped)
+    monkeypatch.setattr(EventDriven, "advance", stopped)
     with pytest.raises(KeyboardInterrupt):
         periodic(state, a=0.1, gamma=0.08, k=0.8, damping=0.02)
 
@@ -288,7 +281,7 @@ def test_energy_that_blows_up_is_status_1(run, monkeypatch):
     def grows(self, *given):
         raise NotConverged("the energy blows up in period 3")
 
-    monkeypatch.setattr(smooth.SmoothFlight, "advance", grows)
+    monkeypatch.setattr(smooth.SmoothIntegrator, "advance", grows)
     status, out, err = run(f"{LOST} --smooth 6 --periods 5")
     assert (status, out) == (FAILED, "")
     assert "the energy blows up" in err

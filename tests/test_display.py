@@ -23,7 +23,7 @@ from contbreather.plotting import cards, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, GREY
 from contbreather.simulation import (
     Axis,
-    Fate,
+    Outcome,
     Sample,
     attraction,
     localisation,
@@ -153,10 +153,10 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
         [name, value.describe(), ", ".join(point.label for point in value.special)]
         for name, value in values["results on disk"].items()
     ]
-    basin, fates = values["Basin"], dict(shown["Basin"])
-    assert float(fates.pop("share that returned")) == pytest.approx(basin.share, rel=1e-3)
-    there = {fate.words: str(np.sum(basin.fate == fate)) for fate in Fate}
-    assert fates == {fate: count for fate, count in there.items() if count != "0"}
+    basin, outcomes = values["Basin"], dict(shown["Basin"])
+    assert float(outcomes.pop("share that returned")) == pytest.approx(basin.share, rel=1e-3)
+    there = {outcome.words: str(np.sum(basin.outcome == outcome)) for outcome in Outcome}
+    assert outcomes == {outcome: count for outcome, count in there.items() if count != "0"}
 
 
 def test_of_a_long_table_the_first_rows_are_shown_and_the_rest_is_counted(

@@ -32,11 +32,11 @@ from contbreather.plotting import (
     save_figure,
 )
 from contbreather.plotting.canvas import CYCLE
-from contbreather.plotting.runs import FATES
+from contbreather.plotting.runs import OUTCOMES
 from contbreather.simulation import (
     Axis,
     Basin,
-    Fate,
+    Outcome,
     Sample,
     Sweep,
     attraction,
@@ -398,9 +398,9 @@ def test_unknown_column_of_a_sweep_is_refused(state) -> None:
 
 
 def test_each_fate_has_the_colour_that_the_legend_says() -> None:
-    fates = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
+    outcomes = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
     u, v = Axis("u", 1, [-0.5, 0.0, 0.5]), Axis("v", 0, [-1.0, 1.0])
-    ax = plot_basin(Basin(u, v, fates, np.zeros((2, 3)), False)).axes
+    ax = plot_basin(Basin(u, v, outcomes, np.zeros((2, 3)), False)).axes
     ax.set_axis_off()  # ticks stand in the cells at the rim
     ax.figure.canvas.draw()
     legend = ax.get_legend()
@@ -409,19 +409,19 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
         for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True)
     }
     named = {
-        Fate.RETURNED: "back at the breather",
-        Fate.OTHER: "another breather",
-        Fate.SPREAD: "impacts, no breather",
-        Fate.QUIET: "no impacts",
-        Fate.OUTSIDE: "behind a wall",
-        Fate.PENDING: "not computed",
+        Outcome.RETURNED: "back at the breather",
+        Outcome.OTHER: "another breather",
+        Outcome.SPREAD: "impacts, no breather",
+        Outcome.QUIET: "no impacts",
+        Outcome.OUTSIDE: "behind a wall",
+        Outcome.PENDING: "not computed",
     }
     assert set(shown) == set(named.values())
-    assert list(shown) == [fate.words for fate in FATES]
-    assert len({*map(to_hex, shown.values())}) == len(Fate)
+    assert list(shown) == [outcome.words for outcome in OUTCOMES]
+    assert len({*map(to_hex, shown.values())}) == len(Outcome)
     for row, speed in enumerate(v.values):
         for column, place in enumerate(u.values):
-            want = shown[named[Fate(fates[row, column])]]
+            want = shown[named[Outcome(outcomes[row, column])]]
             assert pixel(ax, place, speed) == pytest.approx(want, abs=0.005)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{0}$")
 
@@ -431,7 +431,7 @@ def test_basin_of_a_simulation_is_saved(state, tmp_path) -> None:
     with ThreadPoolExecutor(1) as one:
         basin = attraction(state, u, v, periods=20, executor=one, **SET)
     names = [t.get_text() for t in plot_basin(basin).axes.get_legend().get_texts()]
-    assert len(names) == len(np.unique(basin.fate))
+    assert len(names) == len(np.unique(basin.outcome))
     assert save_figure(plot_basin(basin), tmp_path / "basin.svg").stat().st_size > 1000
 
 

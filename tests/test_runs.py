@@ -84,9 +84,9 @@ def shot() -> cb.Branch:
 
 
 def plane() -> Basin:
-    fate = np.array([[1, 2], [3, 3]], dtype=np.int8)
+    outcome = np.array([[1, 2], [3, 3]], dtype=np.int8)
     x, y = Axis("u", 0, [0.1, 0.2]), Axis("v", 1, [0.3, 0.4])
-    return Basin(x, y, fate, np.arange(4.0).reshape(2, 2) / 3, complete=True)
+    return Basin(x, y, outcome, np.arange(4.0).reshape(2, 2) / 3, complete=True)
 
 
 TABLES: dict[str, Callable[[], Columns]] = {

@@ -14,7 +14,7 @@ from contbreather.cli.interrupts import computing
 
 if TYPE_CHECKING:
     from contbreather.simulation import SmoothRun
-    from contbreather.simulation.stretches import Stretch
+    from contbreather.simulation.chunks import Chunk
 
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
@@ -36,18 +36,18 @@ class RunSummary:
     reason: str = "no verdict: interrupted before it was found"
     evidence: dict[str, float] = field(default_factory=dict)
 
-    def stretches(self) -> Iterator[Stretch]:
+    def chunks(self) -> Iterator[Chunk]:
         """All of it; a stream piece by piece, so that memory does not grow with its length."""
         if self.stream is None:
-            from contbreather.simulation.stretches import Stretch
+            from contbreather.simulation.chunks import Chunk
 
             u, v = (row[1:] for row in self.run.strobe)
             hits: dict[str, Any] = (
                 {"impacts": self.run.impacts} if isinstance(self.run, cb.simulation.Run) else {}
             )
-            yield Stretch(0, u, v, u[:0], v[:0], **hits)
+            yield Chunk(0, u, v, u[:0], v[:0], **hits)
             return
-        for one in self.stream.stretches():
+        for one in self.stream.chunks():
             one.impacts["time"] += self.stream.t0
             yield one
 
@@ -62,7 +62,7 @@ def summary_of(run: cb.simulation.Run | SmoothRun, site: int = 0) -> RunSummary:
 
 def summary_in(kept: cb.simulation.Recording, wanted: int, site: int = 0) -> RunSummary:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
-    run = _end_of(kept, 2 * JUDGED)
+    run = kept.last(2 * JUDGED)
     interrupted = kept.interrupted
     stop = run.reason or run.stop.value
     if interrupted:
@@ -75,7 +75,7 @@ def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
         if isinstance(summary.run, cb.simulation.Run):
-            by_site = _counted(one.impacts for one in summary.stretches())
+            by_site = _counted(one.impacts for one in summary.chunks())
             summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
         kind, reason, evidence = _judged(summary.run)
     except KeyboardInterrupt:
@@ -98,45 +98,16 @@ def _lost_in(summary: RunSummary) -> int | None:
     """After which period it was no breather any more, if ever."""
     import numpy as np
 
-    from contbreather.paper.fates import unlike_a_breather
+    from contbreather.paper.lifetimes import unlike_a_breather
 
     wall = 0
-    for one in summary.stretches():
+    for one in summary.chunks():
         wrong = unlike_a_breather(one.impacts, one.periods, one.first, wall, summary.site)
         gone = np.flatnonzero(wrong)
         if gone.size:
             return one.first + int(gone[0])
         wall = int(one.impacts["wall"][-1]) if one.impacts.size else wall
     return None
-
-
-def _end_of(kept: cb.simulation.Recording, count: int) -> cb.simulation.Run:
-    """The last periods of a stream as a run."""
-    import numpy as np
-
-    from contbreather.simulation import RunStop
-    from contbreather.simulation.states import PERIOD
-    from contbreather.simulation.stretches import IMPACT, REST
-
-    first = max(0, kept.periods - count)
-    u, v = [kept.start.u[None]], [kept.start.v[None]]
-    impacts, rests, stop, reason = [np.empty(0, IMPACT)], [np.empty(0, REST)], RunStop.DONE, ""
-    for one in kept.stretches():
-        stop, reason = one.stop or stop, one.reason or reason
-        if one.first + one.periods < first:
-            continue
-        u, v = [*u, one.u], [*v, one.v]
-        impacts, rests = [*impacts, one.impacts], [*rests, one.rests]
-    whole = kept.periods - first + 1
-    states = cb.simulation.State(np.concatenate(u)[-whole:], np.concatenate(v)[-whole:])
-    hits, held = (_since(np.concatenate(rows), first) for rows in (impacts, rests))
-    for table in (hits, held):
-        table["time"] += kept.t0
-    times = kept.t0 + PERIOD * (first + np.arange(len(states.u)))
-    return cb.simulation.Run(
-        impacts=hits, rests=held, times=times, strobe=states, final=kept.final, end=kept.end,
-        record=None, conditions=kept.conditions, stop=stop, reason=reason,
-    )  # fmt: skip
 
 
 def length_of(run: cb.simulation.Run | SmoothRun) -> float:
@@ -153,7 +124,7 @@ def periods_in_words(count: float) -> str:
 
 def _judged(run: cb.simulation.Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
     """Kind, sentence and evidence from the later half of a run."""
-    from contbreather.simulation.verdicts import Kind, judge
+    from contbreather.simulation.classify import Kind, judge
 
     half = min(JUDGED, run.periods // 2)
     if run.stop is cb.simulation.RunStop.CHATTER:
@@ -163,30 +134,9 @@ def _judged(run: cb.simulation.Run | SmoothRun) -> tuple[str, str, dict[str, flo
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
         reason = f"no verdict: {words}, give at least {2 * ENOUGH}"
         return Kind.UNDECIDED.name, reason, {}
-    later = _later(run, run.periods - half)
     found: Any
     try:
-        found = judge(later)
+        found = judge(run.since(run.periods - half))
     except cb.errors.ContbreatherError as error:
         return Kind.UNDECIDED.name, f"no verdict: {error}", {}
     return found.kind.name, f"{found.kind.value}; {found.reason}", dict(found.evidence)
-
-
-def _later(run: Any, skip: int) -> Any:
-    """A run without its first periods."""
-    rest: dict[str, Any] = {
-        "times": run.times[skip:],
-        "strobe": cb.simulation.State(run.strobe.u[skip:], run.strobe.v[skip:]),
-        # the verdict is about whole periods
-        "final": cb.simulation.State(run.strobe.u[-1].copy(), run.strobe.v[-1].copy()),
-        "end": float(run.times[-1]),
-    }
-    tables = [name for name in ("impacts", "rests") if hasattr(run, name)]
-    return replace(run, **rest, **{name: _since(getattr(run, name), skip) for name in tables})
-
-
-def _since(table: Any, period: int) -> Any:
-    """The rows from a period on, counted from there."""
-    late = table[table["period"] >= period].copy()
-    late["period"] -= period
-    return late

@@ -105,7 +105,7 @@ class RunOptions:
     def simulate(self, where: ModelOptions) -> RunSummary:
         """Run it."""
         from contbreather.progress import Bar
-        from contbreather.simulation.impacting import length_of
+        from contbreather.simulation.simulate import length_of
 
         # also before the first period: on long rings and dense lattices the breather takes a while
         with Bar(None, int(length_of(self.periods, 0))) as bar:
@@ -229,7 +229,7 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
     kept, run = summary.stream, summary.run
     t0, begin = (float(run.times[0]), run.strobe) if kept is None else (kept.t0, kept.start)
     start: Any = (0, *(np.atleast_2d(row)[:1] for row in begin))
-    later = ((one.first + 1, one.u, one.v) for one in summary.stretches())
+    later = ((one.first + 1, one.u, one.v) for one in summary.chunks())
     for first_period, u, v in chain([start], later):
         for i in range(len(u)):
             period = first_period + i
@@ -240,7 +240,7 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
 
 
 def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
-    for one in summary.stretches():
+    for one in summary.chunks():
         for row in one.impacts.tolist():
             yield dict(zip(IMPACTS, row, strict=True))
 
@@ -261,7 +261,7 @@ def draw(run: cb.simulation.Run | SmoothRun, site: int = 0) -> Figure:
 
 def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.simulation.impacting import completed
+    from contbreather.simulation.simulate import completed
     from contbreather.simulation.smooth import let_go
 
     count = min(WINDOW, run.periods)

@@ -107,7 +107,7 @@ def neimark_sacker(
     >>> [round(neimark_sacker(0.2, 0.8, sites=n).gamma, 7) for n in (200, 400, 800)]
     [0.082409, 0.0915527, 0.0968769]
     """
-    return _crossing(lambda gamma: upper(a, gamma, k), FIRST, _pairs_of(sites), threshold)
+    return first_crossing(lambda gamma: upper(a, gamma, k), FIRST, _pairs_of(sites), threshold)
 
 
 def neimark_sacker_line(
@@ -134,7 +134,7 @@ def neimark_sacker_line(
     0.082
     """
     points, pairs = whole("points", points, 1), _pairs_of(sites)
-    lowest = _crossing(
+    lowest = first_crossing(
         lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), FIRST, pairs, threshold
     )
     start = smallest_amplitude(lowest.gamma, k)
@@ -143,7 +143,7 @@ def neimark_sacker_line(
     def at(a: float) -> Crossing:
         if a not in found:
             guess = _extrapolated(found, a)
-            found[a] = _crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
+            found[a] = first_crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
         return found[a]
 
     end = _upper_end(k, at, start)
@@ -209,7 +209,7 @@ def _excess(mu: Array, threshold: float) -> Array:
     return 2.0 * np.log(np.abs(mu)) - math.log(threshold)
 
 
-def _crossing(
+def first_crossing(
     path: Path, guess: float, pairs: Callable[[Orbit], Array], threshold: float
 ) -> Crossing:
     """Newton's method on the envelope, from a coupling before it."""

@@ -21,7 +21,7 @@ from contbreather.checks import whole
 from contbreather.orbits import Orbit, symmetric
 from contbreather.orbits.green_function import ACROSS, asymmetric_problem
 from contbreather.orbits.orbit import orbit_at, orbit_of
-from contbreather.paper.fates import (
+from contbreather.paper.lifetimes import (
     delocalised,
     enough_damping,
     growth,
@@ -42,7 +42,7 @@ from contbreather.simulation import (
     sweep,
     verdict,
 )
-from contbreather.simulation.impacting import completed
+from contbreather.simulation.simulate import completed
 from contbreather.simulation.states import PERIOD
 
 if TYPE_CHECKING:
@@ -313,7 +313,7 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
         exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
         sample = Sample(CENTRAL, 24)
         run = _run(exact.state(SITES), m, periods=periods, sample=sample, **conditions)
-        found = _fate(exact, m, life(run))
+        found = _lifetimes(exact, m, life(run))
         panels.append(_traces(run, f"$a = {a}$: {_gone(found['lost'])}", found["lost"]))
         findings.append(f"({letter}) a = {a}: {_told(found, m)}")
         numbers |= {f"{name}_{a}": value for name, value in found.items()}
@@ -339,7 +339,7 @@ def _traces(run: SmoothRun, title: str, lost: float) -> Panel:
     return Panel(title, curves, (r"$t/2\pi$", "site $n$"), None if math.isnan(lost) else lost)
 
 
-def _fate(exact: Orbit, m: int, lost: int | None) -> dict[str, float]:
+def _lifetimes(exact: Orbit, m: int, lost: int | None) -> dict[str, float]:
     """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
 
     ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
@@ -521,7 +521,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     first = max(0, (lost or 250) - 40)
     then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
     window = _run(then, m, periods=6, sample=sample, **conditions)
-    found = _fate(exact, m, lost)
+    found = _lifetimes(exact, m, lost)
     torus = verdict(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),
         settle=8000, periods=3000, **TORUS,

@@ -21,7 +21,7 @@ from contbreather.plotting.canvas import (
     drawing,
     symbol,
 )
-from contbreather.simulation import Basin, Fate, Record, Run, SmoothRun, Sweep
+from contbreather.simulation import Basin, Outcome, Record, Run, SmoothRun, Sweep
 from contbreather.simulation.energy import localised
 from contbreather.simulation.states import PERIOD
 
@@ -32,13 +32,13 @@ Array = NDArray[Any]
 
 RUNS = (Run, SmoothRun)
 LONG = 20.0  # periods; of more, lines would fill the axes
-FATES = {
-    Fate.RETURNED: BLUE,
-    Fate.OTHER: SKY,
-    Fate.SPREAD: ORANGE,
-    Fate.QUIET: "#dddddd",
-    Fate.OUTSIDE: "white",
-    Fate.PENDING: "#f5f5f5",
+OUTCOMES = {
+    Outcome.RETURNED: BLUE,
+    Outcome.OTHER: SKY,
+    Outcome.SPREAD: ORANGE,
+    Outcome.QUIET: "#dddddd",
+    Outcome.OUTSIDE: "white",
+    Outcome.PENDING: "#f5f5f5",
 }
 COLUMNS = {
     "p": "$p$",
@@ -273,23 +273,23 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 
-    order = sorted(FATES)
-    colours = ListedColormap([FATES[fate] for fate in order])
-    norm = BoundaryNorm([order[0] - 0.5, *(fate + 0.5 for fate in order)], len(order))
+    order = sorted(OUTCOMES)
+    colours = ListedColormap([OUTCOMES[outcome] for outcome in order])
+    norm = BoundaryNorm([order[0] - 0.5, *(outcome + 0.5 for outcome in order)], len(order))
     with drawing(ax) as drawn:
         axes = drawn.axes
         axes.pcolormesh(
-            basin.x.values, basin.y.values, basin.fate, cmap=colours, norm=norm,
+            basin.x.values, basin.y.values, basin.outcome, cmap=colours, norm=norm,
             shading="nearest", rasterized=True,
         )  # fmt: skip
         axes.set(
             xlabel=_coordinate(basin.x.name, basin.x.site),
             ylabel=_coordinate(basin.y.name, basin.y.site),
         )
-        seen = [fate for fate in FATES if np.any(basin.fate == fate)]
+        seen = [outcome for outcome in OUTCOMES if np.any(basin.outcome == outcome)]
         patches = [
-            Patch(facecolor=FATES[fate], edgecolor=GREY, linewidth=0.4, label=fate.words)
-            for fate in seen
+            Patch(facecolor=OUTCOMES[outcome], edgecolor=GREY, linewidth=0.4, label=outcome.words)
+            for outcome in seen
         ]
         axes.legend(
             handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,

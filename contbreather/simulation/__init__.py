@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from contbreather.simulation.basin import Axis, Basin, Fate, attraction
+from contbreather.simulation.basin import Axis, Basin, Outcome, attraction
+from contbreather.simulation.chunks import RunStop, Sample
+from contbreather.simulation.classify import Kind, Verdict, judge, verdict
 from contbreather.simulation.energy import Localisation, localisation
-from contbreather.simulation.impacting import Record, Run, simulate
+from contbreather.simulation.lyapunov import Lyapunov, lyapunov
+from contbreather.simulation.periodic import PeriodicMotion, periodic
 from contbreather.simulation.recording import Recording, open_recording, record
-from contbreather.simulation.returning import PeriodicMotion, periodic
-from contbreather.simulation.slow_sweep import Sweep, sweep, there_and_back
+from contbreather.simulation.rotation import Rotation, rotation
+from contbreather.simulation.simulate import Record, Run, simulate
 from contbreather.simulation.smooth import (
     Explicit,
     Implicit,
@@ -17,15 +20,14 @@ from contbreather.simulation.smooth import (
     simulate_smooth,
 )
 from contbreather.simulation.states import State
-from contbreather.simulation.stretches import RunStop, Sample
-from contbreather.simulation.tangent import Lyapunov, lyapunov, variation
-from contbreather.simulation.verdicts import Kind, Rotation, Verdict, judge, rotation, verdict
+from contbreather.simulation.sweep import Sweep, sweep, there_and_back
+from contbreather.simulation.variation import variation
 
 __all__ = [
     "Axis",
     "Basin",
     "Explicit",
-    "Fate",
+    "Outcome",
     "Implicit",
     "Kind",
     "Localisation",

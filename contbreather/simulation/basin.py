@@ -19,18 +19,25 @@ from contbreather.columns import Columns
 from contbreather.display import Shown
 from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
-from contbreather.simulation.impacting import advance, completed
-from contbreather.simulation.states import On, State, check_state, conditions_of, wall_rows, within
-from contbreather.simulation.stretches import RunStop
+from contbreather.simulation.simulate import advance, completed
+from contbreather.simulation.states import (
+    ModelParameters,
+    State,
+    check_state,
+    conditions_of,
+    wall_rows,
+    within,
+)
 from contbreather.tables import Sheet
 from contbreather.workers import NO_WORKERS, Failed, each
 
 Array = NDArray[Any]
 
 
-class Fate(enum.IntEnum):
-    """Where a start ended: the values are those of `Basin.fate`."""
+class Outcome(enum.IntEnum):
+    """Where a start ended: the values are those of `Basin.outcome`."""
 
     PENDING = -1  # the run was interrupted, or its worker killed
     OUTSIDE = 0
@@ -46,12 +53,12 @@ class Fate(enum.IntEnum):
 
 
 WORDS = {
-    Fate.PENDING: "not computed",
-    Fate.OUTSIDE: "behind a wall",
-    Fate.QUIET: "no impacts",
-    Fate.SPREAD: "impacts, no breather",
-    Fate.OTHER: "another breather",
-    Fate.RETURNED: "back at the breather",
+    Outcome.PENDING: "not computed",
+    Outcome.OUTSIDE: "behind a wall",
+    Outcome.QUIET: "no impacts",
+    Outcome.SPREAD: "impacts, no breather",
+    Outcome.OTHER: "another breather",
+    Outcome.RETURNED: "back at the breather",
 }
 
 
@@ -90,55 +97,55 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Basin(Columns, Shown):
-    """The fates of all starts over a plane.
+    """The outcomes of all starts over a plane.
 
     Attributes
     ----------
     x, y : Axis
-    fate : ndarray of int8, shape (len(y.values), len(x.values))
-        Values of `Fate`.
+    outcome : ndarray of int8, shape (len(y.values), len(x.values))
+        Values of `Outcome`.
     distance : ndarray
         Largest difference to the reference state at the end.
     complete : bool
-        False after an interruption or without workers: rows not computed are `Fate.PENDING`.
+        False after an interruption or without workers: rows not computed are `Outcome.PENDING`.
     """
 
     x: Axis
     y: Axis
-    fate: NDArray[np.int8]
+    outcome: NDArray[np.int8]
     distance: Array
     complete: bool
 
     along = "start"
 
     def table(self) -> Sheet:
-        """How many starts have which fate."""
-        counts = [(fate.words, int(np.sum(self.fate == fate))) for fate in Fate]
+        """How many starts have which outcome."""
+        counts = [(outcome.words, int(np.sum(self.outcome == outcome))) for outcome in Outcome]
         rows: list[Any] = [row for row in counts if row[1]]
         return Sheet.of([*rows, ("share that returned", self.share)])
 
     def columns(self) -> dict[str, Any]:
-        """Starts row by row, with the names of their fates."""
+        """Starts row by row, with the names of their outcomes."""
         x, y = np.meshgrid(self.x.values, self.y.values)
-        fates = np.array([Fate(int(fate)).name for fate in self.fate.flat])
-        found = {self.x.label: x, self.y.label: y, "fate": fates, "distance": self.distance}
+        outcomes = np.array([Outcome(int(outcome)).name for outcome in self.outcome.flat])
+        found = {self.x.label: x, self.y.label: y, "outcome": outcomes, "distance": self.distance}
         return {name: np.ravel(column) for name, column in found.items()}
 
     def __repr__(self) -> str:
-        counts = [(int(np.sum(self.fate == fate)), fate) for fate in reversed(Fate)]
-        fates = [f"{count} {fate.words}" for count, fate in counts if count]
-        rows, columns = self.fate.shape
+        counts = [(int(np.sum(self.outcome == outcome)), outcome) for outcome in reversed(Outcome)]
+        outcomes = [f"{count} {outcome.words}" for count, outcome in counts if count]
+        rows, columns = self.outcome.shape
         cut = "" if self.complete else "; cut short"
         return (
             f"<Basin of {columns} x {rows} starts over {self.x.label} and {self.y.label}: "
-            f"{'; '.join(fates)}{cut}>"
+            f"{'; '.join(outcomes)}{cut}>"
         )
 
     @property
     def share(self) -> float:
         """Which part of the starts inside the walls returned."""
-        inside = self.fate > Fate.OUTSIDE
-        return float(np.mean(self.fate[inside] == Fate.RETURNED)) if np.any(inside) else 0.0
+        inside = self.outcome > Outcome.OUTSIDE
+        return float(np.mean(self.outcome[inside] == Outcome.RETURNED)) if np.any(inside) else 0.0
 
 
 @dataclass(frozen=True)
@@ -166,7 +173,7 @@ def attraction(
     tolerance: float = 1e-3,
     executor: Executor | int | None = None,
     progress: bool | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Basin:
     """From which starts over a plane does a lattice come to a given periodic motion?
 
@@ -180,7 +187,7 @@ def attraction(
     t0, on
         As in `simulate`.
     periods : int
-        After which the fate is read off; the slowest multiplier decides how many are needed.
+        After which the outcome is read off; the slowest multiplier decides how many are needed.
     site : int
         Where the breather is.
     tolerance : float
@@ -207,7 +214,7 @@ def attraction(
     >>> state = symmetric(a=0.5, gamma=0.02, k=0.4).state(5)
     >>> u, v = Axis("u", 0, [-0.9, 0.9]), Axis("v", 0, [-1.0, 0.0, 1.0])
     >>> basin = attraction(state, u, v, a=0.5, gamma=0.02, k=0.4)
-    >>> basin.fate.shape
+    >>> basin.outcome.shape
     (3, 2)
     """
     state = check_state(reference)
@@ -222,7 +229,7 @@ def attraction(
     state = within(state, conditions.walls)
     task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
     shape = len(y.values), len(x.values)
-    fate = np.full(shape, Fate.PENDING, np.int8)
+    outcome = np.full(shape, Outcome.PENDING, np.int8)
     distance = np.full(shape, np.nan)
     work = partial(_row, task)
     try:
@@ -234,42 +241,42 @@ def attraction(
             raise NotConverged(NO_WORKERS) from found[0].error
     done = [j for j, one in enumerate(found) if not isinstance(one, Failed)]
     for j in done:
-        fate[j], distance[j] = found[j]
-    return Basin(x, y, fate, distance, len(done) == shape[0])
+        outcome[j], distance[j] = found[j]
+    return Basin(x, y, outcome, distance, len(done) == shape[0])
 
 
 def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
     """All starts of one row."""
-    found = [_fate(task, j, i) for i in range(len(task.x.values))]
-    fates, distances = zip(*found, strict=True)
-    return np.array(fates, np.int8), np.array(distances)
+    found = [_outcome(task, j, i) for i in range(len(task.x.values))]
+    outcomes, distances = zip(*found, strict=True)
+    return np.array(outcomes, np.int8), np.array(distances)
 
 
-def _fate(task: _Task, j: int, i: int) -> tuple[int, float]:
+def _outcome(task: _Task, j: int, i: int) -> tuple[int, float]:
     start = State(task.reference.u.copy(), task.reference.v.copy())
     task.x.put(start, task.x.values[i])
     task.y.put(start, task.y.values[j])
     low, high = wall_rows(task.conditions.walls, start.u.size)
     if ((start.u < low) | (start.u > high)).any():
-        return Fate.OUTSIDE, np.nan
+        return Outcome.OUTSIDE, np.nan
     quietly: dict[str, Any] = {"periods": task.periods, "t0": task.t0, "progress": False}
     run = completed(advance(start, task.conditions, **quietly))
     gap = np.abs(np.subtract(run.final, task.reference)).max()
     if run.stop is not RunStop.DONE:
-        return Fate.SPREAD, float(gap)
+        return Outcome.SPREAD, float(gap)
     if gap < task.tolerance:
-        return Fate.RETURNED, float(gap)
+        return Outcome.RETURNED, float(gap)
     return _elsewhere(task, run), float(gap)
 
 
 def _elsewhere(task: _Task, run: Any) -> int:
     """Quiet, spread, or another breather at the site, judged by the last tenth of the run."""
-    last = run.impacts[run.impacts["period"] >= run.periods - max(2, run.periods // 10)]
-    if not last.size:
-        return Fate.QUIET
-    if set(last["site"].tolist()) == {task.site % run.sites}:
-        return Fate.OTHER
+    late = run.since(run.periods - max(2, run.periods // 10))
+    if not late.impacts.size:
+        return Outcome.QUIET
+    if set(late.impacts["site"].tolist()) == {task.site % run.sites}:
+        return Outcome.OTHER
     u, v = run.strobe
     seen = localised(u[-5:], v[-5:], run.times[-5:], task.conditions)
     here = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
-    return Fate.OTHER if here else Fate.SPREAD
+    return Outcome.OTHER if here else Outcome.SPREAD

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 from contbreather.kernels import Matrix
-from contbreather.simulation.flow import driven, driven_bound, site_at
-from contbreather.simulation.room import Drive
+from contbreather.simulation.arguments import Harmonics
+from contbreather.simulation.taylor import driven, driven_bound, site_at
 
 CLOSE = 2e-15  # a gap of rounding
 STILL = 1e-12  # a velocity of rounding
@@ -26,10 +26,11 @@ LOST = -2.0
 
 def parabola_root(gap: float, slope: float, bend: float) -> float:
     """First x > 0 with ``slope x + bend x^2/2 = gap``, gap > 0; infinity if there is none."""
-    if bend <= NOTHING:
+    if bend <= NOTHING:  # a straight line, or a crest that may stay below
         if slope <= NOTHING:
             return math.inf
         inside = slope * slope + 2.0 * bend * gap
+        # not (root - slope)/bend, which cancels
         return 2.0 * gap / (slope + math.sqrt(inside)) if inside >= 0.0 else math.inf
     root = math.sqrt(slope * slope + 2.0 * bend * gap)
     if slope > 0.0:
@@ -37,9 +38,11 @@ def parabola_root(gap: float, slope: float, bend: float) -> float:
     return (root - slope) / bend
 
 
-def safe_advance(gap: float, slope: float, bend: float, jerk: float, room: float) -> float:
-    """How far one may go, at most ``room``, without reaching the wall."""
-    best, x = NUDGE, room
+def safe_advance(gap: float, slope: float, bend: float, jerk: float, longest: float) -> float:
+    """How far one may go, at most ``longest``, without reaching the wall."""
+    # of x with a root behind it all before x is safe, with one before it all before the root: the
+    # best x is where both meet
+    best, x = NUDGE, longest
     for _ in range(60):
         root = parabola_root(gap, slope, bend + jerk * x)
         if root >= x:
@@ -54,8 +57,8 @@ def safe_advance(gap: float, slope: float, bend: float, jerk: float, room: float
 
 
 def first_contact(
-    rows: Matrix, n: int, h: float, drive: Drive, t: float, sign: float, level: float, start: float,
-    limit: float, last: float,
+    rows: Matrix, n: int, h: float, drive: Harmonics, t: float, sign: float, level: float,
+    start: float, limit: float, last: float,
 ) -> float:  # fmt: skip
     """First s in [start, limit] at which ``sign phi(s)``, in the end ``last``, is up to ``level``.
 
@@ -77,12 +80,13 @@ def first_contact(
         slope = sign * (slope + forced_slope)
         bend = sign * (bend + forced_bend)
         if gap <= close:
-            if slope > STILL:
+            if slope > STILL:  # one step of Newton's method, where it is not mere rounding
                 return max(start, s + (gap / slope if slope > 1e-3 else 0.0))
             if slope > -STILL and bend > PUSHED:
                 return s
         if s >= limit:
             return NEVER
+        # a gap of rounding, of either sign, is taken for one that can be walked off
         s = min(limit, s + safe_advance(max(gap, close), slope, bend, jerk, limit - s))
         if s >= limit and level - last > 2.0 * close:
             return NEVER

@@ -23,7 +23,7 @@ from contbreather.checks import numbers
 from contbreather.errors import BadInput
 from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.modal_flow import driven
-from contbreather.simulation.states import Moved, Under, conditions_of
+from contbreather.simulation.states import LatticeParameters, Moved, conditions_of
 
 Array = NDArray[Any]
 
@@ -74,6 +74,7 @@ class Localisation:
         use = (distance <= max(2, (2 * (count - 1)) // 3)) & (folded > NOISE * folded.max())
         if np.count_nonzero(use) < 2:
             return 0.0
+        # energies go as the square of amplitudes
         slope = np.polyfit(distance[use], np.log(folded[use]), 1)[0]
         return float(np.exp(0.5 * slope))
 
@@ -96,7 +97,7 @@ def _by_shell(lattice: Finite, energy: Array, centre: int, count: int) -> Array:
 
 
 def localisation(
-    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[Under]
+    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[LatticeParameters]
 ) -> Localisation:
     """Energies and participation ratio of one state, or of many at once.
 
@@ -129,6 +130,7 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Moved) -> Localisation:
     """`localisation`, under conditions that have been checked."""
     x, y = u - forced(on, t, 0), v - forced(on, t, 1)
     table = stiffness_of(on.lattice)
+    # what ties a site to the ground: its spring, and what its row of the stiffness has over
     held = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * _loose(table)
     energy = 0.5 * on.lattice.masses * y**2 + held * x**2
     if on.gamma > 0.0:
@@ -149,6 +151,7 @@ def _of_bonds(table: Any, x: Array) -> Array:
     """Half the energy of the bonds of each site, at unit coupling."""
     bonds = table.tocoo()
     own, other, weight = bonds.row, bonds.col, -0.25 * bonds.data
+    # k (x_i - x_j)^2/2 is that of a bond: half of it, at each of its two entries K_ij = -k
     apart = weight * (x[..., own] - x[..., other]) ** 2  # nothing on the diagonal
     ends = sparse.csr_array(
         (np.ones(own.size), (np.arange(own.size), own)), (own.size, x.shape[-1])

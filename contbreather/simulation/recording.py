@@ -37,24 +37,25 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.parameters import NAMES
 from contbreather.progress import Bar, line_of
+from contbreather.simulation.chunks import (
+    IMPACT,
+    Chunk,
+    RunStop,
+    Sample,
+    check_sample,
+    in_chunks,
+)
+from contbreather.simulation.integrator import EventDriven
+from contbreather.simulation.simulate import Run, event_tables_of, joined
 from contbreather.simulation.states import (
     PERIOD,
-    On,
+    ModelParameters,
     State,
     check_state,
     conditions_of,
     ranged,
     reduced,
     within,
-)
-from contbreather.simulation.stretches import (
-    IMPACT,
-    Machine,
-    RunStop,
-    Sample,
-    Stretch,
-    check_sample,
-    walk,
 )
 from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
 
@@ -68,7 +69,7 @@ CHECKSUM = 32  # bytes of it
 
 @dataclass(frozen=True)
 class Recording:
-    """A run on disk. Nothing is read before it is asked for, and `stretches` reads file by file.
+    """A run on disk. Nothing is read before it is asked for, and `chunks` reads file by file.
 
     Attributes
     ----------
@@ -131,7 +132,7 @@ class Recording:
         files = self.files
         return (read(files[-1]).stop if files else None) or RunStop.DONE
 
-    def stretches(self) -> Iterator[Stretch]:
+    def chunks(self) -> Iterator[Chunk]:
         """The run piece by piece, so that memory does not grow with its length."""
         for before, path in pairwise([self.path / START, *self.files]):
             yield read(path, after=before)
@@ -139,14 +140,29 @@ class Recording:
     @property
     def impacts(self) -> NDArray[np.void]:
         """All impacts, columns as in `Run.impacts`."""
-        table = np.concatenate([np.empty(0, IMPACT), *(s.impacts for s in self.stretches())])
+        table = np.concatenate([np.empty(0, IMPACT), *(s.impacts for s in self.chunks())])
         table["time"] += self.t0
         return table
 
+    def last(self, periods: int) -> Run:
+        """Its last periods as a run."""
+        first, start, chunks = max(0, self.periods - periods), self.start, list[Chunk]()
+        for chunk in self.chunks():
+            if chunk.first + chunk.periods < first:
+                start = State(chunk.u[-1], chunk.v[-1])
+            else:
+                chunks.append(chunk)
+        before = chunks[0].first if chunks else self.periods
+        left = joined(chunks, start, self.t0 + PERIOD * before, None)
+        tables = event_tables_of(chunks, self.t0)
+        for table in tables.values():
+            table["period"] -= before
+        return Run(conditions=self.conditions, **left, **tables).since(first - before)
+
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
-        u = [self.start.u[None, n], *(s.u[:, n] for s in self.stretches())]
-        v = [self.start.v[None, n], *(s.v[:, n] for s in self.stretches())]
+        u = [self.start.u[None, n], *(s.u[:, n] for s in self.chunks())]
+        v = [self.start.v[None, n], *(s.v[:, n] for s in self.chunks())]
         return State(np.concatenate(u), np.concatenate(v))
 
 
@@ -158,7 +174,7 @@ def record(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Recording:
     """`simulate` into a folder: for runs longer than memory or patience.
 
@@ -217,10 +233,10 @@ def record(
 
 def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -> bool:
     """Simulate and write; whether Ctrl-C ended it. What is on disk is a run: only shorter."""
-    pending: list[Stretch] = []
+    pending: list[Chunk] = []
     began = time.monotonic()
-    machine = Machine(run.final, run.conditions, reduced(run.t0), run.sample)
-    ahead = walk(machine, periods=count - done, first=done, progress=False)
+    integrator = EventDriven(run.final, run.conditions, reduced(run.t0), run.sample)
+    ahead = in_chunks(integrator, periods=count - done, first=done, progress=False)
     with line_of(progress, lambda shown: Bar(shown, count)) as bar:
         try:
             for stretch in ahead:
@@ -377,8 +393,8 @@ def _span(path: Path) -> tuple[int, int]:
     return int(name[1]), int(name[2])
 
 
-def _write(run: Recording, pieces: list[Stretch]) -> int:
-    """One file from some stretches; the number of periods now on disk."""
+def _write(run: Recording, pieces: list[Chunk]) -> int:
+    """One file from some chunks; the number of periods now on disk."""
     first, last = pieces[0], pieces[-1]
     names = ("u", "v", "impacts", "rests", "dense_u", "dense_v")
     columns = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
@@ -392,14 +408,14 @@ def _write(run: Recording, pieces: list[Stretch]) -> int:
     return done
 
 
-def read(path: Path, *, after: Path | None = None) -> Stretch:
+def read(path: Path, *, after: Path | None = None) -> Chunk:
     """One file of a run, which is to follow another one if that is given."""
     arrays = _arrays(path)
     with _as_written(path):
         link = arrays.pop("link").tobytes()
         stop, first = str(arrays.pop("stop")), int(arrays.pop("first"))
         texts = {"reason": str(arrays.pop("reason")), "first": first}
-        stretch = Stretch(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
+        stretch = Chunk(**arrays, **texts, stop=RunStop[stop] if stop else None)  # type: ignore[arg-type]
         if _span(path) != (first, first + stretch.periods):
             raise ValueError("its name is that of another file")
     if after is not None and link != _bytes(after, last=CHECKSUM):

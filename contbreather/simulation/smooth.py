@@ -17,7 +17,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, ClassVar, Protocol, Unpack
 
 import numpy as np
@@ -31,18 +31,19 @@ from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
-from contbreather.simulation.impacting import States, advance, gathered
+from contbreather.simulation.chunks import Chunk, Sample, check_sample
+from contbreather.simulation.simulate import States, advance, gathered
+from contbreather.simulation.smooth_flow import MOTION, VARIED, SmoothParameters, ceiling
 from contbreather.simulation.states import (
     PERIOD,
+    LatticeParameters,
     State,
-    Under,
     check_state,
     conditions_of,
     lattice_for,
     ranged,
     reduced,
 )
-from contbreather.simulation.stretches import Sample, Stretch, check_sample
 from contbreather.storage.serialise import to_dict
 
 Array = NDArray[Any]
@@ -119,10 +120,11 @@ class SmoothConditions:
         return replace(self, **own, forcing=self.forcing.at(**values) if values else self.forcing)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
-        """What the compiled right-hand sides take after (t, y)."""
-        numbers = (float(getattr(self, name)) for name in OWN)
-        return (*numbers, _series(self.forcing), *_network(self.lattice))
+    def parameters(self) -> SmoothParameters:
+        """What the kernels take."""
+        a, gamma, lam, m, mu, spring = (float(getattr(self, name)) for name in OWN)
+        where = _network(self.lattice)
+        return SmoothParameters(a, gamma, lam, m, mu, spring, _series(self.forcing), *where)
 
 
 def smooth_conditions_of(
@@ -167,7 +169,7 @@ def _network(lattice: Finite) -> tuple[Array, Array]:
     return np.ascontiguousarray(entries.T), drive_of(lattice)
 
 
-class OnSmooth(Under, total=False):
+class SmoothModelParameters(LatticeParameters, total=False):
     """The keywords of `simulate_smooth` that say what a lattice moves under."""
 
     k: float | None
@@ -179,10 +181,10 @@ class OnSmooth(Under, total=False):
 Rhs = Callable[[float, Array], Array]
 
 
-def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) -> Rhs:
-    """What a kernel fills in at a time and a state; to copy both costs less than to look up where
-    they are."""
-    state, out = np.empty(shape[0]), np.empty(shape)
+def right_side(kernel: Kernel, args: tuple[Any, ...], size: int) -> Rhs:
+    """What a kernel fills in at a time and a state."""
+    # to copy both costs less than to look up where they are
+    state, out = np.empty(size), np.empty(size)
     fill = kernel.following(state, *args, out)
 
     def at(t: float, y: Array) -> Array:
@@ -191,6 +193,13 @@ def right_side(kernel: Kernel, args: tuple[Any, ...], shape: tuple[int, ...]) ->
         return out.copy()
 
     return at
+
+
+def jacobian(on: SmoothConditions, t: float, y: Array) -> Array:
+    """The derivative of the right-hand side in y: the rates of variations that are unit vectors."""
+    columns = np.concatenate([y, np.eye(y.size).ravel()])
+    rates = right_side(VARIED, (on.parameters, 0), columns.size)(t, columns)
+    return rates.reshape(-1, y.size)[1:].T
 
 
 class Solver(Protocol):
@@ -307,7 +316,7 @@ def simulate_smooth(
     sample: Sample | None = None,
     solver: Solver | None = None,
     progress: bool | Bar | None = None,
-    **on: Unpack[OnSmooth],
+    **on: Unpack[SmoothModelParameters],
 ) -> SmoothRun:
     """Let a lattice with smooth walls (21) go from any state.
 
@@ -358,8 +367,8 @@ def advance_smooth(
     """`simulate_smooth`, of a state and conditions that have been checked."""
     check_sample(sample, start.u.size)
     solver = Explicit() if solver is None else solver
-    flight = SmoothFlight(start, conditions, reduced(t0), sample, solver)
-    return SmoothRun(**gathered(flight, periods=periods, t0=t0, progress=progress)[0])
+    integrator = SmoothIntegrator(start, conditions, reduced(t0), sample, solver)
+    return SmoothRun(**gathered(integrator, periods=periods, t0=t0, progress=progress)[0])
 
 
 def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:
@@ -385,56 +394,46 @@ def flown(
     ArithmeticError
         Where the solver cannot go on: there are no equations there.
     """
-    from contbreather.simulation.smooth_flow import MOTION, VARIED
-
     x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
-    solver, arguments = Explicit(FINE), on.arguments
+    solver, parameters = Explicit(FINE), on.parameters
     try:
         if not slopes:
-            rhs = right_side(MOTION, arguments, x.shape)
+            rhs = right_side(MOTION, (parameters,), x.size)
             return solver.states(rhs, None, t0, x, times)[0], None, None
         first = np.eye(x.size) if columns is None else columns.T
         params = len(OWN) if columns is None else 0
         start = np.concatenate([x, first.ravel(), np.zeros(params * x.size)])
-        rhs = right_side(VARIED, (*arguments, params), start.shape)
+        rhs = right_side(VARIED, (parameters, params), start.size)
         end = solver.states(rhs, None, t0, start, times)[0].reshape(-1, x.size)
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
     return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
 
 
-def sides(on: SmoothConditions, size: int) -> tuple[Rhs, Rhs]:
-    """The right-hand side of (21) for states of so many numbers, and its Jacobian."""
-    from contbreather.simulation.smooth_flow import JACOBIAN, MOTION
-
-    given = on.arguments
-    return right_side(MOTION, given, (size,)), right_side(JACOBIAN, given, (size, size))
-
-
 @dataclass
-class SmoothFlight:
-    """A lattice with smooth walls under one solver, period by period."""
+class SmoothIntegrator:
+    """The integrator of smooth walls: a solver, period by period."""
 
     state: State
     conditions: SmoothConditions
     t0: float
     sample: Sample | None
     solver: Solver
-    roomy = 1
+    most_periods = 1
 
     def __post_init__(self) -> None:
         if not hasattr(self.solver, "states"):
             raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
         self.check(self.state, 0)
 
-    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Stretch:
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
         """One period, or one of another length."""
         (u, v) = self.at(np.array([self.t0 + span]))[0]
         self.check(State(u, v), first + 1)
         # integrated apart, so that looking at a run does not change it
         dense = self.dense() if span == PERIOD else np.empty((2, 0, 0))
         self.state = State(u, v)
-        return Stretch(first, u[None], v[None], *dense[:, None])
+        return Chunk(first, u[None], v[None], *dense[:, None])
 
     def dense(self) -> Array:
         """Displacements and velocities of the sampled sites in the period to come."""
@@ -446,14 +445,13 @@ class SmoothFlight:
 
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""
-        y = np.concatenate(self.state)
-        found = self.solver.states(*sides(self.conditions, y.size), self.t0, y, times)
-        return np.reshape(found, (len(times), 2, -1))
+        y, on = np.concatenate(self.state), self.conditions
+        rhs = right_side(MOTION, (on.parameters,), y.size)
+        states = self.solver.states(rhs, partial(jacobian, on), self.t0, y, times)
+        return np.reshape(states, (len(times), 2, -1))
 
     def check(self, state: State, j: int) -> None:
         """Refuse a state far behind the walls: there the force is no longer the model's."""
-        from contbreather.simulation.smooth_flow import ceiling
-
         u, top = state.u, ceiling(float(self.conditions.m))
         n = int(np.abs(u).argmax())
         if np.all(np.isfinite(state)) and abs(u[n]) < top:

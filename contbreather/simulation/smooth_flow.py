@@ -1,24 +1,38 @@
-"""Compiled right-hand sides of the smooth chain (21): the motion, its Jacobian, its variations.
+"""Kernels of the smooth chain (21): its motion, and its variations.
 
-``q = |u|^(2m)`` is computed once for a site: the wall's force is ``(2m+1) q (lambda u' + q u)``. In
-here |u| is kept below ``top``, where the wall stores a million times the usual energy: a trial step
-far behind the wall then costs a rejection and no overflow; accepted states are checked by the
-caller. ``entries`` are (site, other, value) of the stiffness matrix over the masses.
+``q = |u|^(2m)`` is computed once for a site: the wall's force is ``(2m+1) q (lambda u' + q u)``.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Vector
 
 
+class SmoothParameters(NamedTuple):
+    """What the smooth chain moves under; the first six are those of the variations, in order."""
+
+    a: float
+    gamma: float
+    lam: float
+    m: float
+    mu: float
+    spring: float
+    series: Matrix  # orders, cosines and sines of F/a, in rows
+    entries: Matrix  # of the stiffness matrix over the masses: site, other, value
+    drive: Vector  # by how much of F each site is driven
+
+
 def ceiling(m: float) -> float:
     """The displacement at which the wall has stopped a velocity of 1000."""
+    # u^(4m+2)/2 is what the wall stores
     return 1000.0 ** (1.0 / (2.0 * m + 1.0))
 
 
 def force(t: float, series: Matrix) -> float:
+    """F/a at time t."""
     total = 0.0
     for i in range(series.shape[1]):
         angle = series[0, i] * t
@@ -26,38 +40,31 @@ def force(t: float, series: Matrix) -> float:
     return total
 
 
-def bend(entries: Matrix, y: Vector, first: int, out: Vector, to: int, factor: float) -> None:
+def add_pull(entries: Matrix, y: Vector, first: int, out: Vector, to: int, factor: float) -> None:
     """Add a multiple of the couplings' pull at y, from ``first`` on, to ``out`` from ``to`` on."""
     for i in range(entries.shape[0]):
         pull = factor * entries[i, 2] * y[first + int(entries[i, 1])]
         out[to + int(entries[i, 0])] -= pull
 
 
-def moved(
-    t: float, y: Vector, size: int, a: float, gamma: float, lam: float, m: float, mu: float,
-    spring: float, series: Matrix, entries: Matrix, drive: Vector, out: Vector,
-) -> None:  # fmt: skip
-    push, top = a * force(t, series), ceiling(m)
+def motion(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
+    """(u', u'') of (21), for y that begins with (u, u')."""
+    size, push = on.drive.size, on.a * force(t, on.series)
+    # far behind the wall, where it stores a million times the usual energy, a trial step costs a
+    # rejection and no overflow; accepted states are checked by the caller
+    top = ceiling(on.m)
     for n in range(size):
         u, v = y[n], y[size + n]
         inside = min(max(u, -top), top)
-        q = abs(inside) ** (2.0 * m)
-        wall = (2.0 * m + 1.0) * q * (lam * v + q * inside)
+        q = abs(inside) ** (2.0 * on.m)
+        wall = (2.0 * on.m + 1.0) * q * (on.lam * v + q * inside)
         out[n] = v
-        out[size + n] = drive[n] * push - spring * u - mu * v - wall
-    bend(entries, y, 0, out, size, gamma)
-
-
-def motion(
-    t: float, y: Vector, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
-    series: Matrix, entries: Matrix, drive: Vector, out: Vector,
-) -> None:  # fmt: skip
-    """(u', u'') of the lattice for y = (u, u')."""
-    moved(t, y, drive.size, a, gamma, lam, m, mu, spring, series, entries, drive, out)
+        out[size + n] = on.drive[n] * push - on.spring * u - on.mu * v - wall
+    add_pull(on.entries, y, 0, out, size, on.gamma)
 
 
 def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float, float, float]:
-    """Derivatives of the wall's force in u, in u' and in m, and (last) what lambda multiplies."""
+    """Derivatives of the wall's force in u, in u' over lambda, and in m."""
     inside = min(max(u, -top), top)
     size = abs(inside)
     q = size ** (2.0 * m)
@@ -67,63 +74,42 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
     in_u = weight * (lam * v * dq + (4.0 * m + 1.0) * q * q)
     in_m = 0.0
     if size > 1e-3:  # below, q is far smaller than rounding for every m >= 6
-        log = 2.0 * math.log(size)
+        log = 2.0 * math.log(size)  # d q/dm = q log u^2
         in_m = 2.0 * q * (lam * v + q * inside)
         in_m += weight * q * log * (lam * v + 2.0 * q * inside)
     return in_u, weight * q, in_m
 
 
-def jacobian(
-    t: float, y: Vector, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
-    series: Matrix, entries: Matrix, drive: Vector, out: Matrix,
-) -> None:  # fmt: skip
-    """Derivative of `motion` with respect to y."""
-    size, top = drive.size, ceiling(m)
-    for i in range(2 * size):
-        for j in range(2 * size):
-            out[i, j] = 0.0
-    for n in range(size):
-        in_u, density, _ = slopes(y[n], y[size + n], lam, m, top)
-        out[n, size + n] = 1.0
-        out[size + n, n] -= spring + in_u
-        out[size + n, size + n] = -mu - lam * density
-    for i in range(entries.shape[0]):
-        out[size + int(entries[i, 0]), int(entries[i, 1])] -= gamma * entries[i, 2]
-
-
-def varied(
-    t: float, y: Vector, a: float, gamma: float, lam: float, m: float, mu: float, spring: float,
-    series: Matrix, entries: Matrix, drive: Vector, params: int, out: Vector,
-) -> None:  # fmt: skip
+def varied(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
     """The motion with its variations: y is (u, u'), then columns of the same shape.
 
-    The last ``params`` columns are derivatives in a, gamma, lambda, m, mu, spring, in this order.
+    The last ``params`` columns, none or six, are derivatives in the first of `SmoothParameters`.
     """
-    size = drive.size
+    size = on.drive.size
     wide = 2 * size
     columns = y.size // wide - 1
-    moved(t, y, size, a, gamma, lam, m, mu, spring, series, entries, drive, out)
-    push, top = force(t, series), ceiling(m)
+    motion(t, y, on, out)
+    push, top = force(t, on.series), ceiling(on.m)
     behind = wide * (columns - params + 1) + size  # accelerations of the first of those columns
     for n in range(size):
         u, v = y[n], y[size + n]
-        in_u, density, in_m = slopes(u, v, lam, m, top)
-        stiff, drag = spring + in_u, mu + lam * density
+        in_u, density, in_m = slopes(u, v, on.lam, on.m, top)
+        stiff, drag = on.spring + in_u, on.mu + on.lam * density
         for i in range(columns):
             at = wide * (i + 1)
             out[at + n] = y[at + size + n]
             out[at + size + n] = -stiff * y[at + n] - drag * y[at + size + n]
         if params > 0:
-            out[behind + n] += drive[n] * push
+            out[behind + n] += on.drive[n] * push
             out[behind + 2 * wide + n] -= density * v
             out[behind + 3 * wide + n] -= in_m
             out[behind + 4 * wide + n] -= v
             out[behind + 5 * wide + n] -= u
     for i in range(columns):
         at = wide * (i + 1)
-        bend(entries, y, at, out, at + size, gamma)
+        add_pull(on.entries, y, at, out, at + size, on.gamma)
     if params > 0:
-        bend(entries, y, 0, out, behind + wide, 1.0)
+        add_pull(on.entries, y, 0, out, behind + wide, 1.0)
 
 
-MOTION, JACOBIAN, VARIED = Kernel(motion), Kernel(jacobian), Kernel(varied)
+MOTION, VARIED = Kernel(motion), Kernel(varied)

@@ -60,7 +60,7 @@ class State(NamedTuple):
         return f"<State of {size} displacements and velocities, |u| <= {np.abs(self.u).max():.6g}>"
 
 
-class Under(TypedDict, total=False):
+class LatticeParameters(TypedDict, total=False):
     """Keywords that say what a lattice moves under, whatever its walls."""
 
     a: Required[float]
@@ -71,7 +71,7 @@ class Under(TypedDict, total=False):
     lattice: Finite | None
 
 
-class On(Under, total=False):
+class ModelParameters(LatticeParameters, total=False):
     """Those of `simulate`, which every function takes."""
 
     k: Required[float]

@@ -10,11 +10,11 @@ import numpy as np
 from contbreather.continuation import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
-from contbreather.simulation.impacting import Record, Run
-from contbreather.simulation.returning import problem_of_cycle
+from contbreather.simulation.chunks import IMPACT, REST, RunStop
+from contbreather.simulation.periodic import problem_of_cycle
+from contbreather.simulation.simulate import Record, Run
 from contbreather.simulation.smooth import SmoothConditions, SmoothRun
 from contbreather.simulation.states import State
-from contbreather.simulation.stretches import IMPACT, REST, RunStop
 from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
 
 Values = Mapping[str, Any]

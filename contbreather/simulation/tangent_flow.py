@@ -1,102 +1,63 @@
-"""The compiled loop of `simulation.tangent`: flights, saltations, orthonormalisation."""
+"""Kernel of the variational flow of an impacting lattice: flights and saltations."""
 
 from __future__ import annotations
 
 import math
 
 from contbreather.kernels import Counts, Kernel, Matrix, Signs, Vector
-from contbreather.simulation.flow import expand, expand_any, state_at
-from contbreather.simulation.resting import resting
-from contbreather.simulation.room import Law
+from contbreather.simulation.arguments import Parameters
+from contbreather.simulation.sticking import any_at_rest
+from contbreather.simulation.taylor import expand, expand_any, state_at
 
 
 def fly(
-    du: Matrix, dv: Matrix, held: Signs, span: float, law: Law, still: Vector, nowhere: Vector,
-    rows: Matrix,
+    du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, zeros: Vector,
+    nowhere: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
     """All perturbations over a time without events."""
-    anyone, left = resting(held), span
+    anyone, left = any_at_rest(at_rest), span
     while left > 0.0:
-        h = min(law.step, left)
+        h = min(on.step, left)  # nothing is driven: the harmonics of the forcing do not count
         for i in range(du.shape[0]):
-            if anyone or not law.ring:
-                expand_any(du[i], dv[i], h, law.mu, law.bonds, held, nowhere, still, rows)
+            if anyone or not on.ring:
+                expand_any(du[i], dv[i], h, on.mu, on.bonds, at_rest, nowhere, zeros, rows)
             else:
-                expand(du[i], dv[i], h, law.gamma, law.mu, rows)
+                expand(du[i], dv[i], h, on.gamma, on.mu, rows)
             state_at(rows, h, 1.0, du[i], dv[i])
         left -= h
 
 
-def kick(du: Matrix, dv: Matrix, held: Signs, n: int, entry: float, law: Law) -> None:
+def kick(du: Matrix, dv: Matrix, at_rest: Signs, n: int, entry: float, on: Parameters) -> None:
     """One event: the block of (19), the beginning of a rest (NaN), or its end (infinite)."""
     if math.isinf(entry):
-        held[n] = 0
+        at_rest[n] = 0
         return
     if math.isnan(entry):
-        held[n] = 1
+        at_rest[n] = 1
     for i in range(du.shape[0]):
         u, v = du[i, n], dv[i, n]
-        if held[n] != 0:
+        if at_rest[n] != 0:  # wherever it came from, the site is at its wall
             du[i, n] = dv[i, n] = 0.0
         else:
-            du[i, n] = -law.k * u
-            dv[i, n] = -law.k * v + entry * u
+            du[i, n] = -on.k * u
+            dv[i, n] = -on.k * v + entry * u
 
 
-def dot(du: Matrix, dv: Matrix, i: int, j: int) -> float:
-    """The product of two perturbations."""
-    first = second = 0.0
-    for n in range(du.shape[1]):
-        first += du[i, n] * du[j, n]
-        second += dv[i, n] * dv[j, n]
-    return first + second
-
-
-def orthonormalise(du: Matrix, dv: Matrix, growth: Vector) -> None:
-    """Gram and Schmidt, twice over, in order; logarithms of the lengths found."""
-    for i in range(du.shape[0]):
-        growth[i] = 0.0
-        for sweep in range(2):
-            for j in range(i):
-                along = dot(du, dv, i, j)
-                for n in range(du.shape[1]):
-                    du[i, n] -= along * du[j, n]
-                    dv[i, n] -= along * dv[j, n]
-            size = math.sqrt(dot(du, dv, i, i))
-            if sweep == 0 and size < 1e-280:  # k = 0 annihilates a direction; give it a new one
-                growth[i] = -math.inf
-                for n in range(du.shape[1]):
-                    du[i, n] = 1.0 / (1.0 + n + i)
-                    dv[i, n] = math.cos(1.0 + n * (i + 1.0))
-                size = 1.0
-            growth[i] += math.log(size)
-            for n in range(du.shape[1]):
-                du[i, n] /= size
-                dv[i, n] /= size
-
-
-def carry(
-    du: Matrix, dv: Matrix, held: Signs, spans: Vector, first: int, law: Law, since: Vector,
-    site: Counts, entry: Vector, period: Counts, growth: Matrix, still: Vector, nowhere: Vector,
-    rows: Matrix,
+def tangent_flow(
+    du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, since: Vector,
+    site: Counts, entry: Vector, zeros: Vector, nowhere: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """Perturbations ``du, dv`` (m, N) over successive periods, in place.
+    """Perturbations ``du, dv`` (m, N) over a time ``span`` with these events, in place.
 
-    With ``growth`` of shape (periods, m) they are orthonormalised after each; (periods, 0): not.
-    Nothing drives them and a site at rest has none: ``still`` and ``nowhere`` are zeros; ``rows``
+    Nothing drives them and a site at rest has none: ``zeros`` and ``nowhere`` are zeros; ``rows``
     is room for a step.
     """
-    event = 0
-    for j in range(spans.size):
-        s = 0.0
-        while event < period.size and period[event] == first + j:
-            fly(du, dv, held, since[event] - s, law, still, nowhere, rows)
-            s = since[event]
-            kick(du, dv, held, site[event], entry[event], law)
-            event += 1
-        fly(du, dv, held, spans[j] - s, law, still, nowhere, rows)
-        if growth.shape[1] > 0:
-            orthonormalise(du, dv, growth[j])
+    s = 0.0
+    for i in range(since.size):
+        fly(du, dv, at_rest, since[i] - s, on, zeros, nowhere, rows)
+        s = since[i]
+        kick(du, dv, at_rest, site[i], entry[i], on)
+    fly(du, dv, at_rest, span - s, on, zeros, nowhere, rows)
 
 
-CARRY = Kernel(carry)
+TANGENT_FLOW = Kernel(tangent_flow)

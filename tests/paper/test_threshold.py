@@ -11,7 +11,7 @@ from contbreather.orbits import Orbit, neighbour_peak, smallest_amplitude
 from contbreather.paper.threshold import (
     STRIDE,
     TINY,
-    _crossing,
+    first_crossing,
     neimark_sacker,
     neimark_sacker_line,
     pitchfork_line,
@@ -113,14 +113,16 @@ def test_a_pair_that_begins_or_ends_between_two_looks_does_not_stop_the_search(f
         modulus = (1.0 + gamma - start - 3 * STRIDE) * np.sqrt(THRESHOLD)
         return np.array([modulus * np.exp(1j * np.pi * angle)])
 
-    found = _crossing(lambda gamma: gamma, start, pairs, THRESHOLD)
+    found = first_crossing(lambda gamma: gamma, start, pairs, THRESHOLD)
     assert found.gamma == pytest.approx(start + 3 * STRIDE, abs=1e-10)
     assert found.angle == pytest.approx(angle, abs=1e-12)
 
 
-def test_no_pair_at_all_is_no_crossing() -> None:
+def test_no_pair_at_all_is_no_crossing_nor_are_pairs_that_were_always_beyond() -> None:
     with pytest.raises(NotConverged, match=rf"no pair .* reaches the modulus {THRESHOLD} below"):
-        _crossing(lambda gamma: gamma, 0.05, lambda gamma: np.empty(0, complex), THRESHOLD)
+        first_crossing(lambda gamma: gamma, 0.05, lambda gamma: np.empty(0, complex), THRESHOLD)
+    with pytest.raises(NotConverged, match=rf"pairs beyond the modulus {THRESHOLD} at every"):
+        first_crossing(lambda gamma: gamma, 0.02, lambda gamma: np.array([2j]), THRESHOLD)
 
 
 @pytest.mark.parametrize("threshold", [1.0, 0.9, float("nan"), float("inf")])

@@ -12,23 +12,23 @@ import pytest
 from contbreather.cli import INTERRUPTED, main
 from contbreather.orbits import symmetric
 from contbreather.paper import figure6, figure7, figure8
-from contbreather.paper.fates import growth
+from contbreather.paper.lifetimes import growth
 from contbreather.signals import deferred
 from contbreather.simulation import (
     Axis,
-    Fate,
+    Outcome,
     RunStop,
     attraction,
+    integrator,
     periodic,
     simulate,
     simulate_smooth,
     smooth,
-    stretches,
     sweep,
     verdict,
 )
+from contbreather.simulation.classify import judge
 from contbreather.simulation.states import State
-from contbreather.simulation.verdicts import judge
 
 from ..apart import begun
 
@@ -52,7 +52,10 @@ def ctrl_c(monkeypatch):
 
             return called
 
-        for owner, name in ((stretches.Machine, "advance"), (smooth.SmoothFlight, "advance")):
+        for owner, name in (
+            (integrator.EventDriven, "advance"),
+            (smooth.SmoothIntegrator, "advance"),
+        ):
             monkeypatch.setattr(owner, name, counting(name, getattr(owner, name)))
         return seen
 
@@ -107,22 +110,23 @@ def test_ctrl_c_keeps_the_periods_that_are_completed(ctrl_c, run):
 
 def test_ctrl_c_while_room_is_made_for_more_impacts_drops_no_period(monkeypatch) -> None:
     """Room for 256 impacts is full after 128 periods: the stretch ends there, and hands them on."""
-    make = stretches.log_of
+    make = integrator.event_log
 
     def interrupted(size):
         if size > 256:
             raise KeyboardInterrupt
         return make(size)
 
-    monkeypatch.setattr(stretches, "log_of", interrupted)
-    machine = stretches.Machine(State(*STATE), simulate(STATE, periods=0, **SET).conditions, 0.0)
-    first = machine.advance(1000, 0)
+    monkeypatch.setattr(integrator, "event_log", interrupted)
+    conditions = simulate(STATE, periods=0, **SET).conditions
+    rigid = integrator.EventDriven(State(*STATE), conditions, 0.0)
+    first = rigid.advance(1000, 0)
     assert (first.periods, len(first.impacts), first.stop) == (128, 256, None)
     with pytest.raises(KeyboardInterrupt):
-        machine.advance(100, 128)
+        rigid.advance(100, 128)
     monkeypatch.undo()
     whole = simulate(STATE, periods=228, **SET)
-    assert np.array_equal([*first.u, *machine.advance(100, 128).u], whole.strobe.u[1:])
+    assert np.array_equal([*first.u, *rigid.advance(100, 128).u], whole.strobe.u[1:])
 
 
 @pytest.mark.parametrize("run", [simulate, partial(simulate_smooth, m=6)])
@@ -141,15 +145,15 @@ def test_interrupted_sweep_has_the_values_done_and_says_so(ctrl_c):
     assert (found.stop, found.value.tolist()) == (RunStop.INTERRUPTED, [0.2, 0.19])
 
 
-def test_start_that_was_interrupted_has_no_fate(ctrl_c):
+def test_start_that_was_interrupted_has_no_outcome(ctrl_c):
     u, v = Axis("u", 0, [0.1]), Axis("v", 0, [0.0, 0.1, 0.2])
     ctrl_c(2)
     with ThreadPoolExecutor(1) as one:
         basin = attraction(STATE, u, v, periods=20, executor=one, **SET)
     assert not basin.complete
     assert "cut short" in repr(basin)
-    assert int(np.sum(basin.fate == Fate.PENDING)) >= 1
-    assert Fate.SPREAD not in basin.fate
+    assert int(np.sum(basin.outcome == Outcome.PENDING)) >= 1
+    assert Outcome.SPREAD not in basin.outcome
 
 
 BASIN = """
@@ -161,7 +165,7 @@ if __name__ == "__main__":
     state = symmetric(0.2, 0.08, 0.8).state(40)
     u, v = (Axis(name, 0, np.linspace(-0.9, 0.9, 2000)) for name in "uv")
     found = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
-    print(found.complete, (found.fate == -1).any())
+    print(found.complete, (found.outcome == -1).any())
 else:  # a worker, which says when it goes to work
     advance = basin.advance
     def begins(*given, **more):
@@ -200,7 +204,7 @@ def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost():
 @pytest.mark.apart
 def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
     """A real signal, at any moment of the compiled solver and what it calls."""
-    advance = smooth.SmoothFlight.advance
+    advance = smooth.SmoothIntegrator.advance
     signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
     for delay in np.linspace(0.005, 0.06, 12):
 
@@ -209,7 +213,7 @@ def test_ctrl_c_in_a_smooth_run_is_what_it_is_whatever_it_hits(monkeypatch):
                 signal.setitimer(signal.ITIMER_REAL, delay)
             return advance(flight, periods, first, **more)
 
-        monkeypatch.setattr(smooth.SmoothFlight, "advance", winds_the_alarm)
+        monkeypatch.setattr(smooth.SmoothIntegrator, "advance", winds_the_alarm)
         run = simulate_smooth(STATE, m=6, periods=10**7, **SET)  # as long as it takes to come
         assert run.stop is RunStop.INTERRUPTED
         assert np.array_equal(run.final.u, run.strobe.u[-1])

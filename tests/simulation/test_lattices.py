@@ -16,8 +16,8 @@ from contbreather.errors import BadInput
 from contbreather.orbits.orbit import orbit_at
 from contbreather.simulation import (
     Axis,
-    Fate,
     Kind,
+    Outcome,
     Sample,
     attraction,
     localisation,
@@ -218,8 +218,8 @@ def test_a_breather_attracts_on_its_lattice():
         orbit.state(), Axis("u", 0, [-0.9, 0.0]), Axis("v", 3, [0.0, 0.1]), periods=60,
         executor=1, **on,
     )  # fmt: skip
-    assert (basin.fate[:, 0] == Fate.OUTSIDE).all()
-    assert basin.fate[0, 1] in (Fate.RETURNED, Fate.QUIET)
+    assert (basin.outcome[:, 0] == Outcome.OUTSIDE).all()
+    assert basin.outcome[0, 1] in (Outcome.RETURNED, Outcome.QUIET)
 
 
 def test_energy_is_all_of_the_lattice_and_falls_along_its_bonds():

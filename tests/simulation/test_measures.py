@@ -13,8 +13,9 @@ from contbreather.errors import NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation import (
     Axis,
-    Fate,
     Kind,
+    Outcome,
+    Record,
     RunStop,
     Sample,
     attraction,
@@ -28,7 +29,6 @@ from contbreather.simulation import (
     there_and_back,
     verdict,
 )
-from contbreather.simulation.impacting import Record
 from contbreather.simulation.states import PERIOD
 
 STILL = {"a": 0.0, "gamma": 0.0}
@@ -132,7 +132,7 @@ def test_twenty_states_are_enough_for_a_rotation_number() -> None:
 
 
 def test_a_run_that_ends_early_is_undecided_with_its_reason(monkeypatch) -> None:
-    monkeypatch.setattr("contbreather.simulation.stretches.MOST", 500)
+    monkeypatch.setattr("contbreather.simulation.integrator.MOST", 500)
     fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
     for settle in (0, 1):
         found = verdict(([0.1], [1e3]), settle=settle, periods=100, **fast)
@@ -217,17 +217,12 @@ def test_values_of_a_sweep_there_and_back_turn_once() -> None:
 
 
 def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
-    from contbreather.simulation import slow_sweep
-
-    def ending(state, on, **how):
-        return replace(let_go(state, on, **how), stop=ends.get(on.a, RunStop.DONE))
-
-    let_go, ends = slow_sweep.let_go, {0.3: RunStop.CHATTER}
-    monkeypatch.setattr(slow_sweep, "let_go", ending)
-    state = [0.1, 0.2], [0.0, 0.0]
-    seen = sweep(state, "a", [0.2, 0.3, 0.4], periods=2, a=0.2, gamma=0.04, k=0.8)
+    monkeypatch.setattr("contbreather.simulation.integrator.MOST", 4)
+    seen = sweep(([0.1], [0.0]), "a", [1.5, 6.0, 0.1], periods=2, gamma=0.0, k=1.0)
     assert seen.stop is RunStop.CHATTER
-    assert seen.value.tolist() == [0.2, 0.3]
+    assert seen.value.tolist() == [1.5]
+    with pytest.raises(NotConverged, match="at a = 6: site 0 has more than 4 impacts"):
+        sweep(([0.1], [0.0]), "a", [6.0, 1.5], periods=2, gamma=0.0, k=1.0)
 
 
 # --- basins ---------------------------------------------------------------------------------------
@@ -249,9 +244,9 @@ def test_starts_of_a_basin_are_where_its_axes_say() -> None:
     assert inside == pytest.approx(far)
     assert np.isnan(found.distance[:, 2]).all()
     assert np.isnan(found.distance[2]).all()
-    assert (found.fate[:2, 0] == Fate.RETURNED).all()
-    assert (found.fate[:2, 1] == Fate.QUIET).all()
-    assert (found.fate[2] == Fate.OUTSIDE).all()
+    assert (found.outcome[:2, 0] == Outcome.RETURNED).all()
+    assert (found.outcome[:2, 1] == Outcome.QUIET).all()
+    assert (found.outcome[2] == Outcome.OUTSIDE).all()
     assert found.share == pytest.approx(2 / 6)
     assert repr(found) == (
         "<Basin of 4 x 3 starts over u_-1 and u_1: 2 back at the breather; 4 no impacts; "
@@ -278,8 +273,8 @@ def test_another_breather_at_the_site_is_another_motion() -> None:
         own.state, Axis("u", 0, [u]), Axis("v", 0, [v, -v - 0.3]),
         periods=300, executor=1, **shared,
     )  # fmt: skip
-    assert found.fate[0, 0] == Fate.RETURNED
-    assert set(found.fate[:, 0].tolist()) <= {Fate.RETURNED, Fate.OTHER}
+    assert found.outcome[0, 0] == Outcome.RETURNED
+    assert set(found.outcome[:, 0].tolist()) <= {Outcome.RETURNED, Outcome.OTHER}
 
 
 # --- runs -----------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.orbit import orbit_at
 from contbreather.simulation import periodic, rotation, simulate, simulate_smooth
-from contbreather.simulation.returning import _events, _shortened
+from contbreather.simulation.periodic import _events
 from tests.simulation.zoo import breather
 
 RING = {"gamma": 0.04, "k": 0.8, "damping": 0.02}
@@ -171,18 +171,6 @@ def test_without_damping_no_count_is_held_against_a_branch():
     assert not bare.events
     damped = line(lambda mu: [0.9 + mu, 0.1], kinds=("MX",)).at(damping=0.0)
     assert not cb.trace(damped, "mu", within={"mu": (-0.5, 0.5)}).doubtful
-
-
-def test_a_step_of_newton_is_halved_until_it_leads_closer() -> None:
-    def back(x: np.ndarray, params: object) -> np.ndarray:
-        if x[0] > 3.0:
-            raise cb.BadInput("outside the walls")
-        return x - 1.0
-
-    for step, wanted in ((0.5, 0.5), (2.4, 1.2), (7.0, 1.75), (40.0, 1.25)):
-        new, defect = _shortened(back, np.zeros(1), np.array([step]), 1.0, {})
-        assert new.tolist() == [wanted]
-        assert defect.tolist() == [wanted - 1.0]
 
 
 # --- columns of branches --------------------------------------------------------------------------

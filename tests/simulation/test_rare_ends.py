@@ -28,7 +28,8 @@ from contbreather.simulation import (
     simulate,
     simulate_smooth,
 )
-from contbreather.simulation.stretches import Machine, walk
+from contbreather.simulation.chunks import in_chunks
+from contbreather.simulation.integrator import EventDriven
 
 HERE: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 STATE = cb.symmetric(**HERE).state(4)
@@ -45,18 +46,18 @@ STATE = cb.symmetric(**HERE).state(4)
     ],
 )
 def test_a_run_that_the_loops_give_up_is_an_error(monkeypatch, status, sentence) -> None:
-    from contbreather.simulation import cruise
+    from contbreather.simulation import event_loop, integrator
 
     def give_up(*given: Any) -> None:
-        given[-1][:] = 0, getattr(cruise, status), 0
+        given[-1][:] = 0, getattr(event_loop, status), 0
 
-    monkeypatch.setattr(cruise, "CRUISE", give_up)
+    monkeypatch.setattr(integrator, "EVENT_LOOP", give_up)
     with pytest.raises(NotConverged, match=sentence):
         simulate(STATE, **HERE, periods=2)
 
 
-def test_a_run_that_ends_in_its_first_stretch_ends_where_it_began(monkeypatch) -> None:
-    monkeypatch.setattr("contbreather.simulation.stretches.MOST", 500)
+def test_a_run_that_ends_in_its_first_chunk_ends_where_it_began(monkeypatch) -> None:
+    monkeypatch.setattr("contbreather.simulation.integrator.MOST", 500)
     fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
     for periods in (3, 0.5, 1.5):
         run = simulate(([0.1], [1e3]), periods=periods, t0=0.3, **fast)
@@ -69,7 +70,7 @@ def test_a_run_that_ends_in_its_first_stretch_ends_where_it_began(monkeypatch) -
 
 def test_a_run_that_ends_later_keeps_the_periods_before(monkeypatch) -> None:
     run = simulate(STATE, **HERE, periods=6)
-    monkeypatch.setattr("contbreather.simulation.stretches.MOST", 1)  # two in every period
+    monkeypatch.setattr("contbreather.simulation.integrator.MOST", 1)  # two in every period
     cut = simulate(STATE, **HERE, periods=6)
     assert cut.stop is RunStop.CHATTER
     assert cut.periods == 0
@@ -78,12 +79,12 @@ def test_a_run_that_ends_later_keeps_the_periods_before(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(("room", "most"), [(1, 1), (16, 2), (17, 2), (32, 4), (7, 1)])
-def test_a_stretch_holds_what_has_room_and_a_period_at_least(monkeypatch, room, most) -> None:
+def test_a_chunk_holds_what_has_room_and_a_period_at_least(monkeypatch, room, most) -> None:
     """Of four sites a period has eight numbers."""
-    monkeypatch.setattr("contbreather.simulation.stretches.ROOM", room)
+    monkeypatch.setattr("contbreather.simulation.integrator.CHUNK", room)
     conditions = simulate(STATE, **HERE, periods=0).conditions
     start = State(*(np.array(x) for x in STATE))
-    ahead = walk(Machine(start, conditions, 0.0), periods=13, progress=False)
+    ahead = in_chunks(EventDriven(start, conditions, 0.0), periods=13, progress=False)
     first, *lengths = [one.periods for one in ahead]  # how long a period takes is seen on the first
     assert first + sum(lengths) == 13
     assert max(lengths) == most
@@ -93,7 +94,7 @@ def test_where_the_ring_does_not_go_on_a_branch_of_its_motions_ends(monkeypatch)
     shared = {**HERE, "damping": 0.05}
     own = periodic(simulate(STATE, **shared, periods=60).final, **shared)
     problem = own.problem
-    monkeypatch.setattr("contbreather.simulation.stretches.MOST", 0)  # half a period has one
+    monkeypatch.setattr("contbreather.simulation.integrator.MOST", 0)  # half a period has one
     with pytest.raises(ArithmeticError, match="has more than 0 impacts in period 0"):
         problem.residual(np.concatenate(own.state) + 1e-9, problem.params)
     monkeypatch.undo()
@@ -207,7 +208,7 @@ def test_times_of_a_recording_are_those_of_a_run(tmp_path) -> None:
     assert kept.impacts["time"] == pytest.approx(run.impacts["time"], abs=1e-12)
     assert kept.strobe(1).u == pytest.approx(run.strobe.u[:, 1], abs=0)
     assert kept.strobe(slice(1, 3)).v.shape == (4, 2)
-    firsts = [one.first for one in kept.stretches()]
+    firsts = [one.first for one in kept.chunks()]
     assert firsts == sorted(firsts)
 
 

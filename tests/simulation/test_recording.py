@@ -44,15 +44,15 @@ def test_run_on_disk_is_the_run_in_memory(tmp_path, state):
     recorded = record(tmp_path / "run", state, **CONDITIONS, periods=60, sample=sample, t0=1.0)
     assert_same(recorded, run)
     assert_same(open_recording(tmp_path / "run"), run)
-    dense = np.concatenate([s.dense_u.reshape(-1, 2) for s in recorded.stretches()])
+    dense = np.concatenate([s.dense_u.reshape(-1, 2) for s in recorded.chunks()])
     assert np.array_equal(dense, run.record.u)
 
 
 def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "LARGEST", 50_000)
     monkeypatch.setattr(recording, "EVERY", math.inf)  # seconds
-    monkeypatch.setattr(contbreather.simulation.stretches, "ROOM", 2**14)
-    monkeypatch.setattr(contbreather.simulation.stretches, "MOMENT", math.inf)
+    monkeypatch.setattr(contbreather.simulation.integrator, "CHUNK", 2**14)
+    monkeypatch.setattr(contbreather.simulation.chunks, "MOMENT", math.inf)
     state = symmetric(0.7, 0.06, 0.2).state(20)
     peaks = []
     for name, periods in (("warm", 10), ("short", 3000), ("long", 30000)):
@@ -77,7 +77,7 @@ def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state, forcin
 
 
 def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monkeypatch):
-    advance = contbreather.simulation.stretches.Machine.advance
+    advance = contbreather.simulation.integrator.EventDriven.advance
     calls = []
 
     def interrupted(self, *args, **kwargs):
@@ -86,7 +86,7 @@ def test_interrupted_recording_keeps_every_finished_period(tmp_path, state, monk
             raise KeyboardInterrupt
         return advance(self, *args, **kwargs)
 
-    monkeypatch.setattr(contbreather.simulation.stretches.Machine, "advance", interrupted)
+    monkeypatch.setattr(contbreather.simulation.integrator.EventDriven, "advance", interrupted)
     first = record(tmp_path / "run", state, **CONDITIONS, periods=1000)
     assert (first.interrupted, first.stop) == (True, RunStop.INTERRUPTED)
     assert 0 < first.periods < 1000

@@ -16,7 +16,7 @@ from contbreather.orbits import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.simulation import (
     Axis,
-    Fate,
+    Outcome,
     Sample,
     attraction,
     localisation,
@@ -144,14 +144,6 @@ def test_the_swept_parameter_may_be_left_out(orbit):
 # --- localisation ---------------------------------------------------------------------------------
 
 
-def test_energies_add_up_to_the_energy_of_the_unforced_motion():
-    rng = np.random.default_rng(0)
-    u, v = rng.normal(size=(2, 7))
-    seen = localisation(u, v, a=0.0, gamma=0.2)
-    bonds = u - np.roll(u, 1)
-    assert seen.energy.sum() == pytest.approx(0.5 * np.sum(v**2) + 0.1 * np.sum(bonds**2))
-
-
 def test_participation_counts_the_sites_that_take_part():
     for count in (1, 3, 8):
         v = np.zeros(8)
@@ -196,9 +188,9 @@ def test_starts_near_an_attractor_return_and_others_do_not(basin):
     start, x, y, conditions = basin
     found = attraction(start.state, x, y, **conditions, executor=1)
     assert found.complete
-    assert np.all(found.fate[:, 0] == Fate.OUTSIDE)
-    assert np.all(found.fate[:2, 1:3] == Fate.RETURNED)
-    assert found.fate[2, 3] == Fate.QUIET
+    assert np.all(found.outcome[:, 0] == Outcome.OUTSIDE)
+    assert np.all(found.outcome[:2, 1:3] == Outcome.RETURNED)
+    assert found.outcome[2, 3] == Outcome.QUIET
     assert found.distance[0, 1] < 1e-9
     assert 0.0 < found.share < 1.0
 
@@ -209,7 +201,7 @@ def test_starts_whose_impacts_are_all_over_the_ring_have_spread():
     axes = Axis("v", 3, kicks), Axis("v", 6, kicks)
     found = attraction(start, *axes, periods=60, executor=1, **conditions)
     assert found.complete
-    assert np.all(found.fate == Fate.SPREAD)
+    assert np.all(found.outcome == Outcome.SPREAD)
 
 
 @pytest.mark.slow
@@ -218,7 +210,7 @@ def test_picture_does_not_depend_on_who_computes_it(basin):
     alone = attraction(start.state, x, y, **conditions, executor=1)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         shared = attraction(start.state, x, y, **conditions, executor=pool)
-    assert np.array_equal(alone.fate, shared.fate)
+    assert np.array_equal(alone.outcome, shared.outcome)
     assert np.array_equal(alone.distance, shared.distance, equal_nan=True)
 
 
@@ -244,8 +236,8 @@ def test_rows_done_before_the_workers_died_are_kept(basin):
     with Dying(1) as pool:
         found = attraction(start.state, x, y, **conditions, executor=pool)
     assert not found.complete
-    assert np.all(found.fate[0] != Fate.PENDING)
-    assert np.all(found.fate[1:] == Fate.PENDING)
+    assert np.all(found.outcome[0] != Outcome.PENDING)
+    assert np.all(found.outcome[1:] == Outcome.PENDING)
 
 
 def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
@@ -254,7 +246,7 @@ def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
         attraction(start.state, x, y, **conditions, executor=pool)
 
 
-def test_fates_are_small_numbers_without_gaps() -> None:
+def test_lifetimes_are_small_numbers_without_gaps() -> None:
     """They are kept in one byte each, and coloured by steps of one."""
-    assert sorted(int(fate) for fate in Fate) == list(range(-1, 5))
-    assert Fate.PENDING < Fate.OUTSIDE
+    assert sorted(int(outcome) for outcome in Outcome) == list(range(-1, 5))
+    assert Outcome.PENDING < Outcome.OUTSIDE

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.lattice import Ring
-from contbreather.lattice.conditions import Conditions
-from contbreather.simulation import Sample, simulate, simulate_smooth, stretches
-from contbreather.simulation.law import law_of
+from contbreather.simulation import Sample, simulate, simulate_smooth
 
 ON = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 STATE = cb.symmetric(**ON).state(3)
@@ -62,27 +59,3 @@ def test_every_impact_is_in_the_period_of_its_time() -> None:
     assert np.array_equal(run.impacts["period"], np.floor(since / (2 * np.pi)))
     phase = np.exp(1j * run.impacts["phase"]) * np.exp(-1j * run.impacts["time"])
     assert abs(phase - 1).max() < 1e-11
-
-
-def test_the_loops_have_room_for_all_sites_and_a_log_begins_empty() -> None:
-    sites, count = 5, 9
-    law = law_of(Conditions(0.5, 0.05, 0.8, lattice=Ring(sites)))._replace(size=count)
-    work = stretches.work_of(sites, law)._asdict()
-    shapes = {name: array.shape for name, array in work.items()}
-    wide = {"rows": (count, sites), "patch": (count, 4 * 4 + 1), "lift": (count, 1)}
-    own = {"column": (count,), "shifted": (count,), "push": (2, 1)}
-    other = {**wide, **own, "busy": (sites + 1,), "many": (1,)}
-    assert shapes == {name: other.get(name, (sites,)) for name in work}
-    log = stretches.log_of(8)
-    assert [x.dtype.str[1:] for x in log[1:]] == ["i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8"]
-    assert [x.tolist() for x in log] == [[0], *([0] * 8 for _ in log[1:])]
-    watch = stretches.watch_of(Sample((1, -1), 4), 3, sites)
-    assert watch[0].tolist() == [1, 4]
-    assert np.allclose(watch[1], np.pi / 2 * np.arange(4))
-    assert [np.isnan(x).all() and x.shape for x in watch[2:]] == [(3, 4, 2)] * 2
-    assert [x.shape for x in stretches.watch_of(None, 3, sites)] == [
-        (0,),
-        (0,),
-        (3, 0, 0),
-        (3, 0, 0),
-    ]

@@ -14,10 +14,10 @@ from contbreather.continuation import fold, trace
 from contbreather.errors import NotConverged, keeping
 from contbreather.orbits import Orbit
 from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic
+from contbreather.simulation.classify import BROAD
 from contbreather.simulation.energy import localised
-from contbreather.simulation.impacting import completed
+from contbreather.simulation.simulate import completed
 from contbreather.simulation.smooth import let_go
-from contbreather.simulation.verdicts import BROAD
 
 Array = NDArray[Any]
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from contbreather.continuation import trace
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
 from contbreather.simulation import Kind, lyapunov, periodic, simulate, variation, verdict
@@ -98,16 +98,6 @@ def test_without_damping_the_periodic_motion_is_the_exact_breather():
     assert np.allclose(mine, exact, rtol=0, atol=1e-8)
 
 
-def test_damped_breather_of_figure_5_attracts_where_the_undamped_one_does_not():
-    own = symmetric(0.1, 0.08, 0.8, lattice=Ring(20))
-    damped = periodic(own.state(20), a=0.1, gamma=0.08, k=0.8, damping=0.005, symmetric=True)
-    assert damped.largest == pytest.approx(0.99794, abs=1e-5)
-    assert np.abs(own.multipliers()).max() == pytest.approx(1.0142, abs=1e-4)
-    u, v = damped.state
-    run = simulate((u + 1e-4, v), a=0.1, gamma=0.08, k=0.8, damping=0.005, periods=4000)
-    assert np.abs(run.final.u - u).max() < 1e-7
-
-
 def test_asymmetric_breather_of_figure_7_settles_on_its_impact_phases():
     """The symmetric one is unstable; with rigid walls the ring ends on two unequal flights."""
     conditions = {"a": 0.82, "gamma": 0.04, "k": 0.8, "damping": 0.005}
@@ -116,26 +106,6 @@ def test_asymmetric_breather_of_figure_7_settles_on_its_impact_phases():
     assert found.largest < 1.0
     phases = np.sort(found.run().impacts["phase"])
     assert np.allclose(phases, [0.455388, 3.01105], rtol=0, atol=5e-6)
-
-
-@pytest.mark.parametrize("a", [0.1, 0.2, 0.7])
-def test_growth_of_a_simulated_perturbation_is_that_of_the_multiplier(a):
-    """Figure 6: how fast the breather is lost, by simulation and by Floquet, to three digits.
-
-    The left eigenvector of the monodromy matrix singles out one mode among 40.
-    """
-    conditions = {"a": a, "gamma": 0.104, "k": 0.8, "damping": 0.005}
-    orbit = breather(20, **conditions)
-    assert orbit.largest > 1.03
-    values, left = np.linalg.eig(variation(orbit.run()).T)
-    mode = left[:, np.abs(values).argmax()]
-    u, v = orbit.state
-    push = 1e-7 * np.conj(mode).real
-    run = simulate((u + push[:20], v + push[20:]), **conditions, periods=60)
-    amplitude = np.abs(np.hstack([run.strobe.u - u, run.strobe.v - v]) @ mode)
-    clean = np.flatnonzero(amplitude < 1e-5)
-    rate = np.polyfit(clean, np.log(amplitude[clean]), 1)[0]
-    assert rate == pytest.approx(math.log(orbit.largest), rel=5e-4)
 
 
 def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
@@ -155,12 +125,6 @@ def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
     start = breather(16, a=0.7, gamma=0.04, k=0.8)
     branch = trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
     assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
-
-
-def test_where_newton_ends_nowhere_it_says_so(monkeypatch):
-    monkeypatch.setattr("contbreather.simulation.returning.STEPS", 2)
-    with pytest.raises(NotConverged, match="no periodic motion near this state: the residual is"):
-        periodic(([0.3, -0.7], [2.0, 1.0]), a=3.0, gamma=0.2, k=0.99)
 
 
 def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():

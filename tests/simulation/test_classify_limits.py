@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather.simulation import Kind, State, judge, simulate, simulate_smooth, verdicts
-from contbreather.simulation.returning import PeriodicMotion
+from contbreather.simulation import Kind, Rotation, State, judge, simulate, simulate_smooth
+from contbreather.simulation.chunks import IMPACT
+from contbreather.simulation.classify import chaos_or_torus
+from contbreather.simulation.periodic import PeriodicMotion
 from contbreather.simulation.states import PERIOD
-from contbreather.simulation.stretches import IMPACT
-from contbreather.simulation.verdicts import Rotation
 
 GOLDEN = 0.3819660113
 
@@ -47,15 +47,6 @@ def test_a_multiplier_is_outside_by_more_than_rounding_or_integration_leaves(wal
 STEADY = Rotation(0.2345678, 1e-8, 0.5, 1e-6)
 
 
-def opened(
-    monkeypatch: Any, walls: str, turn: Rotation, values: Any, errors: Any, repelling: Any = None
-) -> tuple[Kind, str, dict[str, float]]:
-    run, evidence = RUNS[walls], dict[str, float]()
-    monkeypatch.setattr(verdicts, "rotation", lambda *_: turn)
-    monkeypatch.setattr(verdicts, "_exponents", lambda _: (np.array(values), np.array(errors)))
-    return *verdicts._open(run, evidence, repelling), evidence
-
-
 TORUS, CHAOS, OPEN = Kind.QUASI_PERIODIC, Kind.CHAOTIC, Kind.UNDECIDED
 
 
@@ -76,19 +67,17 @@ TORUS, CHAOS, OPEN = Kind.QUASI_PERIODIC, Kind.CHAOTIC, Kind.UNDECIDED
         ({"number": 0.25}, 0.0, 1.1e-5, OPEN, OPEN),
     ],
 )  # fmt: skip
-def test_an_open_motion_is_what_turns_and_exponents_say(
-    monkeypatch, turn, value, error, rigid, smooth
-) -> None:
+def test_an_open_motion_is_what_turns_and_exponents_say(turn, value, error, rigid, smooth) -> None:
     own = replace(STEADY, **turn)
-    for walls, kind in (("rigid", rigid), ("smooth", smooth)):
-        found, words, evidence = opened(monkeypatch, walls, own, [value, -1, -2], [error] * 3)
-        assert found is kind, walls
+    values, errors = np.array([value, -1, -2]), np.array([error] * 3)
+    for neutral, kind in ((1e-6, rigid), (1e-5, smooth)):
+        found, words, evidence = chaos_or_torus(own, values, errors, neutral, False)
+        assert found is kind, neutral
         assert f"largest exponent {value:.2g} ({error:.0e})" in words
         assert ("rotation number" in words) is (kind is not CHAOS)
         unsteady = own.error > 1e-6 or own.hole < 1e-3 or own.drift > 1e-4
         assert ("the section's size changes by" in words) is unsteady
-        alone = abs(value) < max(5 * error, 1e-6 if walls == "rigid" else 1e-5)
-        alone = alone and error < (1e-6 if walls == "rigid" else 1e-5)
+        alone = abs(value) < max(5 * error, neutral) and error < neutral
         assert evidence == {
             "rotation": own.number,
             "rotation_error": own.error,

@@ -11,9 +11,9 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, main
-from contbreather.paper import fates, time_series
+from contbreather.paper import lifetimes
 from contbreather.simulation import Sample, periodic, simulate, simulate_smooth, sweep
-from contbreather.simulation.stretches import IMPACT
+from contbreather.simulation.chunks import IMPACT
 from tests.simulation import zoo
 
 SET = {"gamma": 0.104, "k": 0.8}
@@ -27,26 +27,26 @@ def breather(a):
 def test_simulated_growth_is_the_largest_multiplier_to_three_digits(a):
     own = zoo.breather(20, a=a, damping=0.005, **SET)
     rate = math.log(own.largest)
-    assert math.log(fates.growth(own)) == pytest.approx(rate, rel=5e-4)
+    assert math.log(lifetimes.growth(own)) == pytest.approx(rate, rel=5e-4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("a", [0.1, 0.2])
 def test_simulated_growth_of_the_smooth_ring_is_its_largest_multiplier_to_three_digits(a):
-    own = fates.smooth_breather(breather(a), 6, 0.005, 20)
-    assert math.log(fates.growth(own)) == pytest.approx(math.log(own.largest), rel=5e-4)
+    own = lifetimes.smooth_breather(breather(a), 6, 0.005, 20)
+    assert math.log(lifetimes.growth(own)) == pytest.approx(math.log(own.largest), rel=5e-4)
 
 
 def test_growth_below_one_is_the_decay_of_an_attractor():
     own = zoo.breather(20, a=0.1, damping=0.02, **SET)
     assert own.largest < 1.0
-    assert fates.growth(own) == pytest.approx(own.largest, abs=1e-4)
+    assert lifetimes.growth(own) == pytest.approx(own.largest, abs=1e-4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("a", [0.1, 0.2, 0.7])
 def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with_less_it_leaves(a):
-    enough = fates.enough_damping(breather(a), 20)
+    enough = lifetimes.enough_damping(breather(a), 20)
     for damping, settles in ((enough + 0.004, True), (enough - 0.004, False)):
         own = zoo.breather(20, a=a, damping=damping, **SET)
         pushed = own.state.u * 0.999, own.state.v
@@ -59,7 +59,7 @@ def test_with_more_than_enough_damping_the_ring_settles_on_the_breather_and_with
 def test_enough_damping_is_the_neimark_sacker_point_of_the_branch_in_damping():
     own = zoo.breather(20, a=0.7, damping=0.03, **SET)
     branch = cb.trace(own, "damping", within={"damping": (0.01, 0.03)})
-    enough = fates.enough_damping(breather(0.7), 20)
+    enough = lifetimes.enough_damping(breather(0.7), 20)
     pairs = [point for point in branch.special if point.kind == "NS"]
     last = max(pairs, key=lambda point: point["damping"])  # others are outside still
     assert last["damping"] == pytest.approx(enough, abs=1e-8)
@@ -69,7 +69,7 @@ def test_enough_damping_is_the_neimark_sacker_point_of_the_branch_in_damping():
 def test_life_ends_where_a_wall_is_missed_or_a_neighbour_hits():
     state = breather(0.2).state(20)
     run = simulate(state, a=0.2, damping=0.005, periods=200, **SET)
-    lost = fates.life(run)
+    lost = lifetimes.life(run)
     before = run.impacts[run.impacts["period"] < lost]
     assert set(before["site"]) == {0}
     assert np.all(np.diff(before["wall"]) != 0)
@@ -82,42 +82,32 @@ def test_impacts_that_slip_over_the_end_of_a_period_end_no_breather():
     b = cb.symmetric(0.2, 0.08, 1.0)  # elastic: it hits at t = 0 and pi
     assert abs(math.remainder(b.phi, math.pi)) < 1e-12
     run = simulate(b.state(20, 1.0), a=0.2, gamma=0.08, k=1.0, t0=1.0, periods=20)
-    assert fates.life(run) is None
+    assert lifetimes.life(run) is None
     table = run.impacts.copy()
     table["period"][4::6] += 1  # as if rounding had moved some of them
-    assert not np.any(fates.unlike_a_breather(np.sort(table, order="time"), 20)[:19])
+    assert not np.any(lifetimes.unlike_a_breather(np.sort(table, order="time"), 20)[:19])
 
 
 @pytest.mark.slow
 def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
     state, sample = breather(0.2).state(20), Sample((-2, -1, 0, 1, 2), 24)
     shared = {"a": 0.2, "damping": 0.005, "periods": 100, **SET}
-    hard = fates.life(simulate_smooth(state, m=200, sample=sample, **shared))
+    hard = lifetimes.life(simulate_smooth(state, m=200, sample=sample, **shared))
     assert 20 < hard < 90
-    assert 20 < fates.life(simulate(state, **shared)) < 90
+    assert 20 < lifetimes.life(simulate(state, **shared)) < 90
 
 
 def test_kept_breather_has_no_end():
     b = cb.symmetric(0.1, 0.08, 0.8)
-    assert fates.life(simulate(b.state(20), a=0.1, gamma=0.08, k=0.8, periods=50)) is None
+    assert lifetimes.life(simulate(b.state(20), a=0.1, gamma=0.08, k=0.8, periods=50)) is None
 
 
 @pytest.mark.slow
 def test_breather_of_panel_c_ends_in_a_fold_between_walls_that_keep_it_and_walls_that_do_not():
-    fold = fates.softest(breather(0.7), 0.005, 20)
+    fold = lifetimes.softest(breather(0.7), 0.005, 20)
     assert fold == pytest.approx(16.4605, abs=1e-3)
-    assert fates.smooth_breather(breather(0.7), 18, 0.005, 20) is not None
-    assert fates.smooth_breather(breather(0.7), 15, 0.005, 20) is None
-
-
-def test_dashed_line_of_figure_7_is_the_exact_orbit_with_the_impacts_of_the_simulated_one():
-    near = cb.symmetric(0.82, 0.04, 0.8)
-    arm = time_series._asymmetric((0.455388, 3.011050), 0.037477, near)
-    assert arm.residual < 1e-12
-    assert abs(arm.asymmetry) == pytest.approx(2 * 0.29836, abs=1e-5)
-    assert arm.c == pytest.approx(0.0373542, abs=1e-7)
-    phases = np.sort(arm.times % (2 * math.pi))
-    assert phases == pytest.approx([0.455388, 3.011050], abs=0.02)
+    assert lifetimes.smooth_breather(breather(0.7), 18, 0.005, 20) is not None
+    assert lifetimes.smooth_breather(breather(0.7), 15, 0.005, 20) is None
 
 
 @pytest.mark.slow
@@ -207,5 +197,5 @@ BOTH = {i: [(i, 0, 1), (i, 0, -1)] for i in range(8)}
     ],
 )
 def test_a_breather_alternates_between_its_walls_alone(rows, more, ends) -> None:
-    found = fates.unlike_a_breather(table(*rows), 4, **more)
+    found = lifetimes.unlike_a_breather(table(*rows), 4, **more)
     assert np.flatnonzero(found).tolist() == ends

@@ -1,13 +1,13 @@
 """An impacting lattice, simulated exactly: eq. (1), the reset law (2), damping and springs.
 
-Between impacts the flow is summed to rounding (`contbreather.simulation.flow`), impacts are
+Between impacts the flow is summed to rounding (`contbreather.simulation.taylor`), impacts are
 bracketed so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall
 are part of the motion (`cruise`). The only error left is rounding.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, Unpack
 
 import numpy as np
@@ -20,25 +20,25 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NEEDED
 from contbreather.progress import Bar
+from contbreather.simulation.chunks import (
+    IMPACT,
+    REST,
+    Chunk,
+    Integrator,
+    RunStop,
+    Sample,
+    check_sample,
+    in_chunks,
+)
+from contbreather.simulation.integrator import EventDriven
 from contbreather.simulation.states import (
     PERIOD,
-    On,
+    ModelParameters,
     State,
     check_state,
     conditions_of,
     reduced,
     within,
-)
-from contbreather.simulation.stretches import (
-    IMPACT,
-    REST,
-    Machine,
-    Propagator,
-    RunStop,
-    Sample,
-    Stretch,
-    check_sample,
-    walk,
 )
 from contbreather.tables import Sheet
 
@@ -120,6 +120,18 @@ class States(Columns, Shown):
         """Whole periods completed."""
         return len(self.times) - 1
 
+    def since(self, period: int) -> Any:
+        """Its whole periods from one on, as a run that begins with that one."""
+        # without the fraction of a period at its end: sections are of whole ones
+        states = State(self.strobe.u[period:], self.strobe.v[period:])
+        left: dict[str, Any] = {"times": self.times[period:], "strobe": states}
+        left |= {"final": State(*(x[-1].copy() for x in states)), "end": float(self.times[-1])}
+        for name in {"impacts", "rests"} & {*vars(self)}:
+            table = getattr(self, name)
+            left[name] = table[table["period"] >= period].copy()
+            left[name]["period"] -= period
+        return replace(self, **left, record=None)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Run(States):
@@ -191,7 +203,7 @@ def simulate(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Run:
     """Let a lattice of impacting sites go from any state.
 
@@ -259,13 +271,18 @@ def advance(
 ) -> Run:
     """`simulate`, of a state and conditions that have been checked."""
     check_sample(sample, state.u.size)
-    machine = Machine(within(state, conditions.walls), conditions, reduced(t0), sample)
-    left, pieces = gathered(machine, periods=periods, t0=t0, progress=progress)
-    impacts = np.concatenate([np.empty(0, IMPACT), *(one.impacts for one in pieces)])
-    rests = np.concatenate([np.empty(0, REST), *(one.rests for one in pieces)])
+    integrator = EventDriven(within(state, conditions.walls), conditions, reduced(t0), sample)
+    left, chunks = gathered(integrator, periods=periods, t0=t0, progress=progress)
+    return Run(**left, **event_tables_of(chunks, t0))
+
+
+def event_tables_of(chunks: list[Chunk], t0: float) -> dict[str, Any]:
+    """Impacts and rests of a run that began at t0."""
+    impacts = np.concatenate([np.empty(0, IMPACT), *(chunk.impacts for chunk in chunks)])
+    rests = np.concatenate([np.empty(0, REST), *(chunk.rests for chunk in chunks)])
     for table in (impacts, rests):
         table["time"] += t0
-    return Run(impacts=impacts, rests=rests, **left)
+    return {"impacts": impacts, "rests": rests}
 
 
 def length_of(periods: float, sites: int) -> float:
@@ -282,51 +299,54 @@ def length_of(periods: float, sites: int) -> float:
 
 
 def gathered(
-    machine: Propagator, *, periods: float, t0: float, progress: bool | Bar | None
-) -> tuple[dict[str, Any], list[Stretch]]:
-    """Let it go: what `States` has of the run, with times counted from t0, and its pieces."""
-    length = length_of(periods, machine.state.u.size)
+    integrator: Integrator, *, periods: float, t0: float, progress: bool | Bar | None
+) -> tuple[dict[str, Any], list[Chunk]]:
+    """Let it go: what `States` has of the run, with times counted from t0, and its chunks."""
+    length = length_of(periods, integrator.state.u.size)
     count, rest = int(length), length - int(length)
-    start = State(machine.state.u.copy(), machine.state.v.copy())
-    pieces: list[Stretch] = []
-    parts: list[Stretch] = []
-    stop, reason = RunStop.DONE, ""
+    start = State(integrator.state.u.copy(), integrator.state.v.copy())
+    chunks: list[Chunk] = []
+    fraction: list[Chunk] = []
+    interrupted = False
     try:
-        for one in walk(machine, periods=count, progress=progress):
-            pieces.append(one)
-        if rest > 0.0 and not (pieces and pieces[-1].stop):
-            parts.append(machine.advance(1, count, span=PERIOD * rest))
+        for chunk in in_chunks(integrator, periods=count, progress=progress):
+            chunks.append(chunk)
+        if rest > 0.0 and not (chunks and chunks[-1].stop):
+            fraction.append(integrator.advance(1, count, span=PERIOD * rest))
     except KeyboardInterrupt:
-        stop = RunStop.INTERRUPTED
-    for one in (*pieces, *parts):
-        stop, reason = one.stop or stop, one.reason or reason
-    u = np.concatenate([start.u[None], *(one.u for one in pieces)])
-    v = np.concatenate([start.v[None], *(one.v for one in pieces)])
-    end = float(t0) + PERIOD * (len(u) - 1)
-    final = State(u[-1].copy(), v[-1].copy())
-    for one in parts:
-        if one.periods:
-            final, end = State(one.u[-1], one.v[-1]), end + PERIOD * rest
-    left = {
-        "times": float(t0) + PERIOD * np.arange(len(u)),
+        interrupted = True
+    left = joined(chunks, start, float(t0), integrator.sample)
+    for chunk in fraction:
+        left |= {"stop": chunk.stop or left["stop"], "reason": chunk.reason}
+        if chunk.periods:  # else it chatters before its end
+            left |= {"final": State(chunk.u[-1], chunk.v[-1]), "end": left["end"] + PERIOD * rest}
+    if interrupted:
+        left["stop"] = RunStop.INTERRUPTED
+    return {**left, "conditions": integrator.conditions}, [*chunks, *fraction]
+
+
+def joined(chunks: list[Chunk], start: State, t0: float, sample: Sample | None) -> dict[str, Any]:
+    """What `States` has of successive chunks, from the state at t0 on."""
+    u = np.concatenate([start.u[None], *(chunk.u for chunk in chunks)])
+    v = np.concatenate([start.v[None], *(chunk.v for chunk in chunks)])
+    return {
+        "times": t0 + PERIOD * np.arange(len(u)),
         "strobe": State(u, v),
-        "final": final,
-        "end": end,
-        "record": _record(pieces, machine.sample, start.u.size, float(t0)),
-        "conditions": machine.conditions,
-        "stop": stop,
-        "reason": reason,
+        "final": State(u[-1].copy(), v[-1].copy()),
+        "end": t0 + PERIOD * (len(u) - 1),
+        "record": _record(chunks, sample, start.u.size, t0),
+        "stop": (chunks[-1].stop if chunks else None) or RunStop.DONE,
+        "reason": chunks[-1].reason if chunks else "",
     }
-    return left, [*pieces, *parts]
 
 
-def _record(pieces: list[Stretch], sample: Sample | None, sites: int, t0: float) -> Record | None:
+def _record(chunks: list[Chunk], sample: Sample | None, sites: int, t0: float) -> Record | None:
     if sample is None:
         return None
-    shape = (-1, len(sample.sites))
+    count = len(sample.sites)
     u, v = (
-        np.concatenate([np.empty((0, shape[1])), *(table.reshape(shape) for table in tables)])
-        for tables in ([one.dense_u for one in pieces], [one.dense_v for one in pieces])
+        np.concatenate([np.empty((0, count)), *(table.reshape(-1, count) for table in tables)])
+        for tables in ([c.dense_u for c in chunks], [c.dense_v for c in chunks])
     )
     times = t0 + PERIOD / sample.per_period * np.arange(len(u))
     return Record(times, tuple(n % sites for n in sample.sites), u, v)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from contbreather.kernels import Matrix, Signs, Vector, inlined
-from contbreather.simulation.room import Bonds, Drive
+from contbreather.simulation.arguments import Couplings, Harmonics
 
 STEP = 0.5 * math.pi  # longest step; with more, the bounds of `contact` lose their grip
 LAST = 1e-18  # size of the first term left out, relative to the first one
@@ -32,7 +32,7 @@ def terms(reach: float) -> int:
 
 
 @inlined
-def driven(drive: Drive, t: float) -> tuple[float, float, float]:
+def driven(drive: Harmonics, t: float) -> tuple[float, float, float]:
     """The sum at time t, and its first and second derivative."""
     value = slope = bend = 0.0
     for i in range(drive.m.size):
@@ -45,7 +45,7 @@ def driven(drive: Drive, t: float) -> tuple[float, float, float]:
     return value, slope, bend
 
 
-def driven_jerk(drive: Drive, t: float) -> float:
+def driven_jerk(drive: Harmonics, t: float) -> float:
     """The third derivative of the sum at time t."""
     total = 0.0
     for i in range(drive.m.size):
@@ -54,7 +54,7 @@ def driven_jerk(drive: Drive, t: float) -> float:
     return total
 
 
-def driven_terms(drive: Drive, t: float, h: float, column: Vector) -> None:
+def driven_terms(drive: Harmonics, t: float, h: float, column: Vector) -> None:
     """Taylor coefficients of the sum around t in powers of s/h, to be held in ``column``."""
     for j in range(column.size):
         column[j] = 0.0
@@ -65,11 +65,11 @@ def driven_terms(drive: Drive, t: float, h: float, column: Vector) -> None:
         turned = drive.s[i] * cosine - drive.c[i] * sine
         for j in range(column.size):
             column[j] += own
-            # the next derivative over (j + 1)!, times h^(j + 1)
+            # the next derivative over (j + 1)!, times h^(j + 1): each turns the wave by pi/2
             own, turned = turned * (m * h / (j + 1)), -own * (m * h / (j + 1))
 
 
-def driven_bound(drive: Drive, order: int) -> float:
+def driven_bound(drive: Harmonics, order: int) -> float:
     """No derivative of that order is ever larger."""
     total = 0.0
     for i in range(drive.m.size):
@@ -88,13 +88,15 @@ def expand(v: Vector, w: Vector, h: float, gamma: float, mu: float, rows: Matrix
         rows[0, n] = v[n]
         rows[1, n] = h * w[n]
     last, right = size - 1, 1 % size  # with one site or two the neighbours coincide
+    # j (j - 1) v_j = -h^2 (K v)_(j-2) - mu h (j - 1) v_(j-1): (1) power by power
     for j in range(2, top + 1):
         pull, drag = -gamma * h * h / (j * (j - 1)), -mu * h / j
         before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        # both ends written out: no remainder of an index in the loop between them
         new[0] = pull * (2.0 * before[0] - (before[last] + before[right])) + drag * now[0]
         left = before[last - 1] + before[0]
         new[last] = pull * (2.0 * before[last] - left) + drag * now[last]
-        if mu == 0.0:
+        if mu == 0.0:  # one array less to be read
             for n in range(1, last):
                 new[n] = pull * (2.0 * before[n] - (before[n - 1] + before[n + 1]))
         else:
@@ -129,7 +131,7 @@ def ends(rows: Matrix, h: float, last_v: Vector, last_w: Vector, reach: Vector) 
 
 
 @inlined
-def near(bonds: Bonds, x: Vector, n: int) -> float:
+def near(bonds: Couplings, x: Vector, n: int) -> float:
     """Pull on site n of the sites beside it."""
     total = 0.0
     for i in range(bonds.start[n], bonds.start[n + 1]):
@@ -138,7 +140,7 @@ def near(bonds: Bonds, x: Vector, n: int) -> float:
 
 
 def expand_any(
-    v: Vector, w: Vector, h: float, mu: float, bonds: Bonds, held: Signs, place: Vector,
+    v: Vector, w: Vector, h: float, mu: float, bonds: Couplings, at_rest: Signs, place: Vector,
     column: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
     """The same on any lattice, with some sites resting on their walls: at ``place - a g(t)``.
@@ -148,14 +150,16 @@ def expand_any(
     """
     own, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
     for n in range(v.size):
-        rows[0, n] = place[n] - column[0] if held[n] != 0 else v[n]
-        rows[1, n] = -column[1] if held[n] != 0 else h * w[n]
+        # u stays at its wall, so that v = u - a g has the powers of -a g
+        rows[0, n] = place[n] - column[0] if at_rest[n] != 0 else v[n]
+        rows[1, n] = -column[1] if at_rest[n] != 0 else h * w[n]
     for j in range(2, rows.shape[0]):
         pull, drag = -h * h / (j * (j - 1)), -mu * h / j
         before, now, new = rows[j - 2], rows[j - 1], rows[j]
+        # F = a (g'' + mu g') and a g, as much as one power of each adds to v
         push, still = column[j] - drag * column[j - 1], pull * column[j - 2]
         for n in range(v.size):
-            if held[n] != 0:
+            if at_rest[n] != 0:
                 new[n] = -column[j]
                 continue
             pulled = pull * (own[n] * before[n] - near(bonds, before, n)) + drag * now[n]
@@ -182,6 +186,7 @@ def state_at(rows: Matrix, h: float, x: float, v: Vector, w: Vector) -> None:
 def site_at(rows: Matrix, n: int, h: float, x: float) -> tuple[float, float, float]:
     """Displacement, velocity and acceleration of one site at s = x h."""
     v = w = b = 0.0
+    # Horner's scheme for a polynomial and its two derivatives, each fed by the one before
     for j in range(rows.shape[0] - 1, -1, -1):
         b = b * x + 2.0 * w
         w = w * x + v

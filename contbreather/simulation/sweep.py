@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
 from contbreather.display import Shown
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
+from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import localised
-from contbreather.simulation.impacting import Run, completed
+from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
-from contbreather.simulation.states import On, State, check_state, ranged
-from contbreather.simulation.stretches import RunStop
+from contbreather.simulation.states import ModelParameters, State, check_state, ranged
 from contbreather.tables import Column, Sheet
 
 Array = NDArray[Any]
@@ -136,7 +136,7 @@ def sweep(
     solver: Solver | None = None,
     t0: float = 0.0,
     progress: bool | None = None,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Sweep:
     """Vary a parameter slowly and keep the state.
 
@@ -189,7 +189,8 @@ def sweep(
                 run: Any = let_go(start, ranged(conditions.at({name: value})), **how)
                 # a Ctrl-C inside the run ends the sweep, too: its value is not complete
                 start, stop = run.final, completed(run).stop
-                rows.append((value, *start, *_seen(run)))
+                if run.periods:  # else nothing was seen at this value
+                    rows.append((value, *start, *_seen(run)))
                 bar.advance(len(rows))
                 if stop is not RunStop.DONE:
                     break
@@ -197,6 +198,8 @@ def sweep(
             if not rows:
                 raise
             stop = RunStop.INTERRUPTED
+    if not rows:
+        raise NotConverged(f"at {name} = {steps[0]:g}: {run.reason}")
     table = zip(COLUMNS, zip(*rows, strict=True), strict=True)
     columns: dict[str, Any] = {label: np.array(column) for label, column in table}
     return Sweep(name=name, stop=stop, **columns)
@@ -204,24 +207,24 @@ def sweep(
 
 def _seen(run: Any) -> tuple[Any, ...]:
     """What a row says of the run at its value."""
-    u, v = run.strobe
-    found = localised(u, v, run.times, run.conditions)
-    half = 1 + run.periods // 2
-    centre = int(np.bincount(found.centre[half:]).argmax())
-    speed = float(np.sqrt(2.0 * found.energy[half:, centre].max()))
-    change = np.abs(np.diff(np.concatenate([u[-2:], v[-2:]], 1), axis=0))
-    own = _impacts(run, centre) if isinstance(run, Run) else 4 * (math.nan,)
-    return float(found.participation[half:].mean()), centre, speed, *own, float(change.max())
+    late = run.since(run.periods // 2)
+    u, v = (x[1:] for x in late.strobe)  # the first is the end of the period before
+    found = localised(u, v, late.times[1:], run.conditions)
+    centre = int(np.bincount(found.centre).argmax())
+    speed = float(np.sqrt(2.0 * found.energy[:, centre].max()))
+    change = np.abs(np.diff([x[-2:] for x in run.strobe], axis=1))
+    hits = _impacts(late, centre) if isinstance(run, Run) else 4 * (math.nan,)
+    return float(found.participation.mean()), centre, speed, *hits, float(change.max())
 
 
-def _impacts(run: Any, centre: int) -> tuple[float, ...]:
+def _impacts(run: Run, centre: int) -> tuple[float, ...]:
     """p, tilt, impacts of the centre in a period, impacts of all others."""
-    half = run.periods // 2
-    late = run.impacts[run.impacts["period"] >= half]
-    own = late[late["site"] == centre]
+    own = run.at_site(centre)
+    # an impact changes the velocity by 2 p
     p = 0.5 * float(np.abs(own["before"] - own["after"]).mean()) if own.size else 0.0
     upper, lower = (np.exp(1j * own["phase"][own["wall"] == wall]) for wall in (1, -1))
     both = upper.size and lower.size
+    # phases are averaged as directions, for 0 and 2 pi are one; pi is half a period
     tilt = float(np.angle(-lower.mean() / upper.mean())) if both else 0.0
-    count = run.periods - half
-    return p, tilt, len(own) / count, (len(late) - len(own)) / count
+    count = run.periods
+    return p, tilt, len(own) / count, (len(run.impacts) - len(own)) / count

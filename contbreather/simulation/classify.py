@@ -1,9 +1,4 @@
-"""What a motion is in the end, on rigid and smooth walls: rotation numbers and verdicts.
-
-The stroboscopic section (the state once in a period of the forcing) of a quasi-periodic motion is a
-closed curve. Its rotation number is the mean turn about the middle of the curve; averaged with the
-weight of `weighted_mean` it converges faster than any power of the length.
-"""
+"""What a motion is in the end, on rigid and smooth walls: verdicts, with their evidence."""
 
 from __future__ import annotations
 
@@ -14,24 +9,23 @@ from dataclasses import dataclass, field
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, numbers, whole
-from contbreather.errors import BadInput, NotConverged
+from contbreather.checks import check_kind, whole
+from contbreather.errors import NotConverged
+from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import forced, localised
-from contbreather.simulation.impacting import Run, completed
-from contbreather.simulation.returning import PeriodicMotion, closing
+from contbreather.simulation.lyapunov import exponents
+from contbreather.simulation.periodic import PeriodicMotion, closing
+from contbreather.simulation.rotation import Rotation, rotation
+from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
-from contbreather.simulation.states import On, State, check_state
-from contbreather.simulation.stretches import RunStop
-from contbreather.simulation.tangent import exponents, weighted_mean
+from contbreather.simulation.states import ModelParameters, State, check_state
 
 Array = NDArray[Any]
 Found = tuple["Kind", str]
 Ran = Run | SmoothRun
-TURN = 2.0 * math.pi
 
-STILL = 1e-14  # of its largest state: a section that extends no further is a point
 LEAST = 100  # periods that must be seen before anything can be said
 LONGEST = 64  # periods after which a motion may close to count as periodic or locked
 CLOSED = 1e-9  # how well it must close
@@ -43,97 +37,6 @@ POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
 BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather
 LONG = 60  # sites; multipliers of a longer lattice with smooth walls take minutes
 SEEN = 200  # periods over which an exponent is averaged there
-
-
-@dataclass(frozen=True)
-class Rotation:
-    """Rotation number of a closed curve.
-
-    Attributes
-    ----------
-    number : float
-        Turns per period of the forcing, modulo 1 and up to sign: in [0, 1/2].
-    error : float
-        Difference between those of the two halves of the run.
-    hole : float
-        Distance of the curve from the middle it was seen to turn about, relative to its size;
-        where it is small the number means nothing.
-    drift : float
-        By how much the size of the curve differs between the two halves, relative to it: not
-        small where the motion still spirals.
-    """
-
-    number: float
-    error: float
-    hole: float
-    drift: float
-
-
-def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
-    """Rotation number of a stroboscopic section, by weighted Birkhoff averages.
-
-    The section is looked at in several planes: that in which it extends most, those of
-    displacement and velocity of single sites, and that of successive states. Taken is the one
-    with the widest hole in the middle, about which the turns are averaged.
-
-    Parameters
-    ----------
-    u, v : array_like, shape (M, N) or (M,)
-        Successive states, ``*run.strobe`` for instance, transient left out.
-
-    Examples
-    --------
-    >>> t = TURN * 0.381966 * np.arange(3000)
-    >>> found = rotation(np.cos(t) + 0.2 * np.cos(2 * t), np.sin(t))
-    >>> round(found.number, 12)
-    0.381966
-    """
-    x, y = numbers("u", u), numbers("v", v)
-    if x.ndim not in (1, 2) or x.shape != y.shape:
-        raise BadInput(
-            f"u and v are rows of states, or tables with a column for each site; shapes {x.shape} "
-            f"and {y.shape} were given."
-        )
-    x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
-    if len(x) < 20:
-        raise BadInput(f"{len(x)} states are too few for a rotation number; give at least 20.")
-    still = STILL * max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
-    spread = [(plane, plane.std(axis=0)) for plane in _planes(x, y)]
-    whitened = [plane / widths for plane, widths in spread if np.all(widths > still)]
-    if not whitened:
-        return Rotation(0.0, 0.0, 0.0, 0.0)
-    holes = [float(radius.min() / radius.max()) for radius in (np.hypot(*p.T) for p in whitened)]
-    best = int(np.argmax(holes))
-    return _turns(whitened[best], holes[best])
-
-
-def _planes(x: Array, y: Array) -> list[Array]:
-    """Ways to look at a section, each about its middle."""
-    both = np.concatenate([x, y], axis=1)
-    both = both - weighted_mean(both)
-    axes = np.linalg.svd(both[: min(len(both), 4000)], full_matrices=False)[2]
-    widest = np.argsort(-x.std(axis=0))[:4]
-    planes = [both[:, [n, x.shape[1] + n]] for n in widest]
-    planes.append(np.stack([both[:-1] @ axes[0], both[1:] @ axes[0]], axis=1))
-    planes.append(both @ axes[:2].T)
-    return planes
-
-
-def _turns(plane: Array, hole: float) -> Rotation:
-    """Mean turn about the middle of a plane."""
-    turns = np.diff(np.arctan2(plane[:, 1], plane[:, 0])) / TURN
-    # each turn modulo 1 on the sheet around the middle of them all
-    middle = np.angle(np.exp(1j * TURN * turns).mean()) / TURN
-    turns = middle + (turns - middle + 0.5) % 1.0 - 0.5
-    half = len(turns) // 2
-    parts = (turns, turns[:half], turns[half:])
-    mean, first, second = (float(weighted_mean(part)) for part in parts)
-    size = np.sum(plane**2, axis=1)
-    drift = abs(float(weighted_mean(size[half:]) / weighted_mean(size[:half])) - 1.0)
-    return Rotation(abs(mean - round(mean)), abs(first - second), hole, drift)
-
-
-# --- verdicts -------------------------------------------------------------------------------------
 
 
 class Kind(enum.Enum):
@@ -183,7 +86,7 @@ def verdict(
     periods: int = 4096,
     m: float | None = None,
     t0: float = 0.0,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> Verdict:
     """Let a lattice settle, watch it, and say what its motion is.
 
@@ -240,18 +143,16 @@ def judge(run: Run | SmoothRun) -> Verdict:
 
 def _where(run: Ran) -> dict[str, float]:
     u, v = run.strobe
-    half = run.periods // 2
-    on, late = run.conditions, run.times[half:]
+    on, late = run.conditions, run.since(run.periods // 2)
     seen = localised(u, v, run.times, on)
-    off, quick = np.abs(u[half:] - forced(on, late, 0)), np.abs(v[half:] - forced(on, late, 1))
+    off, quick = (np.abs(x - forced(on, late.times, r)) for r, x in enumerate(late.strobe))
     evidence = {
         "participation": float(seen.participation.mean()),
         "spread": float(max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())),
         "aside": float(max(off.max(), quick.max())),
     }
     if isinstance(run, Run):
-        last = run.impacts[run.impacts["period"] >= half]
-        evidence["impacting"] = float(len(np.unique(last["site"])))
+        evidence["impacting"] = float(len(np.unique(late.impacts["site"])))
     return evidence
 
 
@@ -262,6 +163,7 @@ def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
     if impacting == 0.0:
         reason = f"no impacts; every site within {evidence['aside']:.2g} of the forced motion"
         return Kind.SYNCHRONISED, reason
+    # far above rounding; a breather differs by order 1 from the sites far from it
     if sites > 1 and evidence["spread"] < 1e-6:
         reason = f"all {sites} sites are within {evidence['spread']:.1g} of each other"
         return Kind.SYNCHRONISED, reason
@@ -307,9 +209,11 @@ def _returns(run: Ran) -> tuple[int, Array]:
     """After how many periods a run comes back best, and how close after each number of them."""
     x = np.concatenate(run.strobe, axis=1)
     longest = min(LONGEST, len(x) // 3)
+    # the last eight states, each against that so many periods before: chance returns one, not eight
     gaps = np.array(
         [np.abs(x[-1 - n :: -1][:8] - x[:n:-1][:8]).max() for n in range(1, longest + 1)]
     )
+    # the shortest of those that are as good as the best: its multiples return as well
     return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps
 
 
@@ -346,6 +250,7 @@ def _leaving(run: Ran, found: PeriodicMotion) -> bool:
     n = found.periods
     states = np.concatenate(run.strobe, axis=1)[-1::-n]
     away = np.abs(states - np.concatenate(found.state)).max(axis=1)
+    # from rounding eps on, a distance grows to order 1 within log(1/eps)/log(largest) periods
     beside = bool(away.max() < 10.0 * NEARBY)
     return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
 
@@ -374,40 +279,53 @@ def _periodic(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> Fo
 
 
 def _open(run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Found:
-    """Not closed: chaos if an exponent is positive, a torus if it is zero and the turns are steady.
+    """Not closed: chaos, or a torus, by its turns and its exponents."""
+    turn, (values, errors) = rotation(*run.strobe), _exponents(run)
+    # an exponent that is zero, as far as can be told
+    neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
+    kind, words, numbers = chaos_or_torus(turn, values, errors, neutral, repelling is not None)
+    evidence |= numbers
+    if kind is Kind.UNDECIDED and repelling is not None:
+        return kind, _repels(run, evidence, repelling)
+    return kind, words
+
+
+def chaos_or_torus(
+    turn: Rotation, values: Array, errors: Array, neutral: float, beside: bool
+) -> tuple[Kind, str, dict[str, float]]:
+    """Chaos if an exponent is positive, a torus if it is zero and the turns are steady.
 
     Bands of chaos that are visited in turn have a rotation number as sharp as that of a locked
-    motion; only the exponent, and Newton's method, tell them apart. Next to a motion that repels a
+    motion; only the exponent, and Newton's method, tell them apart. Beside a motion that repels a
     positive exponent is no chaos, but that motion's own.
     """
-    turn = rotation(*run.strobe)
-    evidence |= {"rotation": turn.number, "rotation_error": turn.error}
+    exponent, error = float(values[0]), float(errors[0])
+    # zero where it cannot be told from it, known where halves of the run agree on it
+    small = np.abs(values) < np.maximum(5.0 * errors, neutral)
+    frequencies = int(np.sum(small & (errors < neutral)))
+    evidence = {
+        "rotation": turn.number,
+        "rotation_error": turn.error,
+        "exponent": exponent,
+        "exponent_error": error,
+        "frequencies": float(frequencies),
+    }
+    words = f"largest exponent {exponent:.2g} ({error:.0e})"
+    if not beside and exponent > max(5.0 * error, POSITIVE):
+        return Kind.CHAOTIC, words, evidence
     turns = f"rotation number {turn.number:.10f} ({turn.error:.0e})"
     steady = turn.error <= RESOLVED and turn.hole >= 1e-3 and turn.drift <= STEADY
     if not steady:
         turns = f"{turns}, the section's size changes by {turn.drift:.0e}"
-    values, errors = _exponents(run)
-    exponent, error = float(values[0]), float(errors[0])
-    # an exponent that is zero, as far as can be told
-    neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
-    small = np.abs(values) < np.maximum(5.0 * errors, neutral)
-    frequencies = int(np.sum(small & (errors < neutral)))
-    evidence |= {"exponent": exponent, "exponent_error": error, "frequencies": float(frequencies)}
-    words = f"largest exponent {exponent:.2g} ({error:.0e})"
-    if repelling is None and exponent > max(5.0 * error, POSITIVE):
-        return Kind.CHAOTIC, words
     # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
     zero = bool(small[0]) and error <= (neutral if rational(turn.number) else POSITIVE)
-    if zero and steady:
-        if frequencies > 1:
-            many = (
-                f"{frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
-            )
-            words = f"{words}; {many}"
-        return Kind.QUASI_PERIODIC, f"{turns}, {words}"
-    if repelling is not None:
-        return Kind.UNDECIDED, _repels(run, evidence, repelling)
-    return Kind.UNDECIDED, f"{turns}, {words}"
+    if not (zero and steady):
+        return Kind.UNDECIDED, f"{turns}, {words}", evidence
+    if frequencies > 1:
+        words += (
+            f"; {frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
+        )
+    return Kind.QUASI_PERIODIC, f"{turns}, {words}", evidence
 
 
 def _exponents(run: Ran) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contbreather.orbits import symmetric
-from contbreather.paper.fates import smooth_breather
+from contbreather.paper.lifetimes import smooth_breather
 from contbreather.simulation import (
     Explicit,
     Kind,
@@ -20,7 +20,7 @@ from contbreather.simulation import (
     sweep,
     verdict,
 )
-from contbreather.simulation.tangent import weighted_mean
+from contbreather.simulation.rotation import weighted_mean
 from tests.simulation.zoo import breather
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0

@@ -1,4 +1,4 @@
-"""Motions that the flow brings back, on rigid and smooth walls alike: fixed points of a map.
+"""Periodic orbits of the flow, on rigid and smooth walls alike: fixed points of a Poincare map.
 
 The map is the flow over 2 pi, or over half of it with the sign changed where walls of both sides
 mirror each other: then a symmetric motion is a fixed point, any other of period 2 pi a cycle of
@@ -21,25 +21,29 @@ from numpy.typing import NDArray
 
 from contbreather.checks import flag, number, whole
 from contbreather.continuation import Event, Point, Problem, maps
-from contbreather.continuation.maps import Iterate, multiplier_matrix, shorter, with_period
+from contbreather.continuation.maps import multiplier_matrix, shorter, with_period
 from contbreather.continuation.point import UnstableDimension
 from contbreather.continuation.switching import Lift
-from contbreather.errors import BadInput, ContbreatherError, NotConverged
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
-from contbreather.simulation.impacting import Run, advance, completed
+from contbreather.simulation.chunks import RunStop, Sample
+from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
-from contbreather.simulation.states import HEAVIEST, PERIOD, On, State, check_state, reduced
-from contbreather.simulation.stretches import RunStop, Sample
-from contbreather.simulation.tangent import variation
+from contbreather.simulation.states import (
+    HEAVIEST,
+    PERIOD,
+    ModelParameters,
+    State,
+    check_state,
+    reduced,
+)
+from contbreather.simulation.variation import variation
 
 Array = NDArray[Any]
 Params = Mapping[str, float]
 
-STEPS = 30
 KEPT = 8  # flights
-SOLVED = 1e-11
-ROUGHLY = 1e-9  # to what an integration is exact
 OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
 INTEGRATED = 1e-7  # and by more than the integration's error
 DOMAIN = {name: (one.low, one.high) for name, one in {**NUMBERS, **SMOOTH}.items()} | {
@@ -53,8 +57,8 @@ DOMAIN = {name: (one.low, one.high) for name, one in {**NUMBERS, **SMOOTH}.items
 
 
 @dataclass(frozen=True)
-class Return:
-    """The flow from t0 over a time, times a sign: the map whose fixed points come back."""
+class PoincareMap:
+    """The flow from t0 over a period, or over half of it with the sign changed."""
 
     on: Conditions | SmoothConditions
     t0: float
@@ -147,6 +151,7 @@ class PeriodicMotion:
     @property
     def half(self) -> Array | None:
         """Of symmetric motions the multipliers of the half map: +1 at PF, -1 at a fold."""
+        # the sign of u(t + pi) = -u(t) is in the matrix, and not in the half flow
         return -_by_size(self.matrix) if self.symmetric else None
 
     @property
@@ -206,7 +211,7 @@ def periodic(
     symmetric: bool = False,
     m: float | None = None,
     t0: float = 0.0,
-    **on: Unpack[On],
+    **on: Unpack[ModelParameters],
 ) -> PeriodicMotion:
     """The periodic motion of a lattice nearest to a state.
 
@@ -271,56 +276,30 @@ def closing(
             "the walls are not symmetric, so no motion is its own mirror image half a period "
             "later; look for the whole period, symmetric=False."
         )
-    step = Return(on, t0, symmetric)
-    back = Iterate(step.image, count, step.derivative)
-    solved = ROUGHLY if isinstance(on, SmoothConditions) else SOLVED
+    step = PoincareMap(on, t0, symmetric)
+    names, slopes = {"u": start.u, "v": start.v}, step.derivative
+    problem = maps.FixedPoint(step.image, names, on.params, period=count, jacobian=slopes)
     try:
-        x = _solved(back, np.concatenate(start), on.params, solved)
+        problem = problem.solve()[0]
     except ArithmeticError as error:  # the run from the state given does not come to its end
         raise NotConverged(str(error)) from error
-    matrix = back.jacobian(x, on.params) + np.eye(x.size)
-    residual = float(np.abs(back(x, on.params)).max())
+    except NotConverged as error:
+        raise NotConverged(
+            "no periodic motion near this state: Newton's method finds none from a residual of "
+            f"{error.residual:.2g}; start closer, or let the damped lattice settle first.",
+            residual=error.residual,
+        ) from error
+    x, defect = problem.x, problem.residual
+    assert problem.jacobian is not None
+    # of G(x) - x the derivative is that of the map less 1
+    matrix = np.asarray(problem.jacobian(x, on.params)) + np.eye(x.size)
+    residual = float(np.abs(defect(x, on.params)).max())
     return PeriodicMotion(State(*np.split(x, 2)), float(t0), count, symmetric, on, matrix, residual)
 
 
 def _mirrored(on: Conditions | SmoothConditions) -> bool:
     """Whether a motion and its mirror image obey the same laws: the forcing always does."""
     return isinstance(on, SmoothConditions) or on.walls.symmetric
-
-
-def _solved(back: Iterate, x: Array, params: Params, solved: float) -> Array:
-    """The state near x that comes back, by Newton's method with shortened steps."""
-    defect = back(x, params)
-    for _ in range(STEPS):
-        size = float(np.abs(defect).max())
-        if size < solved:
-            return x
-        step = np.linalg.lstsq(back.jacobian(x, params), -defect, rcond=1e-13)[0]
-        x, defect = _shortened(back, x, step, size, params)
-    raise NotConverged(
-        f"no periodic motion near this state: the residual is {size:.2g} after {STEPS} Newton "
-        "steps; start closer, or let the damped lattice settle first.",
-        residual=size,
-    )
-
-
-def _shortened(
-    back: Iterate, x: Array, step: Array, size: float, params: Params
-) -> tuple[Array, Array]:
-    """The longest of the step's halves that leads closer to a solution, inside the walls."""
-    for j in range(12):
-        new = x + 0.5**j * step
-        try:
-            defect = back(new, params)
-        except (ContbreatherError, ArithmeticError):  # outside the walls
-            continue
-        if np.abs(defect).max() < size:
-            return new, defect
-    raise NotConverged(
-        f"no periodic motion near this state: Newton's method stops at a residual of {size:.2g}; "
-        "start closer, or let the damped lattice settle first.",
-        residual=size,
-    )
 
 
 # --- as a problem of the engine -------------------------------------------------------------------
@@ -330,7 +309,7 @@ def problem_of_cycle(
     on: Conditions | SmoothConditions, t0: float, state: State, period: int
 ) -> Problem:
     """A fixed point, or a cycle of that period, of the map of half a period where there is one."""
-    back = Return(on, t0, _mirrored(on))
+    back = PoincareMap(on, t0, _mirrored(on))
     made = maps.FixedPoint(
         back.image,
         {"u": state.u, "v": state.v},
@@ -344,7 +323,7 @@ def problem_of_cycle(
     return _dressed(made, back)
 
 
-def _dressed(problem: Problem, back: Return) -> Problem:
+def _dressed(problem: Problem, back: PoincareMap) -> Problem:
     """Cycles of a map with the events, columns, arms and sentences of motions."""
     own = MotionProblem(
         **{one.name: getattr(problem, one.name) for one in fields(Problem)}, back=back
@@ -367,7 +346,7 @@ def _dressed(problem: Problem, back: Return) -> Problem:
 class MotionProblem(maps.CycleProblem):
     """Cycles of the map of a motion that comes back."""
 
-    back: Return = field(kw_only=True)
+    back: PoincareMap = field(kw_only=True)
 
     @property
     def symmetric(self) -> bool:
@@ -412,9 +391,9 @@ def _motion(point: Point) -> PeriodicMotion:
     return PeriodicMotion(state, back.t0, problem.periods, problem.symmetric, on, matrix, left)
 
 
-def _sensitivity(back: Return, period: int, x: Array, params: Params, name: str) -> Array:
+def _sensitivity(back: PoincareMap, period: int, x: Array, params: Params, name: str) -> Array:
     total = np.zeros(x.size)
-    for _ in range(period):
+    for _ in range(period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
         total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
         x = back.image(x, params)
     return total

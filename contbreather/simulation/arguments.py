@@ -1,5 +1,4 @@
-"""What the compiled loops go by and work with: couplings by rows, walls by sites, forced motion,
-and room for the events and for one step."""
+"""Arguments of the kernels of rigid walls: parameters, event log, dense output, and workspace."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from typing import NamedTuple
 from contbreather.kernels import Counts, Cube, Matrix, Signs, Vector
 
 
-class Drive(NamedTuple):
+class Harmonics(NamedTuple):
     """A trigonometric sum ``sum of c cos(m t) + s sin(m t)``: the forced motion, or the force."""
 
     m: Vector
@@ -16,7 +15,7 @@ class Drive(NamedTuple):
     s: Vector
 
 
-class Bonds(NamedTuple):
+class Couplings(NamedTuple):
     """What pulls at each site, per unit mass: K and the drive by sites, K by its rows (CSR)."""
 
     start: Counts  # entries of site n are those from start[n] to start[n + 1]
@@ -27,26 +26,26 @@ class Bonds(NamedTuple):
     pulls: Matrix
 
 
-class Law(NamedTuple):
+class Parameters(NamedTuple):
     """What does not change during a run: the lattice, its damping, its walls, its forcing."""
 
-    ring: bool  # without springs: nothing but neighbours pulls, by gamma, so a stencil will do
+    ring: bool  # without springs: K is gamma (2, -1, -1), and nothing drives v
     gamma: float
-    bonds: Bonds
+    bonds: Couplings
     # by sites, in rows: the low and the high wall, infinite where there is none; the smaller
     # distance of both from 0
     walls: Matrix
     mu: float
     k: float
-    step: float
-    rest_step: float  # with a site at rest, which moves with all harmonics of the forcing
+    step: float  # over which the series converge to rounding in ``size`` terms
+    rest_step: float  # with a site at rest, which moves in v with all harmonics of the forcing
     size: int  # terms of the series in time
     most: int  # impacts of one site in one period
-    motion: Drive  # a g(t), g'' + mu g' = F/a
-    force: Drive  # F(t)
+    motion: Harmonics  # a g(t), g'' + mu g' = F/a
+    force: Harmonics  # F(t)
 
 
-class Log(NamedTuple):
+class EventLog(NamedTuple):
     """Events in the order of time; ``used`` of them are filled."""
 
     used: Counts
@@ -60,7 +59,7 @@ class Log(NamedTuple):
     push: Vector  # acceleration just before an impact; how long after its last one a rest begins
 
 
-class Watch(NamedTuple):
+class DenseOutput(NamedTuple):
     """Sites recorded densely: at the times ``grid`` after the start of each period."""
 
     sites: Counts
@@ -69,28 +68,27 @@ class Watch(NamedTuple):
     v: Cube
 
 
-class Work(NamedTuple):
-    """Room for one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
+class Workspace(NamedTuple):
+    """Of one step. ``rows`` of site n are powers of (s - origin[n])/h, s the step's time."""
 
-    v: Vector  # at the start of the step, or at the present event
+    v: Vector  # v = u - a g(t) and w = v', at the start of the step, or at the present event
     w: Vector
-    rows: Matrix
+    rows: Matrix  # (powers, sites)
     origin: Vector
     last_v: Vector  # at the end of the step, where no event intervenes
     last_w: Vector
     reach: Vector  # no |v| is larger during the step
-    patch: Matrix
-    lift: Matrix
-    column: Vector
-    shifted: Vector
-    push: Matrix  # of the drive of a site at rest, its cosines and sines
-    when: Vector
-    side: Signs
-    held: Signs
-    place: Vector  # of the wall that holds a site
-    fresh: Signs
-    changed: Signs
-    hits: Counts
-    busy: Counts  # the sites that may have an event in this step, ``many`` of them
+    patch: Matrix  # rows of the sites around an impact
+    push_rows: Matrix  # of the push of a wall on a site at rest, without what drives it
+    column: Vector  # powers of the forced motion
+    drive: Matrix  # what drives a site at rest, its cosines and sines
+    when: Vector  # a site's next event in the step
+    side: Signs  # the wall that it then meets
+    at_rest: Signs  # the wall on which a site rests, or 0
+    place: Vector  # of that wall
+    released: Signs  # the wall that has just let go of a site, or 0
+    changed: Signs  # whether a site has an event now
+    hits: Counts  # in this period
+    candidates: Counts  # the sites that may have an event in this step, ``many`` of them
     many: Counts
-    listed: Signs
+    listed: Signs  # whether a site is among them

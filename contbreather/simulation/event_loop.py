@@ -1,0 +1,413 @@
+"""Period after period of an impacting lattice: flights, impacts, rest on a wall, release.
+
+Within a period the state is that of the unforced motion ``v = u - a g(t)``; between periods it is
+(u, u') alone, and whatever else is known (who rests on its wall) is read off it again. So a run
+may be cut after any period and taken up later, bit for bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contbreather.kernels import Counts, Kernel, Matrix, Vector, inlined
+from contbreather.simulation.arguments import DenseOutput, EventLog, Parameters, Workspace
+from contbreather.simulation.contact import LOST, NEVER, column_bound, first_contact
+from contbreather.simulation.sticking import (
+    any_at_rest,
+    comes_to_rest,
+    moving_away,
+    push_into_wall,
+    release,
+)
+from contbreather.simulation.taylor import (
+    driven,
+    driven_bound,
+    driven_terms,
+    ends,
+    expand,
+    expand_any,
+    site_at,
+    state_at,
+)
+
+TOGETHER = 1e-12  # impacts closer than this happen at the same time
+FAST = 1e9  # a velocity beyond all reason
+
+DONE, FULL, CHATTER, ASTRAY, WILD = 0, 1, 2, 3, 4
+HIT, BEGINS_REST, ENDS_REST = 0, 1, 2
+
+
+@inlined
+def find_contact(
+    on: Parameters, work: Workspace, n: int, t: float, h: float, first: float, last: float
+) -> bool:
+    """Find when site n next meets a wall, or is let go, before the step ends; False if astray.
+
+    Within a time d a function is at most ``d^2/8 max|u''|`` beyond its chord: many sites are
+    dismissed by their ``first`` and ``last`` displacement, most others by one more in the middle.
+    """
+    if work.at_rest[n] != 0:
+        work.when[n] = release(on, work, n, t, h)
+        return bool(work.when[n] != LOST)
+    work.when[n] = NEVER
+    origin = work.origin[n]
+    left = h - origin
+    bend = column_bound(work.rows, n, left / h, 2) / (h * h) + driven_bound(on.motion, 2)
+    slack = bend * left * left / 8.0
+    if max(abs(first), abs(last)) + slack < on.walls[2, n]:
+        work.released[n] = 0
+        return True
+    at = t + origin
+    middle = site_at(work.rows, n, h, 0.5 * left / h)[0] + driven(on.motion, at + 0.5 * left)[0]
+    start = moving_away(on, work, n, at, h) if work.released[n] != 0 else 0.0
+    work.released[n] = 0
+    for sign in (1.0, -1.0):
+        level = on.walls[1, n] if sign > 0.0 else -on.walls[0, n]
+        if max(sign * first, max(sign * middle, sign * last)) + 0.25 * slack < level:
+            continue  # half the length, a quarter of the slack
+        s = first_contact(work.rows, n, h, on.motion, at, sign, level, start, left, sign * last)
+        if s == LOST:
+            return False
+        if s >= 0.0 and (work.when[n] < 0.0 or origin + s < work.when[n]):
+            work.when[n] = origin + s
+            work.side[n] = np.int8(sign)
+    return True
+
+
+@inlined
+def record_event(
+    log: EventLog, period: int, t: float, n: int, kind: int, wall: int, before: float, after: float,
+    push: float,
+) -> bool:  # fmt: skip
+    """Write one event down, unless the log is full."""
+    i = log.used[0]
+    if i >= log.phase.size:
+        return False
+    log.period[i] = period
+    log.phase[i] = t
+    log.site[i] = n
+    log.kind[i] = np.int8(kind)
+    log.wall[i] = np.int8(wall)
+    log.before[i] = before
+    log.after[i] = after
+    log.push[i] = push
+    log.used[0] = i + 1
+    return True
+
+
+@inlined
+def apply_events(
+    on: Parameters, work: Workspace, log: EventLog, period: int, t: float, dt: float
+) -> int:
+    """Apply every contact and release of the step's time dt; a site + 1 where one chatters.
+
+    ``v`` and ``w`` hold the present state at these sites and their neighbours; ``changed`` marks
+    the sites whose motion is another one from now on.
+    """
+    motion, velocity, _ = driven(on.motion, t)
+    for i in range(work.many[0]):
+        n = work.candidates[i]
+        work.changed[n] = 0
+        if work.when[n] < 0.0 or work.when[n] > dt + TOGETHER:
+            continue
+        work.changed[n] = 1
+        if work.at_rest[n] != 0:  # the wall lets go; nothing jumps
+            wall = int(work.at_rest[n])
+            work.released[n] = work.at_rest[n]
+            work.at_rest[n] = 0
+            if not record_event(log, period, t, n, ENDS_REST, wall, 0.0, 0.0, 0.0):
+                return -1
+            continue
+        wall = int(work.side[n])
+        before = work.w[n] + velocity
+        after = -on.k * before + 0.0  # (2); no minus zero
+        # the push at rest has the wall's sign; u'' as it is just before has the drag besides
+        push = wall * push_into_wall(on, work, n, float(wall), t)[0] - on.mu * before
+        # onto the wall exactly: what rounding leaves would grow into a gap over many impacts
+        work.place[n] = on.walls[int(wall > 0), n]
+        work.v[n] = work.place[n] - motion
+        work.w[n] = after - velocity
+        work.hits[n] += 1
+        if not record_event(log, period, t, n, HIT, wall, before, after, push):
+            return -1
+        if work.hits[n] > on.most:
+            return n + 1
+        rest = comes_to_rest(on, work, n, float(wall), t, abs(after))
+        if rest >= 0.0:
+            work.at_rest[n] = np.int8(wall)
+            work.w[n] = -velocity
+            if not record_event(log, period, t, n, BEGINS_REST, wall, after, 0.0, rest):
+                return -1
+    return 0
+
+
+@inlined
+def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool) -> bool:
+    """Expand all sites about the start of a step and find contacts; False if one went astray."""
+    if anyone or not on.ring:
+        driven_terms(on.motion, t, h, work.column)
+        args = (on.mu, on.bonds, work.at_rest, work.place, work.column, work.rows)
+        expand_any(work.v, work.w, h, *args)
+    else:
+        expand(work.v, work.w, h, on.gamma, on.mu, work.rows)
+    ends(work.rows, h, work.last_v, work.last_w, work.reach)
+    swing = driven_bound(on.motion, 0)
+    count, candidates, reach, free = 0, work.candidates, work.reach, on.walls[2]
+    for n in range(reach.size):
+        # |u| <= |v| + |a g|, certain to stay between the walls: in a breather nearly all are
+        far = reach[n] + swing < free[n]
+        work.listed[n] = not far
+        candidates[count] = n  # without a branch: it is overwritten unless it counts
+        count += not far
+    for n in range(reach.size):
+        work.origin[n] = 0.0
+        work.when[n] = NEVER
+        work.changed[n] = 0
+    work.many[0] = count
+    now, then = driven(on.motion, t)[0], driven(on.motion, t + h)[0]
+    for i in range(count):
+        n = candidates[i]
+        if not find_contact(on, work, n, t, h, work.v[n] + now, work.last_v[n] + then):
+            return False
+    return True
+
+
+@inlined
+def evaluate(work: Workspace, n: int, reach: int, s: float, h: float) -> None:
+    """The state of the sites within ``reach`` of n at the step's time s, into v and w."""
+    size = work.v.size
+    for i in range(n - reach, n + reach + 1):
+        m = i % size
+        work.v[m], work.w[m], _ = site_at(work.rows, m, h, (s - work.origin[m]) / h)
+
+
+@inlined
+def expand_near(on: Parameters, work: Workspace, n: int, s: float, h: float) -> None:
+    """Expand anew, about the step's time s, the sites that a change at site n can influence.
+
+    By v'' = -K v, the j-th power at one site depends on others up to a distance of j/2 only; beyond
+    that of the last power kept the change is below rounding for the rest of the step:
+
+        j = 0, 1   . . . . n . . . .     read
+        j = 2, 3   . . . n n n . . .
+        j = 4, 5   . . n n n n n . .     changed
+
+    On rings only, and no site is at rest.
+    """
+    patch, size = work.patch, work.v.size
+    top, wide = patch.shape[0] - 1, patch.shape[1]
+    half, x = wide // 2, (h - s) / h
+    for i in range(wide):
+        m = (n - half + i) % size
+        patch[0, i] = work.v[m]
+        patch[1, i] = h * work.w[m]
+    for j in range(2, top + 1):
+        pull, drag = -on.gamma * h * h / (j * (j - 1)), -on.mu * h / j
+        for i in range(j // 2, wide - j // 2):
+            near = patch[j - 2, i - 1] + patch[j - 2, i + 1]
+            patch[j, i] = pull * (2.0 * patch[j - 2, i] - near) + drag * patch[j - 1, i]
+    for i in range(half - top // 2, half + top // 2 + 1):  # Horner's scheme, at the step's end
+        m = (n - half + i) % size
+        v = w = reach = 0.0
+        for j in range(top, -1, -1):
+            entry = patch[j, i]
+            work.rows[j, m] = entry
+            w = w * x + v
+            v = v * x + entry
+            reach = reach * x + abs(entry)
+        work.origin[m] = s
+        work.last_v[m], work.last_w[m], work.reach[m] = v, w / h, reach
+
+
+@inlined
+def correct(on: Parameters, work: Workspace, t: float, s: float, h: float) -> bool:
+    """After an event at the step's time s: new series and next contacts around what changed."""
+    top, known = work.rows.shape[0] - 1, work.many[0]
+    reach = top // 2
+    for i in range(known):
+        if work.changed[work.candidates[i]] != 0:
+            expand_near(on, work, work.candidates[i], s, h)
+    swing = driven_bound(on.motion, 0)
+    now, then = driven(on.motion, t + s)[0], driven(on.motion, t + h)[0]
+    for i in range(known):
+        n = work.candidates[i]
+        if work.changed[n] == 0:
+            continue
+        for k in range(n - reach, n + reach + 1):
+            m = k % work.v.size
+            work.when[m] = NEVER
+            if work.reach[m] + swing < on.walls[2, m]:
+                continue
+            if work.listed[m] == 0:
+                work.listed[m] = 1
+                work.candidates[work.many[0]] = m
+                work.many[0] += 1
+            if not find_contact(on, work, m, t, h, work.rows[0, m] + now, work.last_v[m] + then):
+                return False
+    return True
+
+
+@inlined
+def next_event(candidates: Counts, many: int, times: Vector) -> tuple[float, int]:
+    """The earliest event of the step, or NEVER, and how many sites take part in it."""
+    best, count = NEVER, 0
+    for i in range(many):
+        when = times[candidates[i]]
+        if when >= 0.0 and (best < 0.0 or when < best):
+            best = when
+    for i in range(many):
+        when = times[candidates[i]]
+        if when >= 0.0 and when <= best + TOGETHER:
+            count += 1
+    return best, count
+
+
+@inlined
+def evaluate_all(work: Workspace, s: float, h: float) -> None:
+    """The state of all sites at the step's time s, into v and w."""
+    state_at(work.rows, h, s / h, work.v, work.w)
+    for n in range(work.v.size):
+        if work.origin[n] != 0.0:
+            evaluate(work, n, 0, s, h)
+
+
+@inlined
+def one_period(
+    on: Parameters,
+    work: Workspace,
+    log: EventLog,
+    dense: DenseOutput,
+    row: int,
+    period: int,
+    t0: float,
+    span: float,
+) -> tuple[int, int]:
+    """From t0 over the time ``span``; a status, and the site it is about."""
+    s, sample, size = 0.0, 0, work.v.size
+    wide = work.patch.shape[1]
+    for n in range(size):
+        work.hits[n] = 0
+    while s < span:
+        anyone = any_at_rest(work.at_rest)
+        t, h = t0 + s, min(on.rest_step if anyone else on.step, span - s)
+        if not begin_step(on, work, t, h, anyone):
+            return ASTRAY, 0
+        while True:
+            dt, count = next_event(work.candidates, work.many[0], work.when)
+            to_end = dt < 0.0
+            # the last step ends at the span itself, not beside it by rounding
+            end = (span if h >= span - s else s + h) if to_end else s + dt
+            if sample < dense.grid.size:
+                sample = record_dense(on, work, dense, row, sample, t0, s, h, end)
+            if to_end:
+                for n in range(size):
+                    work.v[n], work.w[n] = work.last_v[n], work.last_w[n]
+                break
+            # impacts of few sites change few series: the others go on through the step
+            local = on.ring and count * wide < size and not anyone
+            if local:
+                for i in range(work.many[0]):
+                    n = work.candidates[i]
+                    if work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
+                        evaluate(work, n, wide // 2, dt, h)
+            else:
+                evaluate_all(work, dt, h)
+            status = apply_events(on, work, log, period, t0 + end, dt)
+            if status != 0:
+                return (FULL, 0) if status < 0 else (CHATTER, status - 1)
+            if local and any_at_rest(work.at_rest):
+                # a new step, driven for the site at rest, begins from the state of all sites
+                for n in range(size):
+                    if work.changed[n] == 0:
+                        evaluate(work, n, 0, dt, h)
+                local = False
+            if not local:
+                break
+            if not correct(on, work, t, dt, h):
+                return ASTRAY, 0
+        s = end
+    return DONE, 0
+
+
+@inlined
+def record_dense(
+    on: Parameters, work: Workspace, dense: DenseOutput, row: int, sample: int, t0: float,
+    s: float, h: float, end: float,
+) -> int:  # fmt: skip
+    """Record the sampled sites at all times of the grid before ``end``; the next one's index.
+
+    Step times count from s, times of the grid from t0.
+    """
+    while sample < dense.grid.size and dense.grid[sample] < end:
+        time = dense.grid[sample]
+        motion, velocity, _ = driven(on.motion, t0 + time)
+        for i in range(dense.sites.size):
+            n = dense.sites[i]
+            v, w, _ = site_at(work.rows, n, h, (time - s - work.origin[n]) / h)
+            dense.u[row, sample, i] = v + motion
+            dense.v[row, sample, i] = w + velocity
+        sample += 1
+    return sample
+
+
+@inlined
+def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> None:
+    """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
+    motion, velocity, _ = driven(on.motion, t0)
+    for n in range(u.size):
+        work.v[n] = u[n] - motion
+        work.w[n] = v[n] - velocity
+        work.at_rest[n] = 0
+        work.released[n] = 0
+    for n in range(u.size):
+        # bit for bit at the wall: so the loop left whoever rests on one
+        wall = int(u[n] == on.walls[1, n]) - int(u[n] == on.walls[0, n])
+        if wall != 0 and v[n] == 0.0 and push_into_wall(on, work, n, float(wall), t0)[0] > 0.0:
+            work.at_rest[n] = np.int8(wall)
+            work.place[n] = u[n]
+
+
+@inlined
+def end_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> bool:
+    """Put the forced motion back; False where a number is no longer one."""
+    motion, velocity, _ = driven(on.motion, t0)
+    sound = True
+    for n in range(u.size):
+        if work.at_rest[n] != 0:
+            u[n] = work.place[n]
+            v[n] = 0.0
+            continue
+        u[n] = work.v[n] + motion
+        v[n] = work.w[n] + velocity
+        # a NaN is not between; 1 is far beyond what rounding does
+        between = on.walls[0, n] - 1.0 < u[n] < on.walls[1, n] + 1.0
+        sound = sound and abs(v[n]) < FAST and between
+    return sound
+
+
+def event_loop(
+    u: Vector, v: Vector, t0: float, span: float, first: int, on: Parameters, work: Workspace,
+    log: EventLog, dense: DenseOutput, strobe_u: Matrix, strobe_v: Matrix, ended: Counts,
+) -> None:  # fmt: skip
+    """Advance (u, v) in place by as many periods as ``strobe_u`` has rows.
+
+    ``ended`` gets how many were completed, with u and v the state after them, also if a chatter
+    ended the next one; the status; the site that it is about.
+    """
+    ended[0], ended[1], ended[2] = strobe_u.shape[0], DONE, 0
+    for j in range(strobe_u.shape[0]):
+        used = log.used[0]
+        begin_period(on, work, u, v, t0)
+        status, site = one_period(on, work, log, dense, j, first + j, t0, span)
+        if status == DONE and not end_period(on, work, u, v, t0 + span):
+            status, site = WILD, 0
+        if status != DONE:
+            log.used[0] = used
+            ended[0], ended[1], ended[2] = j, status, site
+            return
+        for n in range(u.size):
+            strobe_u[j, n] = u[n]
+            strobe_v[j, n] = v[n]
+
+
+EVENT_LOOP = Kernel(event_loop)

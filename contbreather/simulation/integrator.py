@@ -1,0 +1,225 @@
+"""The event-driven loop of a lattice between rigid walls, with its parameters and its workspace."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from contbreather.errors import NotConverged
+from contbreather.lattice import Ring
+from contbreather.lattice.conditions import Conditions
+from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.signals import deferred
+from contbreather.simulation.arguments import (
+    Couplings,
+    DenseOutput,
+    EventLog,
+    Harmonics,
+    Parameters,
+    Workspace,
+)
+from contbreather.simulation.chunks import IMPACT, REST, Chunk, RunStop, Sample
+from contbreather.simulation.event_loop import (
+    ASTRAY,
+    BEGINS_REST,
+    CHATTER,
+    DONE,
+    EVENT_LOOP,
+    FULL,
+    HIT,
+)
+from contbreather.simulation.states import PERIOD, State, wall_rows
+from contbreather.simulation.taylor import STEP, terms
+
+Array = NDArray[Any]
+
+MOST = 150_000  # impacts of one site in one period: some seconds
+CHUNK = 2**21  # numbers a chunk may hold: 16 MB
+
+
+# --- what the kernels take ------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def parameters_of(conditions: Conditions) -> Parameters:
+    """What does not change during a run under these conditions."""
+    c = conditions
+    lattice, k, mu = c.lattice, float(c.k), float(c.damping)
+    motion, force = forced_motion(c)
+    bonds, norm = _couplings(lattice, float(c.gamma), float(c.spring))
+    low, high = wall_rows(c.walls, lattice.sites)
+    # no eigenvalue of K is beyond its norm (Gershgorin), so no mode is faster than its root
+    rate, top = max(math.sqrt(norm), mu, 0.25), float(motion.m.max())
+    if bonds.pulls[1:].any():  # the series are those of the forcing as well
+        rate = max(rate, top)
+    step = min(STEP, 3.0 / rate)
+    # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
+    rest_step = step * rate / max(rate, top)
+    ring = isinstance(lattice, Ring) and c.spring == 0.0
+    walls = np.array([low, high, np.minimum(high, -low)])
+    where = (ring, float(c.gamma), bonds, walls)
+    return Parameters(*where, mu, k, step, rest_step, terms(step * rate), 0, motion, force)
+
+
+def forced_motion(conditions: Conditions) -> tuple[Harmonics, Harmonics]:
+    """a g(t) with ``g'' + mu g' = F/a``, the forced motion without couplings; and F(t)."""
+    table = np.array(conditions.forcing.harmonics, dtype=float).reshape(-1, 3)
+    m, c, s = (np.ascontiguousarray(column) for column in table.T)
+    c, s = conditions.a * c, conditions.a * s  # of f, f'' = F
+    # -m^2 g + i m mu g = -m^2 f for f = (c - i s) exp(i m t)
+    turned = (c - 1j * s) / (1.0 - 1j * conditions.damping / m)
+    motion = np.ascontiguousarray(turned.real), np.ascontiguousarray(-turned.imag)
+    return Harmonics(m, *motion), Harmonics(m, -(m**2) * c, -(m**2) * s)
+
+
+def _couplings(lattice: Finite, gamma: float, spring: float) -> tuple[Couplings, float]:
+    """Couplings and springs per unit mass, and the largest sum over a row of their sizes."""
+    table = sparse.csr_array(gamma * stiffness_of(lattice) / np.asarray(lattice.masses)[:, None])
+    diagonal: Array = table.diagonal() + spring
+    ground: Array = table.sum(axis=1) + spring
+    # what rounding leaves of a sum that is zero would drive the lattice
+    size = abs(table).sum(axis=1) + spring
+    ground[abs(ground) <= 1e-14 * size] = 0.0
+    beside = sparse.csr_array(-(table - sparse.diags_array(table.diagonal())))
+    beside.eliminate_zeros()
+    start, other = (x.astype(np.int64) for x in (beside.indptr, beside.indices))
+    pulls = np.array([diagonal, drive_of(lattice) - 1.0, ground])
+    weight = np.asarray(beside.data, dtype=np.float64)
+    return Couplings(start, other, weight, pulls), float(size.max())
+
+
+def workspace_of(sites: int, size: int, harmonics: int) -> Workspace:
+    """Room for a step of so many powers, driven by so many harmonics."""
+    v, w, origin, last_v, last_w, reach, when, place = np.zeros((8, sites))
+    side, held, released, changed, listed = np.zeros((5, sites), np.int8)
+    rows, patch = np.empty((size, sites)), np.empty((size, 4 * ((size - 1) // 2) + 1))
+    push, column = np.empty((size, 1)), np.empty(size)
+    hits, busy = np.zeros(sites, np.int64), np.zeros(sites + 1, np.int64)
+    step = (v, w, rows, origin, last_v, last_w, reach, patch, push, column)
+    signs = (side, held, place, released, changed)
+    count = np.zeros(1, np.int64)
+    return Workspace(*step, np.empty((2, harmonics)), when, *signs, hits, busy, count, listed)
+
+
+def event_log(size: int) -> EventLog:
+    """An empty log."""
+    kinds: tuple[Any, ...] = ("i8", "f8", "i8", "i1", "i1", "f8", "f8", "f8")
+    columns: list[NDArray[Any]] = [np.zeros(size, kind) for kind in kinds]
+    return EventLog(np.zeros(1, np.int64), *columns)
+
+
+def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
+    """Where the samples of so many periods are written."""
+    if sample is None:
+        empty = np.empty((periods, 0, 0))
+        return DenseOutput(np.empty(0, np.int64), np.empty(0), empty, empty)
+    chosen = np.array([n % sites for n in sample.sites], np.int64)
+    grid: Array = PERIOD / sample.per_period * np.arange(sample.per_period)
+    u, v = np.full((2, periods, grid.size, chosen.size), np.nan)
+    return DenseOutput(chosen, grid, u, v)
+
+
+# --- the integrator -------------------------------------------------------------------------------
+
+
+@dataclass
+class EventDriven:
+    """The integrator of rigid walls."""
+
+    state: State
+    conditions: Conditions
+    t0: float
+    sample: Sample | None = None
+    parameters: Parameters = field(init=False)
+    workspace: Workspace = field(init=False)
+    log: EventLog = field(init=False)
+    full: bool = field(init=False, default=False)  # whether another period found no room in the log
+
+    def __post_init__(self) -> None:
+        self.parameters = on = parameters_of(self.conditions)._replace(most=MOST)
+        self.workspace = workspace_of(self.state.u.size, on.size, on.force.m.size)
+        self.log = event_log(256)
+        self.state = State(self.state.u.copy(), self.state.v.copy())
+
+    @property
+    def most_periods(self) -> int:
+        """How many one chunk may have."""
+        dense = self.sample.per_period * len(self.sample.sites) if self.sample else 0
+        return max(1, CHUNK // (2 * self.state.u.size + 2 * dense))
+
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
+        if self.full:  # before anything is flown that Ctrl-C could drop
+            self.log, self.full = event_log(2 * self.log.phase.size), False
+        u, v = self.state
+        strobe_u, strobe_v = np.empty((2, periods, u.size))
+        dense, ended = dense_output(self.sample, periods, u.size), np.zeros(3, np.int64)
+        here = (self.t0, span, first, self.parameters, self.workspace, self.log)
+        self.log.used[0] = 0
+        with deferred():
+            EVENT_LOOP(u, v, *here, dense, strobe_u, strobe_v, ended)
+        done, status, site = ended.tolist()
+        self.full = status == FULL
+        if self.full and not done:
+            return self.advance(periods, first, span=span)
+        if status not in (DONE, CHATTER, FULL):
+            raise NotConverged(self._failed(status, first + done))
+        impacts, rests = event_tables(self.log, self.t0)
+        kept = (strobe_u[:done], strobe_v[:done], dense.u[:done], dense.v[:done], impacts, rests)
+        if status != CHATTER:
+            return Chunk(first, *kept)
+        return Chunk(first, *kept, RunStop.CHATTER, self._chatter(site, first + done))
+
+    def _chatter(self, site: int, period: int) -> str:
+        """What was seen; whether it would come to rest is not known."""
+        first = int(self.log.used[0])  # those of the period are behind it
+        there = slice(first, first + int(self.workspace.hits.sum()))
+        here = self.log.site[there] == site
+        walls, speeds = self.log.wall[there][here][-2:], np.abs(self.log.before[there][here])
+        how = f"chattering on the wall {walls[-1]:+d}, at {speeds[-1]:.2g} in the end"
+        if walls[0] != walls[-1]:
+            how = f"from wall to wall at a speed of {speeds[-1]:.3g}"
+        return (
+            f"site {site} has more than {self.parameters.most} impacts in period {period}, {how} "
+            f"(k = {self.conditions.k}); the state before that period is kept"
+        )
+
+    def _failed(self, status: int, period: int) -> str:
+        if status == ASTRAY:
+            return (
+                f"in period {period} the search for the next impact did not come to an end "
+                f"({self.conditions}): please report it with the state"
+            )
+        return (
+            f"the motion blows up in period {period} (a = {self.conditions.a}, k = "
+            f"{self.conditions.k}): velocities beyond all reason; check the state and the forcing"
+        )
+
+
+def event_tables(log: EventLog, t0: float) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Impacts, and rests and releases, with times counted from t0."""
+    used = int(log.used[0])
+    _, period, phase, site, kind, wall, before, after, push = (column[:used] for column in log)
+
+    def table(rows: NDArray[np.bool_], dtype: np.dtype[Any]) -> NDArray[np.void]:
+        found = np.empty(int(rows.sum()), dtype)
+        # rebounds that are summed up may go on into the next period
+        late = np.where(kind[rows] == BEGINS_REST, push[rows], 0.0)
+        when = phase[rows] + late
+        found["time"] = PERIOD * period[rows] + (when - t0)
+        found["period"] = period[rows] + ((late > 0.0) & (when - t0 >= PERIOD))
+        found["phase"] = when % PERIOD
+        found["site"], found["wall"] = site[rows], wall[rows]
+        return found
+
+    hits = kind == HIT
+    impacts, rests = table(hits, IMPACT), table(~hits, REST)
+    impacts["before"], impacts["after"] = before[hits], after[hits]
+    impacts["acceleration"] = push[hits]
+    rests["begins"] = kind[~hits] == BEGINS_REST
+    return impacts, rests
