@@ -68,10 +68,9 @@ def made(kernel: Kernel) -> Any:
         raise NotCompiled(f"{error}; pip install numba") from error
     if getattr(config, "DISABLE_JIT", 0):
         raise NotCompiled("numba is switched off, by NUMBA_DISABLE_JIT")
-    letters = {"p": types.CPointer(types.float64), "i": types.int64, "f": types.int64}
     try:
         if kernel.kinds:
-            signature = types.int64(*(letters[kind] for kind in kernel.kinds))
+            signature = types.int64(*len(kernel.kinds) * [types.CPointer(types.float64)])
             plain = getattr(kernel.function, "py_func", None) or _twin(kernel.function).py_func
         else:
             signature, plain = _entry(kernel)
@@ -136,13 +135,14 @@ def _by_address() -> Any:
     from numba.extending import intrinsic
 
     @intrinsic
-    def by_address(context: Any, where: Any, one: Any, two: Any, three: Any) -> Any:
+    def by_address(context: Any, where: Any, z: Any, data: Any, out: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            kind = ir.FunctionType(ir.IntType(64), [one.type for one in args[1:]])
-            return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+            arrays = zip(signature.args[1:], args[1:], strict=True)
+            at = [context.make_array(kind)(context, builder, one).data for kind, one in arrays]
+            kind = ir.FunctionType(ir.IntType(64), [pointer.type for pointer in at])
+            return builder.call(builder.inttoptr(args[0], kind.as_pointer()), at)
 
-        pointer = types.CPointer(types.float64)
-        return types.int64(types.int64, pointer, pointer, pointer), generate
+        return types.int64(types.int64, z, data, out), generate
 
     return by_address
 

@@ -46,7 +46,7 @@ Signs = Annotated[NDArray[np.int8], "i1", 1]
 OBJECTS = Path(__file__).parent / "_objects"  # what was compiled when the package was installed
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
-    "contbreather.continuation.stride",
+    "contbreather.continuation.step",
     "contbreather.lattice.response",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
@@ -97,8 +97,8 @@ class Kernel:
         Its globals are constants, `math`, NamedTuples, `call`, and functions like it; it asks for
         no memory, and neither it nor what it calls raises anything.
     kinds : str, optional
-        A letter for each argument: p a pointer to floats, i an int, f a function to `call`; it
-        returns an int. Unless given, arguments are those of the annotations, and it returns
+        A letter p for each argument, where all are pointers to floats, as of functions to `call`;
+        it returns an int. Unless given, arguments are those of the annotations, and it returns
         nothing.
 
     Examples
@@ -133,17 +133,25 @@ class Kernel:
             return None
 
     def code(self) -> Function | None:
-        """The machine code, to be called with addresses and numbers; None where there is none."""
+        """The machine code, to be called with addresses; None where there is none."""
         return self._code
 
     def __call__(self, *values: Any) -> None:
         """By machine code, or as it is: the same bits."""
         code = self.code()
         if code is None:
-            _as_it_is(self.function, *values)
+            self.as_it_is(*values)
         else:
-            frame = self._framed(values)
-            code(*len(FRAME) * [_begin(frame)])
+            self.run(code, values)
+
+    def as_it_is(self, *values: Any) -> None:
+        with np.errstate(all="ignore"):  # machine code goes on with an infinity
+            self.function(*values)
+
+    def run(self, code: Function, values: Iterable[Any]) -> None:
+        """By machine code of it."""
+        frame = self._framed(values)
+        code(*len(FRAME) * [_begin(frame)])
 
     def _framed(self, values: Iterable[Any]) -> NDArray[np.float64]:
         """Its arguments in words of eight bytes."""
@@ -163,9 +171,9 @@ class Kernel:
     def following(self, *values: Any) -> Callable[[float], None]:
         """The same, of its first argument, a number, with all others given: these are looked up
         once."""
-        code, function = self.code(), self.function
+        code = self.code()
         if code is None:
-            return lambda first: _as_it_is(function, first, *values)
+            return lambda first: self.as_it_is(first, *values)
         frame = self._framed((0.0, *values))
         at = len(FRAME) * [_begin(frame)]
 
@@ -182,14 +190,10 @@ def listed(kinds: str, *functions: Function) -> None:
         Kernel(function, kinds)
 
 
-def _as_it_is(function: Function, *values: Any) -> None:
-    with np.errstate(all="ignore"):  # machine code goes on with an infinity
-        function(*values)
-
-
-def call(function: Function, one: Any, two: Any, three: Any) -> int:
-    """Call a function of three pointers that was handed over; compiled, by its address."""
-    answer: int = function(one, two, three)
+def call(function: Any, z: Any, data: Any, out: Any) -> int:
+    """Call a function of three arrays that was handed over; compiled, by its address, of pointers
+    to their beginnings."""
+    answer: int = function(z, data, out)
     return answer
 
 
@@ -251,10 +255,6 @@ class Shape(NamedTuple):
 
 FRAME = 5 * "p"  # one address, of words that are i8, f8, and addresses of f8, i8 and i1
 _PLAIN = {float: "f8", int: "i8", bool: "b1"}
-_NUMBERS: dict[str, Any] = {
-    **dict.fromkeys(("p", "f"), ctypes.c_void_p),
-    "i": ctypes.c_int64,
-}
 
 
 def _shapes(annotated: Any) -> tuple[Shape, ...]:
@@ -348,11 +348,11 @@ def address(function: Function, kinds: str) -> int:
     return _address(kernel_of(function, kinds))
 
 
-def callable_at(address: int, kinds: Iterable[str]) -> Callable[..., int]:
-    """Machine code, to be called with addresses and numbers."""
-    numbers = (_NUMBERS[kind] for kind in kinds)
+def callable_at(address: int, kinds: str) -> Callable[..., int]:
+    """Machine code, to be called with addresses."""
+    pointers = len(kinds) * [ctypes.c_void_p]
     # not CFUNCTYPE: such a call is too short to be worth handing the interpreter to other threads
-    return ctypes.PYFUNCTYPE(ctypes.c_int64, *numbers)(address)
+    return ctypes.PYFUNCTYPE(ctypes.c_int64, *pointers)(address)
 
 
 def kernel_of(function: Function, kinds: str) -> Kernel:

@@ -18,7 +18,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import compiler, kernels
-from contbreather.continuation import stride
+from contbreather.continuation import step
 from contbreather.files import alone
 from contbreather.kernels import Counts, Kernel, Matrix, NotCompiled, Vector
 
@@ -178,14 +178,14 @@ def test_nothing_is_taken_from_a_folder_that_others_may_write_to(
 ) -> None:
     place = tmp_path / "contbreather"
     place.mkdir()
-    place.joinpath("stride.o").write_bytes(b"anything")
-    assert [*kernels.at_hand().files] == ["stride.o"]
+    place.joinpath("steps.o").write_bytes(b"anything")
+    assert [*kernels.at_hand().files] == ["steps.o"]
     place.chmod(0o777)
-    assert [*kernels.at_hand().files] == ["stride.o"]  # looked at once in a session
+    assert [*kernels.at_hand().files] == ["steps.o"]  # looked at once in a session
     kernels.at_hand.cache_clear()
     assert not kernels.at_hand().files
     with pytest.raises(NotCompiled, match=f"others may write to {place}; chmod go-w it"):
-        kernels.address(stride.stride, stride.KINDS)
+        kernels.address(step.steps, "")
 
 
 # --- what is not there ----------------------------------------------------------------------------
@@ -195,15 +195,15 @@ def test_what_is_missing_starts_one_compiler_and_the_session_stays_as_it_is(
     nothing_at_hand: list[Any], tmp_path: Path
 ) -> None:
     pytest.importorskip("numba")
-    for function, kinds in ((stride.stride, stride.KINDS), (stride.settle, stride.SETTLING)):
+    for function in (step.steps, step.corrected):
         with pytest.raises(NotCompiled, match=r"no machine code for this .* is being compiled"):
-            kernels.address(function, kinds)
+            kernels.address(function, "")
     [line] = nothing_at_hand
     assert line[1:] == [str(PACKAGE / "bare.py"), str(tmp_path / "contbreather"), "--behind"]
-    name = kernels.file_name(kernels.kernel_of(stride.stride, stride.KINDS))
+    name = kernels.file_name(kernels.kernel_of(step.steps, ""))
     compiler._keep(tmp_path / "contbreather" / name, b"it is there now")
     with pytest.raises(NotCompiled, match="no machine code"):
-        kernels.address(stride.stride, stride.KINDS)
+        kernels.address(step.steps, "")
 
 
 def test_one_compiler_works_at_a_time(nothing_at_hand: list[Any], tmp_path: Path) -> None:
@@ -252,10 +252,10 @@ def test_what_the_compiler_refused_is_not_tried_again(
 ) -> None:
     place = tmp_path / "contbreather"
     place.mkdir()
-    name = kernels.file_name(kernels.kernel_of(stride.stride, stride.KINDS))
+    name = kernels.file_name(kernels.kernel_of(step.steps, ""))
     place.joinpath(f"{name}.failed").write_text("it was too long")
     with pytest.raises(NotCompiled, match="the compiler failed: it was too long; remove"):
-        kernels.address(stride.stride, stride.KINDS)
+        kernels.address(step.steps, "")
     assert not nothing_at_hand
 
 

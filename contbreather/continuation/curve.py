@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
+from .compiled_steps import Corrector, Loops
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
@@ -33,7 +34,7 @@ from .sparse import (
     row_sizes,
     scaled,
 )
-from .strider import WIDEST, Loops, Settler
+from .step import WIDEST
 
 Params = Mapping[str, float]
 
@@ -112,7 +113,7 @@ class Curve:
         weights = 1 / (np.repeat(counts, counts) * self.scales**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
-        self._settler: Any = _UNKNOWN
+        self._corrector: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
         self.hint = ""  # what would make all of this cheaper
@@ -120,7 +121,7 @@ class Curve:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        return {**self.__dict__, "_known": {}, "_settler": _UNKNOWN}
+        return {**self.__dict__, "_known": {}, "_corrector": _UNKNOWN}
 
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
@@ -188,13 +189,13 @@ class Curve:
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     @property
-    def settler(self) -> Settler | None:
+    def corrector(self) -> Corrector | None:
         """Who solves for single points, where the equations can be compiled."""
-        if self._settler is _UNKNOWN:
+        if self._corrector is _UNKNOWN:
             loops = self.loops() if self.start.size <= WIDEST else None
             metric = np.ones(self.start.size) if self.metric is None else self.metric
-            self._settler = None if loops is None else Settler(loops, metric)
-        return self._settler
+            self._corrector = None if loops is None else Corrector(loops, metric)
+        return self._corrector
 
     def loops(self, params: Params | None = None) -> Loops | None:
         """The equations as functions that can be compiled, where they can; `params` are the other

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..kernels import bound
 from . import derivatives, null_loops
+from .compiled_steps import Loops
 from .curve import Curve, Params
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
 from .newton import Undefined, solve
 from .point import Event, Locus, Point
 from .problem import Problem
 from .sparse import Matrix, above, beside, is_sparse, shifted
-from .strider import Loops
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]

@@ -1,4 +1,4 @@
-"""Functions that a user gave, compiled by numba for `stride`.
+"""Functions that a user gave, compiled by numba for `step`.
 
 They are written for an array and a dict; compiled they get an array and a record, which is indexed
 by the names of its fields like a dict.
@@ -18,7 +18,7 @@ from .. import compiler
 from ..errors import BadInput
 from ..kernels import NotCompiled, callable_at
 from . import derivatives
-from .strider import Array, Loops
+from .compiled_steps import Array, Loops
 
 _LOG = logging.getLogger(__name__)
 _AGREE = 1e-10  # relative; what is compiled may round otherwise
@@ -78,7 +78,7 @@ def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
 
 @lru_cache(maxsize=64)
 def _functions(*given: Any) -> tuple[Any, Any] | None:
-    """Both functions for `stride`, or None where numba refuses them."""
+    """Both functions for `step`, or None where numba refuses them."""
     try:
         made = _compiled(*given)
         for function in made:

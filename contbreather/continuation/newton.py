@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -12,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ContbreatherError
+from ..kernels import bound
 from . import sparse
+from . import step as rules
 from .sparse import Matrix
-from .strider import WIDEST
 
 Array = NDArray[np.float64]
 
@@ -22,14 +24,9 @@ Array = NDArray[np.float64]
 # ValueError. Anything else is a bug and must surface.
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
-# Sums of terms that round once each, by eps/2: what is left of them was never seen to be more.
-_ROUNDED = 4 * np.finfo(float).eps
 _SHORTEST = 1e-6  # damping at which an approach gives up
-_LASTING = 1e-5  # of a step this short, relative to 1 + |z|, the square is rounding
-_SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
 _NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
 _THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
-_LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 
@@ -107,38 +104,44 @@ def newton(
 
     `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
     `metric` holds the weights of a squared length, 1 if None.
-    Raises `Undefined` where the equations have no value. A correction that grows ends the
-    iteration unconverged, unless all that is left of the equations is rounding: of stiff ones,
-    or beside a branch point, that may be more than `tolerance`. Where the matrix is singular
-    a correction may be short far from any solution: there the residual has to be rounding.
-    The factors of a large derivative serve the last steps, too, which it no longer changes.
+    Raises `Undefined` where the equations have no value. The rules are those of `step.newton`.
+    Where the matrix is singular a correction may be short far from any solution: there the residual
+    has to be rounding.
     """
-    previous, factors, lasting = math.inf, None, False
-    size = 1 + length(z, metric)
-    bound = tolerance * size
-    for iteration in range(1, most + 1):
-        value = equations(z)
-        if factors is None or not lasting:
-            matrix = jacobian(z)
-            factors = factors_of(matrix, row)
-        step, singular = correction(factors, value, row)
-        moved = length(step, metric)
-        if not moved < math.inf:
-            raise Undefined("the Newton correction is not finite")
-        if 2 * moved > previous and moved > bound:
-            solved = bool((abs(value) <= rounding(matrix, z)).all())
-            if solved or moved > 2 * previous:
-                return Solution(z, solved, iteration, _largest(value), moved)
-        z = z - step
-        if moved <= bound and (
-            bound < _LARGE * tolerance or 2 * moved > previous or _each(step, z, metric, tolerance)
-        ):
-            value = equations(z)
-            solved = not singular or _is_rounding(value, matrix, z, metric)
-            return Solution(z, solved, iteration, _largest(value), moved)
-        lasting = z.size > WIDEST and moved <= min(_LASTING * size, _SHRUNK * previous)
-        previous = moved
-    return Solution(z, False, most, _largest(equations(z)), previous)
+    eq = _Equations(equations, jacobian, metric)
+    end = _NEWTON(eq, row, z, tolerance, most)
+    if end.status == rules.LOOK:
+        raise Undefined("the Newton correction is not finite")
+    solved = end.status == rules.TAKEN
+    if solved and not end.regular:
+        solved = _is_rounding(equations(end.z), eq.matrix, end.z, metric)
+    return Solution(end.z, solved, end.iterations, end.residual, end.moved)
+
+
+@dataclass
+class _Equations:
+    """What `step.newton` asks, by any linear algebra."""
+
+    equations: Callable[[Array], Array]
+    jacobian: Callable[[Array], Matrix]
+    metric: Array | None
+    matrix: Any = None  # the latest derivative
+    factors: Any = None
+
+    def residual(self, z: Array) -> tuple[Array, bool]:
+        return self.equations(z), True
+
+    def correction(
+        self, row: Array | None, z: Array, value: Array, lasting: bool
+    ) -> tuple[Array, bool]:
+        if self.factors is None or not lasting:
+            self.matrix = self.jacobian(z)
+            self.factors = factors_of(self.matrix, row)
+        change, singular = correction(self.factors, value, row)
+        return change, not singular
+
+    def is_rounding(self, value: Array, z: Array) -> bool:
+        return bool((abs(value) <= rounding(self.matrix, z)).all())
 
 
 def correction(
@@ -212,17 +215,16 @@ def _least(matrix: Matrix) -> Callable[[Array], Array]:
 
 def rounding(matrix: Matrix, z: Array) -> Array:
     """What is left of equations at a solution, for their derivative there."""
-    return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
+    return np.asarray(rules.ROUNDED * (abs(matrix) @ abs(z)))
 
 
 def length(z: Array, metric: Array | None) -> float:
     return math.sqrt(z.dot(z) if metric is None else z.dot(z * metric))
 
 
-def _each(step: Array, z: Array, metric: Array | None, tolerance: float) -> bool:
-    """Whether a step is short for each entry: beside an entry of size 1e6 those of size 1 count."""
+def _is_short(change: Array, z: Array, metric: Array | None, tolerance: float) -> bool:
     sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
-    return bool((abs(step) <= tolerance * sizes).all())
+    return bool((abs(change) <= tolerance * sizes).all())
 
 
 def _shortest(matrix: Array, right: Array) -> Array:
@@ -239,5 +241,13 @@ def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -
     return bool((abs(value) <= _ROUNDING * terms).all())
 
 
-def _largest(value: Array) -> float:
-    return float(abs(value).max())
+_NEWTON = bound(
+    rules.newton,
+    residual=_Equations.residual,
+    correction=_Equations.correction,
+    is_rounding=_Equations.is_rounding,
+    is_short=_is_short,
+    norm=length,
+    minus=operator.sub,
+    largest=lambda eq, value: float(abs(value).max()),
+)

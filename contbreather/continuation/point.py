@@ -18,10 +18,10 @@ from ..display import Shown
 from ..errors import BadInput
 from ..storage.serialise import serialised
 from ..tables import Sheet
+from .compiled_steps import Loops
 from .curve import Curve
 from .newton import Array
 from .problem import Problem
-from .strider import Loops
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,10 +13,10 @@ import numpy as np
 from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
 from ..storage.serialise import check_serialised
+from .compiled_steps import Loops
 from .curve import Curve, Params
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton, rounding
 from .sparse import Matrix, Pattern
-from .strider import Loops
 
 Residual = Callable[[Array, Params], Array]
 

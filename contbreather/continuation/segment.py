@@ -63,8 +63,8 @@ class Segment:
 
     def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
         """z, tangent and residual across the chord, by loops where the equations have any."""
-        curve, settler = self.curve, self.curve.settler
-        known = settler and settler.settled(guess, self._across, slope, self.tolerance)
+        curve, corrector = self.curve, self.curve.corrector
+        known = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
         if known:
             self._near(guess, known[0])
             return known[:3]

@@ -31,7 +31,7 @@ _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
-def settled(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
+def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
     """The curve with its start on it, and the residual there.
 
     A start that is a solution to rounding is taken as it is: at a fold or a branch point, where
@@ -88,7 +88,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
     return Curve(moved.problem, curve.free), found.residual
 
 
-def given(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
+def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
     """The curve, the residual at its start, and the tangent there, both as they were given."""
     curve = Curve(problem, (free,))
     curve.check()

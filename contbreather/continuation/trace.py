@@ -8,7 +8,6 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -17,13 +16,12 @@ from numpy.typing import ArrayLike
 from ..checks import one_of
 from ..errors import BadInput, keeping
 from ..progress import Counter, line_of
-from .advance import EXACT, Failed, Step, Stepper, angle
 from .branch import Branch, Settings, Stop, labelled
 from .checkpoint import Save, checkpoint
 from .curve import Curve
 from .defining_systems import Singular
 from .event_detection import Ends, Found, calm, find
-from .newton import Array, Undefined
+from .newton import Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
@@ -31,29 +29,22 @@ from .samples import Value, counted, measure
 from .scope import having, scope
 from .segment import Segment
 from .starts import (
-    Bound,
     Within,
     all_of,
     bounds_of,
+    corrected_start,
+    directed_start,
     first_tangent,
-    given,
-    rounding,
-    settled,
     windows,
 )
+from .stepper import EXACT, Failed, Step, Stepper
 from .steps import Steps, steps_of
-from .stride import TINY
-from .strider import WIDEST, Strider
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
 
-_FINE = 1e-7  # relative distance at which a curve has come back to its start
-_PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
-_SAME_SLOPE = 1e-5  # relative: between what a compiled derivative has for a tangent and what is one
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
-_PATIENCE = 200  # so many tiny steps in a row lead nowhere
 
 
 class Startable(Protocol):
@@ -151,57 +142,57 @@ def trace(
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
-    legs: list[Leg] = []
+    halves: list[Half] = []
 
     def so_far() -> Branch | None:
-        found = _so_far(legs)
+        found = _so_far(halves)
         return found and replace(found, settings=settings, origin=origin)
 
     line = line_of(progress, lambda own: Counter(own, free))
     with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
         problem, wanted = scope(start, events, inadmissible=inadmissible)
-        first = Walker(problem, free, within, sides[0], wanted, steps, along)
-        for walker in [first, first.turned()] if len(sides) == 2 else [first]:
-            legs.append(Leg(walker))
-            legs[-1].go(shown, lambda special: kept.look(special, so_far))
-            if walker.end.stop is Stop.CLOSED:
+        first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
+        for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
+            halves.append(Half(iterator))
+            halves[-1].walk(shown, lambda special: kept.look(special, so_far))
+            if iterator.end.stop is Stop.CLOSED:
                 break
-        whole = replace(_whole(legs), settings=settings, origin=origin)
+        whole = replace(_whole(halves), settings=settings, origin=origin)
         kept.finish(whole)
     return whole
 
 
 @dataclass
-class Leg:
-    """One side of a branch, as far as it has been walked."""
+class Half:
+    """A branch from its start on, backward or forward, as far as it is there."""
 
-    walker: Walker
+    iterator: ContinuationIterator
     pieces: list[Piece] = field(default_factory=list)
 
-    def go(self, shown: Counter, keep: Callable[[bool], None]) -> None:
+    def walk(self, shown: Counter, keep: Callable[[bool], None]) -> None:
         """Walk to its end."""
-        for piece in self.walker.pieces():
+        for piece in self.iterator.pieces():
             self.pieces.append(piece)
             shown.advance(piece[-1], len(piece))
             keep(isinstance(piece, list) and any(point.kind for point in piece))
 
     def branch(self) -> Branch:
-        points, end = labelled(Points.joined(self.pieces)), self.walker.end
+        points, end = labelled(Points.joined(self.pieces)), self.iterator.end
         return Branch(points, end.stop, reason=end.reason, doubtful=end.doubtful)
 
 
-def _whole(legs: Sequence[Leg]) -> Branch:
+def _whole(halves: Sequence[Half]) -> Branch:
     """Both sides as one branch, with its ends labelled."""
-    first, *second = (leg.branch() for leg in legs)
+    first, *second = (half.branch() for half in halves)
     if first.stop is Stop.CLOSED:
         return first
     return _with_ends(first.reversed().join(second[0]) if second else first)
 
 
-def _so_far(legs: Sequence[Leg]) -> Branch | None:
+def _so_far(halves: Sequence[Half]) -> Branch | None:
     """What an interrupted walk leaves: nothing, one side, or more."""
-    walked = [leg for leg in legs if leg.pieces]
-    if len(walked) == 1 and walked[0].walker.end.stop is not Stop.INTERRUPTED:
+    walked = [half for half in halves if half.pieces]
+    if len(walked) == 1 and walked[0].iterator.end.stop is not Stop.INTERRUPTED:
         finished = walked[0].branch().reversed()  # the other side was to set out from its start
         return _with_ends(replace(finished, stop=Stop.INTERRUPTED))
     return _whole(walked) if walked else None
@@ -243,12 +234,12 @@ def walk(
     [0.0, 0.007]
     """
     problem, wanted = scope(having(problem_in(start), free), events, inadmissible=inadmissible)
-    walker = Walker(problem, free, within, towards, wanted, steps_of(steps), along)
-    return walker.run()
+    chosen = steps_of(steps)
+    return ContinuationIterator(problem, free, within, towards, wanted, chosen, along).run()
 
 
-class Walker:
-    """One walk in one direction: what stays the same on it, and its loop `run`."""
+class ContinuationIterator:
+    """One curve in one direction, from its start to where it ends."""
 
     def __init__(
         self,
@@ -262,43 +253,36 @@ class Walker:
     ) -> None:
         if along is None:
             one_of("towards", towards, ("up", "down"))
-        self.steps = steps
-        self.directed = along is not None
-        self.events = events
+        self.steps, self.events, self.directed = steps, events, along is not None
         with _quiet():
             if along is None:
-                self.curve, residual = settled(problem, free, steps.tolerance)
-                tangent, self.side = first_tangent(self.curve, bounds_of(self.curve, within))
+                self.curve, residual = corrected_start(problem, free, steps.tolerance)
+                tangent, side = first_tangent(self.curve, bounds_of(self.curve, within))
                 if towards == "down":
-                    tangent, self.side = -tangent, -self.side
+                    tangent, side = -tangent, -side
             else:
-                self.curve, residual, tangent = given(problem, free, along)
-                self.side = 0
-            self.crossed = self.side == 0  # whether the start is a branch point
+                self.curve, residual, tangent = directed_start(problem, free, along)
+                side = 0
             self.bounds = bounds_of(self.curve, within)
-            self.stepper = Stepper(self.curve, self.bounds, steps)
-            self.origin = Point(
-                self.curve, self.curve.start, tangent, 0.0, residual, detail=self._moved(problem)
-            )
-            self.tests = self._first_tests()
-        self.point, self.count = self.origin, 0  # where it is, after how many steps
-        self.size, self.bend = steps.first, np.zeros_like(self.origin.z)  # for the next one
+            detail = self._correction_of(problem)
+            start = Point(self.curve, self.curve.start, tangent, 0.0, residual, detail=detail)
+            self._begin(start, side)
+
+    def _begin(self, start: Point, side: int) -> None:
+        self.stepper = Stepper(self.curve, self.bounds, self.steps, start, side)
+        self.point, self.count = start, 0  # where it is, after how many steps
         self.end = End(Stop.INTERRUPTED)
-        self.longest, self.tiny = 0.0, 0
+        self.tests = self._first_tests()
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
-        self.ahead: Sequence[Point] = ()  # plain steps that were taken,
-        self.at = 0  # and how many of them were looked at
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
-    def turned(self) -> Walker:
-        """The walk from the same start in the other direction, while neither has begun."""
-        other = copy(self)
-        other.curve, other.side = copy(self.curve), -self.side
-        other.stepper = replace(self.stepper, curve=other.curve)
-        other.origin = replace(self.origin, curve=other.curve, tangent=-self.origin.direction)
-        other.point = other.origin
+    def turned(self) -> ContinuationIterator:
+        """The same from its start in the other direction, while neither has begun."""
+        other, stepper = copy(self), self.stepper
+        other.curve = copy(self.curve)
+        back = replace(stepper.start, curve=other.curve, tangent=-stepper.start.direction)
         with _quiet():
-            other.tests = other._first_tests()
+            other._begin(back, -stepper.side)
         return other
 
     def run(self) -> Generator[Point, None, End]:
@@ -309,70 +293,70 @@ class Walker:
 
     def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
-        doubtful: list[Point] = []
+        unverified: list[Point] = []
         end = Failed(Stop.MOST)
         while self.count < self.steps.most:
-            if not self.waits:
-                self.ahead, self.at = self._stride(), 0
-            calm = self._calm()
-            if calm:
-                yield calm
-                continue
             try:
                 with _quiet():
-                    step = self._next()
-                    found = self._events_on(step)
-                    line, stop = self._line_up(step, found)
+                    # predict:  z + s t + s^2/2 dt/ds
+                    #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
+                    # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
+                    # adapt:    s so that the tangent turns by 0.15, in 4 iterations
+                    self.stepper.fill(self.point, self.steps.most - self.count)
+                    # test: what no event has a candidate on is recorded as it is
+                    clear = self._without_candidates()
+                    if not clear:
+                        # or one step more: at an edge, a branch point, the start
+                        step = self.stepper.next(self.point, self.count)
+                        # locate
+                        found = self._locate(step)
+                        line, stop = self._line_up(step, found)
             except Failed as failed:
                 end = failed
                 break
+            # record
+            if clear:
+                yield clear
+                continue
             last = line[-1].arclength if stop is Stop.EVENT else math.inf
-            doubtful += [point for point in found.doubtful if point.arclength <= last]
+            unverified += [point for point in found.doubtful if point.arclength <= last]
             yield line
             if stop is not None:
-                self.end = End(stop, self._rim(line[-1], stop), tuple(doubtful))
+                self.end = End(stop, self._edge(line[-1], stop), tuple(unverified))
                 return
-            self._go(step, found)
-        reason = end.reason or self._rim(self.point, end.stop)
-        if self.point is self.origin:
+            self.point, self.tests, self.count = step.point, found.after, self.count + 1
+        reason = end.reason or self._edge(self.point, end.stop)
+        if self.count == 0:
             if self.directed and end.stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
-        self.end = End(end.stop, reason, tuple(doubtful))
+        self.end = End(end.stop, reason, tuple(unverified))
 
-    def _go(self, step: Step, found: Found) -> None:
-        if not step.plain:
-            turned = step.point.direction - self.point.direction
-            self.bend = turned / (step.point.arclength - self.point.arclength)
-            self.size, self.side = step.next_size, step.side or self.side
-        self.point, self.tests, self.count = step.point, found.after, self.count + 1
+    # --- test ---
 
-    @property
-    def waits(self) -> bool:
-        """Whether plain steps that were taken were not looked at yet."""
-        return self.at < len(self.ahead)
-
-    def _calm(self) -> Sequence[Point]:
-        """The next plain steps, as far as no test has anything to look for on them."""
-        start = self.at
+    def _without_candidates(self) -> Sequence[Point]:
+        """The next steps of the buffer, as far as no event has anything to look for on them."""
+        buffer, start = self.stepper, self.stepper.used
+        most = min(start + _TOGETHER, len(buffer.points))
         if self.count and not self.events:
-            self.at = len(self.ahead)
+            buffer.used = len(buffer.points)
         # matrices say more of what is between two points than values do
-        elif not any(isinstance(one.test, Singular) for one in self.events):
+        elif not any(isinstance(event.test, Singular) for event in self.events):
             # where there is no value, the reason is seen when the step is looked through
-            with _quiet(), suppress(Undefined):
-                while self.waits and self.at - start < _TOGETHER and self._is_calm():
-                    self.at += 1
-        if self.at == start:
-            return ()
-        self.point, self.count = self.ahead[self.at - 1], self.count + self.at - start
-        return self.ahead[start : self.at]
+            with suppress(Undefined):
+                while buffer.used < most and self._has_no_candidate(buffer.points[buffer.used]):
+                    buffer.used += 1
+        clear = buffer.points[start : buffer.used]
+        if clear:
+            self.point, self.count = buffer.points[buffer.used - 1], self.count + len(clear)
+        return clear
 
-    def _is_calm(self) -> bool:
-        """Whether no test has anything to look for on the next plain step; it is taken then."""
+    def _has_no_candidate(self, last: Point) -> bool:
+        """Whether no event has anything to look for on the step to a point; it is taken then."""
         if self.earlier is None:
             return False
-        point, last = self.ahead[self.at - 1] if self.at else self.point, self.ahead[self.at]
+        used = self.stepper.used
+        point = self.stepper.points[used - 1] if used else self.point
         after = self._tests_at(last)
         pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
         values = self.earlier[1], self.tests, after
@@ -388,94 +372,9 @@ class Walker:
             self.latest = point, tuple([measure(event, point) for event in self.events])
         return self.latest[1]
 
-    def _next(self) -> Step:
-        """The next step: one of those that were taken ahead, or one with all that may befall it."""
-        if self.waits:
-            self.at += 1
-            return Step(self.ahead[self.at - 1], 0.0, plain=True)
-        point = self.point
-        step = self.stepper.advance(point, self.bend, self.size, self.side)
-        self._refuse_to_crawl(step.point.arclength - point.arclength)
-        if self.count > 2 and self._returns(step.point):
-            length = point.arclength + self.curve.length(self.origin.z - point.z)
-            end = replace(self.origin, arclength=length)
-            step = replace(step, point=end, stop=Stop.CLOSED)
-        return step
-
-    def _stride(self) -> Sequence[Point]:
-        """Plain steps, as many as come off."""
-        point, strider, most = self.point, self.strider, self.steps.most - self.count
-        if strider is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
-            return ()
-        state = (point.arclength, self.size, float(self.side), self.longest)
-        stretch = strider.go((point.z, point.direction, self.bend), state, most)
-        if len(stretch[0]) and strider.loops.at_once and self._strayed(stretch[0], stretch[1]):
-            self.strider = None
-            return ()
-        _, self.size, side, longest, _ = strider.state.tolist()
-        self.bend = strider.bend.copy()
-        if len(stretch[0]):
-            self.side, self.longest, self.tiny = int(side), longest, 0
-        return Points(self.curve, *stretch)
-
-    def _strayed(self, zs: Array, tangents: Array) -> bool:
-        """Whether the derivative of compiled functions, differences with the steps that suited the
-        start, is another than the curve's at the end of a stretch."""
-        try:
-            with _quiet():
-                slopes = self.curve.jacobian(zs[-1])
-        except Undefined:
-            return True
-        off = abs(slopes @ tangents[-1])
-        return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangents[-1]))).all())
-
-    @cached_property
-    def strider(self) -> Strider | None:
-        """Who takes the plain steps, where the equations can be compiled."""
-        curve, steps = self.curve, self.steps
-        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
-        if curve.start.size > WIDEST or len(bounds) < len(self.bounds):
-            return None
-        loops = curve.loops()
-        largest = steps.largest or math.nan  # then the size of z says how long a step may be
-        rules = steps.tolerance, steps.smallest, largest, steps.growth
-        metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
-        origin = curve.dual(self.origin.direction), curve.start
-        return None if loops is None else Strider(loops, rules, bounds, metric, origin)
-
-    def _inner(self, bound: Bound) -> tuple[float, float]:
-        """Where plain steps end short of a bound: it is landed on, unless the walk begins there."""
-        start, ends = bound.value(self.curve.start), (bound.low, bound.high)
-        off = [rounding(end) if abs(start - end) > rounding(end) else 0.0 for end in ends]
-        return ends[0] + off[0], ends[1] - off[1]
-
-    def _rim(self, point: Point, stop: Stop) -> str:
-        """Where a branch ended at a bound that is not of the window but of the domain."""
-        for bound in self.bounds if stop is Stop.BOUND else ():
-            value = bound.value(point.z)
-            for edge in self.curve.problem.domain.get(bound.name, ()):
-                if math.isclose(value, edge, rel_tol=EXACT):
-                    return f"the domain of {bound.name} ends at {value:g}"
-        return ""
-
-    def _refuse_to_crawl(self, length: float) -> None:
-        """End a walk that only takes tiny steps: it would not get anywhere, at great expense."""
-        self.longest = max(self.longest, length)
-        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
-        if self.tiny > _PATIENCE:
-            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
-
-    # --- events and ends ---
-
-    def _moved(self, given: Problem) -> dict[str, float]:
-        """How far the start that was given had to be moved, if that is worth telling."""
-        curve = self.curve
-        off = curve.length(curve.start - Curve(given, curve.free).start)
-        return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
-
     def _first_tests(self) -> tuple[Value, ...]:
         # a test that fails here, as for a wrong name, is a mistake
-        values = tuple(counted(event, event.value(self.origin)) for event in self.events)
+        values = tuple(counted(event, event.value(self.stepper.start)) for event in self.events)
         for event, value in zip(self.events, values, strict=True):
             if event.ends_domain and value < -1e-9:
                 raise BadInput(
@@ -485,7 +384,9 @@ class Walker:
                 )
         return values
 
-    def _events_on(self, step: Step) -> Found:
+    # --- locate ---
+
+    def _locate(self, step: Step) -> Found:
         if not self.events:
             return Found((), (), ())
         segment = Segment(self.point, step.point, self.steps.tolerance)
@@ -525,24 +426,22 @@ class Walker:
         after = zip(self.events, found.after, strict=False)
         return [event for event, value in after if event.ends_domain and value < 0]
 
-    def _returns(self, last: Point) -> bool:
-        """Whether the step passes the start of the walk, in the direction it set out."""
-        point, row = self.point, self.curve.dual(self.origin.direction)
-        before, after = row.dot(point.z - self.origin.z), row.dot(last.z - self.origin.z)
-        if not before < 0 <= after or row.dot(last.direction) < 0.5:
-            return False
-        segment = Segment(point, last, self.steps.tolerance)
-        guess, slope = segment.guess(before / (before - after))
-        gap = guess - self.origin.z
-        if self.curve.length(gap) > 0.1 * segment.length:
-            return False
-        if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
-            off = self.curve.length(gap) / segment.length
-            return off <= _PASS and angle(self.curve, slope, self.origin.direction) <= _PASS
-        # across the start only: along the curve Newton's linear condition keeps the place
-        near = self.stepper.correct(self.origin.z + gap - row.dot(gap) * self.origin.direction, row)
-        gap = near.z - self.origin.z
-        return self.curve.length(gap) <= _FINE * (1 + self.curve.length(near.z))
+    # --- what is told of both ends ---
+
+    def _correction_of(self, problem: Problem) -> dict[str, float]:
+        """How far the start that was given had to be moved, if that is worth telling."""
+        curve = self.curve
+        off = curve.length(curve.start - Curve(problem, curve.free).start)
+        return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+
+    def _edge(self, point: Point, stop: Stop) -> str:
+        """Where a branch ended at a bound that is not of the window but of the domain."""
+        for bound in self.bounds if stop is Stop.BOUND else ():
+            value = bound.value(point.z)
+            for edge in self.curve.problem.domain.get(bound.name, ()):
+                if math.isclose(value, edge, rel_tol=EXACT):
+                    return f"the domain of {bound.name} ends at {value:g}"
+        return ""
 
 
 def _quiet() -> np.errstate:

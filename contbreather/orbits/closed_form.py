@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from contbreather.continuation import Event, Locus, Point, Problem
-from contbreather.continuation.strider import Loops
+from contbreather.continuation.compiled_steps import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import (
     Forcing,

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Locus, Point
+from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.strider import Loops
 from contbreather.lattice import Lattice
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closed_loops, pair_loops

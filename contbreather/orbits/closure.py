@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.strider import Loops
+from contbreather.continuation.compiled_steps import Loops
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import (
     Forcing,

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Locus, Point
+from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo
-from contbreather.continuation.strider import Loops
 from contbreather.orbits.clearance import (
     Clearance,
     closest,

@@ -12,7 +12,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import kernels
-from contbreather.continuation import Steps, strider
+from contbreather.continuation import Steps, compiled_steps
 from contbreather.continuation.curve import Curve
 from contbreather.orbits import margins
 from contbreather.orbits.grazing import other_contacts, solution_at
@@ -111,7 +111,7 @@ def test_all_that_branches_and_boundaries_step_with_is_compiled_with_the_package
             assert function in listed
             asked[function.__name__.split("_closure")[0]] += 1
 
-    monkeypatch.setattr(strider, "machine", machine)
+    monkeypatch.setattr(compiled_steps, "machine", machine)
     cb.zones(k=0.8, within={"gamma": (0.03, 0.1)})
     start, window = cb.symmetric(0.5, 0.04, 0.8), {"a": (0.05, 0.5)}
     folds = cb.trace(start, "a", within=window, events=[cb.fold()], inadmissible=True)

@@ -1,4 +1,4 @@
-"""Plain steps: one text, as it is and compiled, that steps as the walker does."""
+"""Many steps in one call: compiled or not, by loops or by LAPACK, they are the same."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import given_loops, strider
+from contbreather.continuation import compiled_steps, given_loops
 
 from ..apart import ended
 from .zoo import knowing
@@ -22,11 +22,11 @@ WITHIN = {"a": (0.06, 0.9)}
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
     """Say whether steps are taken by machine code, which is there, or by the text."""
-    machine = strider.machine
+    machine = compiled_steps.machine
 
     def say(so: bool) -> None:
-        monkeypatch.setattr(strider, "machine", machine if so else lambda loops: None)
-        monkeypatch.setattr(strider, "_known", {})
+        monkeypatch.setattr(compiled_steps, "machine", machine if so else lambda loops: None)
+        monkeypatch.setattr(compiled_steps, "_known", {})
 
     return say
 
@@ -67,18 +67,18 @@ def test_compiled_steps_are_those_of_the_text_to_the_last_bit(compiled: Any) -> 
     compiled(False)
     as_it_is = [branch(**case) for case in CASES.values()]
     folds = fold_curve([cb.fold()]), fold_curve()
-    assert not strider._known
+    assert not compiled_steps._known
     compiled(True)
     for one, case in zip(as_it_is, CASES.values(), strict=True):
         assert same(one, branch(**case)), case
     assert same(folds[0], fold_curve([cb.fold()]))
     assert same(folds[1], fold_curve())
-    assert len(strider._known) == 3
-    assert all(strider._known.values())
+    assert len(compiled_steps._known) == 3
+    assert all(compiled_steps._known.values())
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_plain_steps_are_those_of_the_walker(compiled: Any, name: str) -> None:
+def test_steps_by_loops_are_those_by_lapack(compiled: Any, name: str) -> None:
     compiled(False)
     case = CASES[name]
     own = branch(**case)
@@ -102,7 +102,7 @@ def test_a_curve_of_folds_by_null_vectors_is_the_exact_one(compiled: Any) -> Non
         assert a == pytest.approx(smallest, rel=1e-10)
 
 
-def test_events_are_found_on_steps_taken_ahead(compiled: Any) -> None:
+def test_events_are_found_on_steps_taken_in_one_call(compiled: Any) -> None:
     compiled(False)
     problem = closure().problem
     own = cb.trace(problem, "a", within={"a": (0.05, 0.95)})
@@ -180,7 +180,8 @@ def test_compiled_functions_of_a_user_give_the_points_of_plain_ones() -> None:
     folds = lines[1][1]
     assert np.allclose(4 * folds["mu"] ** 3, 27 * folds["h"] ** 2, rtol=0, atol=1e-13)
     assert any(
-        known and function.__name__ == "evaluate" for function, known in strider._known.items()
+        known and function.__name__ == "evaluate"
+        for function, known in compiled_steps._known.items()
     )
 
 
@@ -233,7 +234,7 @@ def test_a_function_that_means_something_else_when_it_is_compiled_is_refused(mon
     monkeypatch.setattr(given_loops.compiler, "address", lambda function, kinds: 0)
     # leaves zeros
     monkeypatch.setattr(given_loops, "callable_at", lambda address, kinds: lambda *addresses: 0)
-    loops = strider.Loops(len, len, ())
+    loops = compiled_steps.Loops(len, len, ())
     with pytest.raises(
         cb.BadInput, match=r"compiled, the residual .* \[0.0\]; as it is .* \[1.0\]"
     ):

@@ -1,0 +1,464 @@
+"""One step along a curve H(z) = 0: predict, correct, find the tangent, check, adapt the size.
+
+With J = H_z, weights W of the arclength and the unit tangent t where a step sets out, Newton's
+corrections dz stay in the plane across t, and the tangent t' at its end points the same way:
+
+    [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
+    [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ].
+
+The sign of the determinant of this matrix changes at simple branch points and nowhere else.
+
+This is the only text of the rules. `steps` and `corrected` are compiled, for problems of a dozen
+unknowns whose equations are machine code, too. All others go by `newton` and `examined` with numpy,
+LAPACK and SuperLU in place of the functions under "arithmetic" (see `newton` and `stepper`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from ..kernels import Counts, Kernel, Matrix, Vector, call, fixed, inlined
+
+# How far the tangent may turn within a step, the turn that step sizes aim at, and how far the curve
+# may be off the cubic through both ends, as a fraction of the step. Together they leave no room for
+# a feature of the curve to hide inside a step.
+TURN = 0.45
+AIM = 0.15
+STRAY = 0.003
+TINY = 1e-4  # relative to the longest step so far
+ITERATIONS = 8  # of Newton's method in a step
+EASY = 4  # so many of them ask for another step of this size
+ROUNDED = 4 * 2.0**-52  # sums of terms that round once each were never seen to be off by more
+LARGE = 10.0  # size of z beyond which its entries are looked at one by one
+LASTING = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
+SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
+LARGEST_STEP, RELATIVE = 0.1, 0.01  # unless the rules say how long a step may be
+WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
+
+# How an attempt ended: it is taken; the caller has to look; or (negative) a shorter one may do.
+TAKEN, LOOK = 0, 1
+FAILED, LEFT, TURNS, STRAYS = -1, -2, -3, -4
+ARCLENGTH, SIZE, SIDE, LONGEST = range(4)  # of the state of a walk
+
+
+@fixed
+class Equations(NamedTuple):
+    """Equations in machine code, and room for what is made of them."""
+
+    evaluate: int  # ``(z, data, out) -> int``: fills in H, row by row; not 0 where there is none
+    derive: int  # J, in the same way
+    data: Vector
+    metric: Vector  # the diagonal of W
+    value: Vector  # behind their answers functions may use 3 d^2 numbers as they like
+    flat: Vector
+    matrix: Matrix  # the beginning of `flat`
+    right: Vector
+
+
+@fixed
+class Rules(NamedTuple):
+    """What stays the same on a walk."""
+
+    tolerance: float
+    smallest: float
+    largest: float  # NaN: as long as the size of z has it
+    growth: float
+    slots: Counts  # what has a bound
+    low: Vector
+    high: Vector
+    across: Vector  # the plane of the start: ``across . (z - start) = 0``
+    start: Vector
+
+
+@fixed
+class Here(NamedTuple):
+    """Where a step sets out: z, unit tangent, dt/ds; and room for what it leads to."""
+
+    z: Vector
+    tangent: Vector
+    bend: Vector
+    there: Vector
+    ahead: Vector
+    between: Vector
+
+
+class Corrected(NamedTuple):
+    """Where Newton's iteration ended."""
+
+    status: int
+    z: Any
+    iterations: int
+    residual: float
+    moved: float  # length of the last correction
+    regular: bool  # whether the last matrix was
+
+
+class Examined(NamedTuple):
+    """What a solution says of the step to it, besides its tangent."""
+
+    status: int
+    side: int  # sign of the determinant
+    length: float
+    turn: float
+
+
+# --- many steps in one call -----------------------------------------------------------------------
+
+
+def steps(
+    eq: Equations, rules: Rules, here: Here, state: Vector, out: Matrix, count: Counts
+) -> None:
+    """Take steps until one fails or has to be looked at; a row of `out` for each: z, tangent,
+    arclength and residual."""
+    d, count[0] = here.z.size, 0
+    while count[0] < out.shape[0]:
+        wanted = state[SIZE]
+        size = min(wanted, longest(rules, eq.metric, here.z))
+        status, residual = FAILED, 0.0
+        while status < 0 and size >= rules.smallest:
+            state[SIZE] = size
+            status, residual = attempt(eq, rules, here, state)
+            size = 0.5 * size
+        if status != TAKEN:
+            state[SIZE] = wanted if status < 0 else state[SIZE]
+            return
+        row = count[0]
+        for i in range(d):
+            out[row, i], out[row, d + i] = here.z[i], here.tangent[i]
+        out[row, 2 * d], out[row, 2 * d + 1] = state[ARCLENGTH], residual
+        count[0] = row + 1
+
+
+@inlined
+def attempt(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[int, float]:
+    """One step of the size in the state, which is taken if it comes off; and its residual."""
+    size = state[SIZE]
+    guess = predicted(here, size, here.there)
+    if outside(rules, guess):
+        return LOOK, 0.0
+    found = newton(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
+    if found.status != TAKEN:
+        return found.status, 0.0
+    if outside(rules, found.z):
+        return LOOK, 0.0
+    end = examined(eq, here, size, found.z)
+    if end.status != TAKEN:
+        return end.status, 0.0
+    branches = end.side == 0 or end.side * state[SIDE] < 0
+    tiny = end.length < TINY * state[LONGEST]
+    if branches or tiny or leaves(rules, here) or returns(rules, here, found.z):
+        return LOOK, 0.0
+    state[SIZE] = size * next_size(found.iterations, end.turn, rules.growth)
+    state[SIDE] = end.side
+    accept(here, state, end.length)
+    return TAKEN, found.residual
+
+
+def corrected(
+    eq: Equations, tolerance: float, across: Vector, slope: Vector, here: Here, answer: Vector
+) -> None:
+    """The point of the curve in the plane across a vector, and its tangent on the side of `slope`,
+    from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
+    found = newton(eq, across, here.there, tolerance, ITERATIONS)
+    answer[0], answer[1], answer[2] = found.status, found.iterations, found.residual
+    if found.status == TAKEN and tangent_at(eq, slope, found.z, here.ahead) == 0:
+        answer[0] = LOOK
+
+
+# --- the rules --------------------------------------------------------------------------------
+
+
+@inlined
+def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
+    """Newton's iteration from z on, with ``row . z`` kept.
+
+    It ends with a correction of at most ``tolerance (1 + |z|)``, and then is far more exact, being
+    quadratic; for a large z each entry has to be as exact. A correction that grows ends it, too: a
+    solution still where all that is left of the equations is rounding, as of stiff ones, or beside
+    a branch point. The factors of a large matrix serve the last steps, which no longer change it.
+    """
+    size = 1.0 + norm(z, eq.metric)
+    bound = tolerance * size
+    previous, lasting, regular = math.inf, False, True
+    for iteration in range(1, most + 1):
+        value, exists = residual(eq, z)
+        if not exists:
+            return Corrected(FAILED, z, iteration, 0.0, previous, regular)
+        step, regular = correction(eq, row, z, value, lasting)
+        moved = norm(step, eq.metric)
+        if not moved < math.inf:
+            return Corrected(LOOK, z, iteration, 0.0, moved, regular)
+        if 2.0 * moved > previous and moved > bound:
+            solved = is_rounding(eq, value, z)
+            if solved or moved > 2.0 * previous:
+                status = TAKEN if solved else FAILED
+                return Corrected(status, z, iteration, largest(eq, value), moved, True)
+        z = minus(z, step)
+        if moved <= bound and (
+            bound < LARGE * tolerance
+            or 2.0 * moved > previous
+            or is_short(step, z, eq.metric, tolerance)
+        ):
+            value, exists = residual(eq, z)
+            status = TAKEN if exists else FAILED
+            return Corrected(status, z, iteration, largest(eq, value), moved, regular)
+        lasting = z.size > WIDEST and moved <= min(LASTING * size, SHRUNK * previous)
+        previous = moved
+    value, exists = residual(eq, z)
+    return Corrected(FAILED, z, most, largest(eq, value), previous, regular)
+
+
+@inlined
+def examined(eq: Any, here: Any, size: float, z: Any) -> Examined:
+    """Whether the way to a solution is one smooth piece of curve, short against its features."""
+    length = apart(z, here.z, eq.metric)
+    if not 0.0 < length <= 2.0 * size:
+        return Examined(LEFT, 0, length, 0.0)
+    side = tangent_at(eq, here.tangent, z, here.ahead)
+    turn = angle(here.tangent, here.ahead, eq.metric)
+    if turn > TURN or angle(here.tangent, chord(here, z, length, here.between), eq.metric) > TURN:
+        return Examined(TURNS, side, length, turn)
+    # One residual a third of the way along tells how far the curve is off the cubic: halfway,
+    # tangents that are wrong alike would cancel.
+    if off_curve(eq, here, on_cubic(here, z, length, here.between), z) > STRAY * length:
+        return Examined(STRAYS, side, length, turn)
+    return Examined(TAKEN, side, length, turn)
+
+
+def next_size(iterations: int, turn: float, growth: float) -> float:
+    """The size of the next step, relative to that of one that came off: the turn of the tangent is
+    proportional to it, and more iterations than usual ask for less."""
+    effort = 1.0 if iterations == EASY else (0.7 if iterations > EASY else math.inf)
+    return max(min(AIM / max(turn, 1e-12), effort, growth), 0.5)
+
+
+def longest(rules: Rules, metric: Any, z: Any) -> float:
+    """How long a step may be: by the rules, or as the size of z has it."""
+    if rules.largest > 0.0:
+        return rules.largest
+    return max(LARGEST_STEP, RELATIVE * norm(z, metric))
+
+
+@inlined
+def accept(here: Here, state: Vector, length: float) -> None:
+    """Take the step: place, tangent and how that turns are those at its end."""
+    before = state[ARCLENGTH]
+    state[ARCLENGTH] = before + length
+    length = state[ARCLENGTH] - before  # as points of a branch have it, rounded
+    state[LONGEST] = max(state[LONGEST], length)
+    for i in range(here.z.size):
+        here.bend[i] = (here.ahead[i] - here.tangent[i]) / length
+        here.z[i], here.tangent[i] = here.there[i], here.ahead[i]
+
+
+# --- where the caller has to look: these may be wrong to the safe side ----------------------------
+
+
+@inlined
+def outside(rules: Rules, z: Any) -> bool:
+    """Whether z is beyond a bound."""
+    for i in range(rules.slots.size):
+        value = z[rules.slots[i]]
+        if value < rules.low[i] or value > rules.high[i]:
+            return True
+    return False
+
+
+@inlined
+def leaves(rules: Rules, here: Here) -> bool:
+    """Whether the curve may leave the window within the step and come back: what has a bound turned
+    round."""
+    for i in range(rules.slots.size):
+        if here.tangent[rules.slots[i]] * here.ahead[rules.slots[i]] < 0.0:
+            return True
+    return False
+
+
+@inlined
+def returns(rules: Rules, here: Here, there: Any) -> bool:
+    """Whether the step passes the plane of the start in the direction of the walk."""
+    before = after = along = 0.0
+    for i in range(here.z.size):
+        before += rules.across[i] * (here.z[i] - rules.start[i])
+        after += rules.across[i] * (there[i] - rules.start[i])
+        along += rules.across[i] * here.ahead[i]
+    return before < 0.0 and after >= 0.0 and along >= 0.5
+
+
+# --- arithmetic: equations --------------------------------------------------------------------
+
+
+@inlined
+def residual(eq: Equations, z: Any) -> tuple[Any, bool]:
+    """H(z), and whether there is such a value."""
+    if call(eq.evaluate, z, eq.data, eq.value) != 0:
+        return eq.value, False
+    total = 0.0
+    for i in range(z.size - 1):
+        total += eq.value[i]
+    return eq.value, math.isfinite(total)
+
+
+@inlined
+def correction(eq: Equations, row: Any, z: Any, value: Any, lasting: bool) -> tuple[Any, bool]:
+    """dz of the bordered system, infinite where the matrix is singular; and whether it is not."""
+    d = z.size
+    for i in range(d - 1):
+        eq.right[i] = value[i]
+    eq.right[d - 1] = 0.0  # the linear condition holds at every iterate
+    regular = bordered(eq, row, z) != 0
+    if not regular:
+        eq.right[0] = math.inf
+    return eq.right, regular
+
+
+@inlined
+def tangent_at(eq: Equations, along: Any, z: Any, out: Any) -> int:
+    """The unit tangent at z on the side of `along`, and the sign of the determinant; `along`
+    itself where that is 0."""
+    d = z.size
+    for i in range(d):
+        eq.right[i] = 0.0
+    eq.right[d - 1] = 1.0
+    side = bordered(eq, along, z)
+    size = norm(eq.right, eq.metric)
+    if side == 0 or not 0.0 < size < math.inf:
+        for i in range(d):
+            out[i] = along[i]
+        return 0
+    for i in range(d):
+        out[i] = eq.right[i] / size
+    return side
+
+
+@inlined
+def off_curve(eq: Equations, here: Here, between: Any, z: Any) -> float:
+    """How far the curve is from a place, by one correction; 0 beside a branch point, where the
+    residual says nothing."""
+    value, exists = residual(eq, between)
+    if not exists:
+        return math.inf
+    step, regular = correction(eq, here.tangent, between, value, False)
+    return norm(step, eq.metric) if regular else 0.0
+
+
+@inlined
+def bordered(eq: Equations, row: Any, z: Any) -> int:
+    """Solve with J(z) and, below it, row^T W for `eq.right`; the sign of the determinant, or 0."""
+    if call(eq.derive, z, eq.data, eq.flat) != 0:
+        return 0
+    for j in range(z.size):
+        eq.matrix[z.size - 1, j] = row[j] * eq.metric[j]
+    return eliminate(eq.matrix, eq.right)
+
+
+def eliminate(A: Matrix, b: Vector) -> int:
+    """Gaussian elimination in place; the sign of the determinant, 0 where that vanishes."""
+    d, side = b.size, 1
+    for k in range(d):
+        best = k
+        for i in range(k + 1, d):
+            if abs(A[i, k]) > abs(A[best, k]):
+                best = i
+        pivot = A[best, k]
+        if not abs(pivot) > 0.0:
+            return 0
+        if (best != k) != (pivot < 0.0):
+            side = -side
+        if best != k:
+            b[best], b[k] = b[k], b[best]
+            for j in range(d):
+                A[best, j], A[k, j] = A[k, j], A[best, j]
+        for i in range(k + 1, d):
+            factor = A[i, k] / pivot
+            for j in range(k + 1, d):
+                A[i, j] -= factor * A[k, j]
+            b[i] -= factor * b[k]
+    for k in range(d - 1, -1, -1):
+        for j in range(k + 1, d):
+            b[k] -= A[k, j] * b[j]
+        b[k] /= A[k, k]
+    return side
+
+
+@inlined
+def is_rounding(eq: Equations, value: Any, z: Any) -> bool:
+    """Whether all that is left of H is rounding of its terms: |H| <= 4 eps |J| |z|."""
+    if call(eq.derive, z, eq.data, eq.flat) != 0:
+        return False
+    for i in range(z.size - 1):
+        terms = 0.0
+        for j in range(z.size):
+            terms += abs(eq.matrix[i, j]) * abs(z[j])
+        if abs(value[i]) > ROUNDED * terms:
+            return False
+    return True
+
+
+def largest(eq: Equations, value: Any) -> float:
+    most = 0.0
+    for i in range(eq.right.size - 1):
+        most = max(most, abs(value[i]))
+    return most
+
+
+# --- arithmetic: vectors ----------------------------------------------------------------------
+
+
+def norm(z: Any, metric: Any) -> float:
+    total = 0.0
+    for i in range(z.size):
+        total += z[i] * z[i] * metric[i]
+    return math.sqrt(total)
+
+
+def apart(z: Any, other: Any, metric: Any) -> float:
+    total = 0.0
+    for i in range(z.size):
+        gap = z[i] - other[i]
+        total += gap * gap * metric[i]
+    return math.sqrt(total)
+
+
+def angle(t: Any, other: Any, metric: Any) -> float:
+    """Between unit vectors, from their difference: exact for small angles too."""
+    return 2.0 * math.asin(min(1.0, 0.5 * apart(t, other, metric)))
+
+
+def minus(z: Any, step: Any) -> Any:
+    for i in range(z.size):
+        z[i] -= step[i]
+    return z
+
+
+def is_short(step: Any, z: Any, metric: Any, tolerance: float) -> bool:
+    """Whether a step is short for each entry: beside one of size 1e6 those of size 1 count."""
+    for i in range(z.size):
+        if abs(step[i]) > tolerance * (abs(z[i]) + 1.0 / math.sqrt(metric[i])):
+            return False
+    return True
+
+
+def predicted(here: Any, size: float, out: Any) -> Any:
+    """``z + s t + s^2/2 dt/ds``."""
+    for i in range(out.size):
+        out[i] = here.z[i] + size * here.tangent[i] + 0.5 * size * size * here.bend[i]
+    return out
+
+
+def chord(here: Any, z: Any, length: float, out: Any) -> Any:
+    for i in range(out.size):
+        out[i] = (z[i] - here.z[i]) / length
+    return out
+
+
+def on_cubic(here: Any, z: Any, length: float, out: Any) -> Any:
+    """A third of the way along the Hermite cubic through both ends."""
+    for i in range(out.size):
+        bow = (4.0 * here.tangent[i] - 2.0 * here.ahead[i]) * length
+        out[i] = (20.0 * here.z[i] + 7.0 * z[i] + bow) / 27.0
+    return out
+
+
+STEPS, CORRECTED = Kernel(steps), Kernel(corrected)

@@ -1,0 +1,379 @@
+"""One step along a curve: the next point that is certainly on it, with nothing hidden between."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .. import kernels
+from . import step as rules
+from .branch import Stop
+from .branch_points import crossing
+from .compiled_steps import ManySteps
+from .curve import Curve
+from .newton import Array, Solution, Undefined, correction, length
+from .point import Point
+from .points import Points
+from .segment import LEVEL, Segment, tangent_at
+from .starts import Bound, rounding
+from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, next_size
+from .steps import Steps
+
+LOG = logging.getLogger(__name__)
+
+_OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
+_LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
+EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
+_ALONG = 1e-14  # how far, relative to that, rounding may leave a bound that a curve goes along
+_REASONS = {
+    LEFT: "the corrector left the neighbourhood of the step",
+    TURNS: "the curve turns too sharply",
+    STRAYS: "the curve is not smooth at the smallest step",
+}
+_FINE = 1e-7  # relative distance at which a curve has come back to its start
+_PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
+_SAME_SLOPE = 1e-5  # relative: between what a compiled derivative has for a tangent and what is one
+_PATIENCE = 200  # so many tiny steps in a row lead nowhere
+_GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
+
+
+class Failed(Exception):
+    """No further step can be made; carries the reason."""
+
+    def __init__(self, stop: Stop, reason: str = "") -> None:
+        super().__init__(reason)
+        self.stop = stop
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step: its end, the size to try next, and whether the walk ends here."""
+
+    point: Point
+    next_size: float = 0.0
+    side: int = 0  # sign of the bordered determinant at its end, 0 where unknown
+    crossing: Point | None = None  # the branch point where that sign changed
+    stop: Stop | None = None
+
+
+class Stepper:
+    """Steps from one point of a curve to the next: many in one call where they are compiled, and
+    where these end one with all that may befall it.
+
+    Attributes
+    ----------
+    size, side, bend
+        To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
+    points, used
+        Steps that were taken ahead, and how many of them were looked at.
+    """
+
+    def __init__(
+        self, curve: Curve, bounds: Sequence[Bound], steps: Steps, start: Point, side: int
+    ) -> None:
+        self.curve, self.bounds, self.steps, self.start = curve, bounds, steps, start
+        self.crossed = side == 0  # whether the start is a branch point
+        self.side, self.size, self.bend = side, steps.first, np.zeros_like(start.z)
+        self.longest, self.tiny = 0.0, 0
+        self.points: Sequence[Point] = ()
+        self.used = 0
+
+    # --- many at once ---
+
+    def fill(self, point: Point, most: int) -> None:
+        """Take steps ahead, as many as come off, where all that were are looked at."""
+        if self.used < len(self.points):
+            return
+        self.points, self.used, compiled = (), 0, self._compiled
+        if compiled is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
+            return
+        state = point.arclength, self.size, float(self.side), self.longest
+        rows = compiled.take((point.z, point.direction, self.bend), state, most)
+        if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
+            self._compiled = None
+            return
+        _, self.size, side, longest = compiled.state.tolist()
+        self.bend = compiled.here.bend.copy()
+        if len(rows[0]):
+            self.side, self.longest, self.tiny = int(side), longest, 0
+        self.points = Points(self.curve, *rows)
+
+    def _strayed(self, z: Array, tangent: Array) -> bool:
+        """Whether the derivative of compiled functions, differences with the steps that suited the
+        start, is another than the curve's."""
+        try:
+            slopes = self.curve.jacobian(z)
+        except Undefined:
+            return True
+        off = abs(slopes @ tangent)
+        return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
+
+    @cached_property
+    def _compiled(self) -> ManySteps | None:
+        curve, steps = self.curve, self.steps
+        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
+        if curve.start.size > WIDEST or len(bounds) < len(self.bounds):
+            return None
+        loops = curve.loops()
+        largest = steps.largest or math.nan  # then the size of z says how long a step may be
+        sizes = steps.tolerance, steps.smallest, largest, steps.growth
+        metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
+        plane = curve.dual(self.start.direction), curve.start
+        return None if loops is None else ManySteps(loops, sizes, bounds, metric, plane)
+
+    def _inner(self, bound: Bound) -> tuple[float, float]:
+        """Where these end short of a bound: it is landed on, unless the curve begins there."""
+        start, ends = bound.value(self.curve.start), (bound.low, bound.high)
+        off = [rounding(end) if abs(start - end) > rounding(end) else 0.0 for end in ends]
+        return ends[0] + off[0], ends[1] - off[1]
+
+    # --- one by one ---
+
+    def next(self, point: Point, count: int) -> Step:
+        """The next of those taken ahead, or else one more, which may close a loop."""
+        if self.used < len(self.points):
+            self.used += 1
+            return Step(self.points[self.used - 1])
+        step = self._advance(point)
+        length = step.point.arclength - point.arclength
+        self._make_progress(length)
+        self.bend = (step.point.direction - point.direction) / length
+        self.size, self.side = step.next_size, step.side or self.side
+        if count > 2 and self._closes(point, step.point):
+            length = point.arclength + self.curve.length(self.start.z - point.z)
+            step = replace(step, point=replace(self.start, arclength=length), stop=Stop.CLOSED)
+        return step
+
+    def _make_progress(self, length: float) -> None:
+        """End what only takes tiny steps: it would not get anywhere, at great expense."""
+        self.longest = max(self.longest, length)
+        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
+        if self.tiny > _PATIENCE:
+            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
+
+    def _closes(self, point: Point, last: Point) -> bool:
+        """Whether the step passes the start, in the direction in which the curve left it."""
+        start, row = self.start, self.curve.dual(self.start.direction)
+        before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
+        if not before < 0 <= after or row.dot(last.direction) < 0.5:
+            return False
+        segment = Segment(point, last, self.steps.tolerance)
+        guess, slope = segment.guess(before / (before - after))
+        gap = guess - start.z
+        if self.curve.length(gap) > 0.1 * segment.length:
+            return False
+        if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
+            off = self.curve.length(gap) / segment.length
+            return off <= _PASS and angle(self.curve, slope, start.direction) <= _PASS
+        # across the start only: along the curve Newton's linear condition keeps the place
+        near = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
+        gap = near.z - start.z
+        return self.curve.length(gap) <= _FINE * (1 + self.curve.length(near.z))
+
+    def _advance(self, point: Point) -> Step:
+        """The next point, with as many halvings of the step as it takes."""
+        try:
+            return self._halving(point)
+        except Failed as failed:
+            if failed.stop is not Stop.NO_CONVERGENCE:
+                raise
+            # the scheme for derivatives was chosen, or those given were checked, at the start only
+            wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
+            if wrong:
+                raise Failed(failed.stop, wrong) from failed
+            return self._halving(point)
+
+    def _halving(self, point: Point) -> Step:
+        failed = Failed(Stop.NO_CONVERGENCE)
+        size = min(self.size, self.steps.longest(self.curve.length(point.z)))
+        while size >= self.steps.smallest:
+            try:
+                return self._attempt(point, size)
+            except Undefined as error:
+                failed = Failed(Stop.RIM, str(error))
+            except Failed as reason:
+                if reason.stop is Stop.BOUND:
+                    raise
+                failed = reason
+            LOG.debug("step of %.3g refused: %s", size, failed)
+            size /= 2
+        raise failed
+
+    def _attempt(self, point: Point, size: float) -> Step:
+        curve, bend, side = self.curve, self.bend, self.side
+        predicted = point.z + size * point.direction + (0.5 * size * size) * bend
+        landing = self._crossed(point.z, predicted, LEVEL * size)
+        if landing is None:
+            found = self.correct(self._within(predicted), curve.dual(point.direction))
+            landing = self._crossed(point.z, found.z, _ALONG * (1 + curve.length(point.z)))
+            found = replace(found, z=self._within(found.z)) if landing is None else found
+        if landing is not None:
+            found = self._land(point, predicted, *landing)
+        here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
+        end = _EXAMINED(curve, here, size, found.z)
+        if end.status != TAKEN:
+            raise Failed(Stop.NO_CONVERGENCE, _REASONS[end.status])
+        arclength = point.arclength + end.length
+        last = Point(curve, found.z, here.ahead, arclength, found.residual)
+        branch_point = None
+        if end.side * side < 0:
+            branch_point = self._branch_point(
+                Segment(point, last, self.steps.tolerance), size, side
+            )
+        if self._leaves(point, last, end.length):
+            raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
+        LOG.debug(
+            "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
+            end.length, curve.free[0], last.z[-1], found.iterations, found.residual,
+        )  # fmt: skip
+        factor = next_size(found.iterations, end.turn, self.steps.growth)
+        stop = None if landing is None else Stop.BOUND
+        return Step(last, size * factor, end.side, branch_point, stop)
+
+    def _on_bound(self, guess: Array, row: Array, slope: Array) -> Solution:
+        """The solution where a row keeps its value, by machine code where there is any."""
+        curve = self.curve
+        across = row if curve.metric is None else row / curve.metric
+        end = curve.corrector and curve.corrector.corrected(
+            guess, across, slope, self.steps.tolerance
+        )
+        if not end:
+            return self.correct(guess, row)
+        z, _, residual, iterations = end
+        return Solution(z, True, iterations, residual, 0.0)
+
+    def correct(self, predicted: Array, row: Array) -> Solution:
+        how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}
+        found = self.curve.newton(predicted, row, **how)
+        if not found.converged:
+            raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
+        return found
+
+    def _within(self, z: Array) -> Array:
+        """z, which crosses no bound, without what rounding may have put beyond one."""
+        for bound in self.bounds:
+            z = bound.within(z)
+        return z
+
+    def _crossed(self, before: Array, after: Array, along: float) -> tuple[Bound, float] | None:
+        """The first bound that a step crosses, and its value there; one that begins on a bound goes
+        along it, or touches it there, unless it ends farther than `along` behind it."""
+        first, nearest = None, math.inf
+        for bound in self.bounds:
+            start, end = bound.value(before), bound.value(after)
+            for value, beyond in ((bound.low, bound.low - end), (bound.high, end - bound.high)):
+                on_it = abs(start - value) <= rounding(value)
+                # a step that ends short of it by rounding ends on it, unless it goes along it
+                if beyond <= (along if on_it else -rounding(value)):
+                    continue
+                if on_it:
+                    raise Failed(Stop.BOUND)
+                fraction = (value - start) / (end - start)
+                if fraction < nearest:
+                    first, nearest = (bound, value), fraction
+        return first
+
+    def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
+        """The solution exactly on a bound, instead of a step across it."""
+        start, end = bound.value(point.z), bound.value(predicted)
+        fraction = (value - start) / (end - start) if end != start else 1.0
+        guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
+        for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
+            found = self._on_bound(guess, bound.row(guess), point.direction)
+            # Newton's linear condition holds to rounding; make it exact
+            z = bound.moved(found.z, value)
+            if self.curve.length(z - found.z) <= EXACT * (1 + self.curve.length(z)):
+                break
+            guess = z
+        others = (other for other in self.bounds if other is not bound)
+        if any(not other.low <= other.value(z) <= other.high for other in others):
+            raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
+        return replace(found, z=z)
+
+    def _branch_point(self, segment: Segment, size: float, before: int) -> Point | None:
+        """The branch point at which the determinant changed sign; without any the step ended on
+        another curve, unless it is too short to tell."""
+        found = self._crossing_on(segment, before)
+        if found is None and size > _GAP * (1 + self.curve.length(segment.last.z)):
+            raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
+        return found
+
+    def _crossing_on(self, segment: Segment, before: int) -> Point | None:
+        """Where the determinant changes its sign: by halving, and then by a system of its own."""
+        low, high = 0.0, 1.0
+        for _ in range(6):
+            middle = 0.5 * (low + high)
+            _, side = tangent_at(self.curve, *segment.guess(middle))
+            low, high = (middle, high) if side == before else (low, middle)
+        try:
+            found = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
+            place, point = segment.settled(found.solution, found.tangents)
+        except Undefined:
+            return None
+        return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
+
+    def _leaves(self, point: Point, last: Point, length: float) -> bool:
+        """Whether the curve leaves the window between both ends and comes back."""
+        for bound in self.bounds:
+            rise = bound.value(last.z) - bound.value(point.z)
+            slopes = [bound.slope(end.z, end.direction) for end in (point, last)]
+            if not slopes[0] * slopes[1] < 0:
+                continue
+            d0, d1 = length * slopes[0], length * slopes[1]
+            extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
+            u = float(extrema[np.argmin(abs(extrema - 0.5))])
+            value = bound.value(Segment(point, last, self.steps.tolerance).at(u).z)
+            slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
+            if not bound.low - slack <= value <= bound.high + slack:
+                return True
+        return False
+
+
+def angle(curve: Curve, t: Array, other: Array) -> float:
+    """Angle between unit vectors."""
+    return float(_ANGLE(t, other, curve.metric))
+
+
+# --- the text of `step` by numpy, LAPACK and SuperLU ----------------------------------------------
+
+
+def _apart(z: Array, other: Array, metric: Array | None) -> float:
+    return length(z - other, metric)
+
+
+def _tangent_at(curve: Curve, along: Array, z: Array, out: Array) -> int:
+    out[:], side = tangent_at(curve, z, along)
+    return side
+
+
+def _chord(here: Here, z: Array, length: float, out: Array) -> Array:
+    return np.asarray((z - here.z) / length)
+
+
+def _on_cubic(here: Here, z: Array, length: float, out: Array) -> Array:
+    return np.asarray((20 * here.z + 7 * z + (4 * here.tangent - 2 * here.ahead) * length) / 27)
+
+
+def _off_curve(curve: Curve, here: Here, between: Array, z: Array) -> float:
+    row, value = curve.dual(here.tangent), curve.equations(between)
+    # of large problems the factors at hand: no more than the size of the answer is asked for
+    factors = curve.factors(z if z.size > WIDEST else between, row)
+    change, singular = correction(factors, value, row)
+    return 0.0 if singular else curve.length(change)
+
+
+_ANGLE = kernels.bound(rules.angle, apart=_apart)
+_EXAMINED = kernels.bound(
+    rules.examined,
+    apart=_apart,
+    tangent_at=_tangent_at,
+    chord=_chord,
+    on_cubic=_on_cubic,
+    off_curve=_off_curve,
+)
