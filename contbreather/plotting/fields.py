@@ -85,7 +85,7 @@ def plot_space_time(
 
     Parameters
     ----------
-    motion : Orbit, Point, Run, SmoothRun or Record
+    motion : Orbit, Point, simulation.Run, SmoothRun or Record
         An orbit is shown over its period; a run as its sites were recorded densely, or else once a
         period.
     sites : sequence of int, optional
