@@ -21,6 +21,7 @@ from .continuation.switching import switch as switch
 from .errors import BadInput as BadInput
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged
+from .flows import Flow as Flow
 from .lattice import Fourier as Fourier
 from .lattice import Harmonic as Harmonic
 from .lattice import InfiniteChain as InfiniteChain
