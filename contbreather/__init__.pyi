@@ -22,6 +22,7 @@ from .errors import BadInput as BadInput
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged
 from .flows import Flow as Flow
+from .flows import integrate as integrate
 from .lattice import Fourier as Fourier
 from .lattice import Harmonic as Harmonic
 from .lattice import InfiniteChain as InfiniteChain

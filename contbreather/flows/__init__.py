@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from .flow import Flow
+from .integrate import Crossing, Piece, Trajectory, integrate
 
-__all__ = ["Flow"]
+__all__ = ["Crossing", "Flow", "Piece", "Trajectory", "integrate"]

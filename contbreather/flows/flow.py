@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import numbers, shown
-from ..continuation.derivatives import RELATIVE, choose, complex_steps
+from ..continuation.derivatives import RELATIVE, choose
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
 
@@ -144,10 +144,14 @@ def _inverse(mass: Any) -> Array:
 
 def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
     """``M^-1 f``; the columns of x stay columns."""
-    found = f(t, x, p)
-    if not isinstance(found, np.ndarray):
-        found = np.stack(np.broadcast_arrays(*found, x[0])[:-1])
-    return inverse @ found
+    return inverse @ rows_of(f(t, x, p), x)
+
+
+def rows_of(found: Any, x: NDArray[Any]) -> NDArray[Any]:
+    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
+    if isinstance(found, np.ndarray):
+        return found
+    return np.stack(np.broadcast_arrays(*found, x[0])[:-1])
 
 
 # --- values at many states ------------------------------------------------------------------------
@@ -384,6 +388,6 @@ def _decide_scheme(
         z = np.concatenate([np.append(x[:, k], t[k]) + shift, [p[name] for name in names]])
         with np.errstate(all="ignore"):
             scheme = choose(joined, z, scales)
-        if scheme is not complex_steps:
-            finest = np.maximum(finest, getattr(scheme, "keywords")["finer"])
+        if isinstance(scheme, partial):  # differences
+            finest = np.maximum(finest, scheme.keywords["finer"])
     return finest if finest.any() else None
