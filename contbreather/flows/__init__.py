@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from .filippov import Filippov
 from .flow import Flow
 from .integrate import Crossing, Piece, Trajectory, integrate
 
-__all__ = ["Crossing", "Flow", "Piece", "Trajectory", "integrate"]
+__all__ = ["Crossing", "Filippov", "Flow", "Piece", "Trajectory", "integrate"]

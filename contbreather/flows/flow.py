@@ -117,7 +117,7 @@ def _check(
             raise
         has = ", ".join(map(repr, p)) or "none"
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
-    except (ValueError, ArithmeticError, TypeError) as error:
+    except (ValueError, ArithmeticError, TypeError, IndexError) as error:
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
     if shape == () and found.size == 1:
         found = found.reshape(())
@@ -251,9 +251,14 @@ def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) ->
 def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
     """Three states one by one and all at once: is that the same?"""
     plain = getattr(function, "py_func", function)  # of what numba.njit decorated
-    t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1) + _aside(x)[:, None] * _THREE
+    t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
     with np.errstate(all="ignore"):
-        singly = [_at(plain, *at, p) for at in zip(t, x.T, strict=True)]
+        try:
+            aside = x + _aside(x)[:, None] * _THREE
+            singly = [_at(plain, *at, p) for at in zip(t, aside.T, strict=True)]
+            x = aside
+        except Undefined:  # outside of its domain
+            singly = [_at(plain, *at, p) for at in zip(t, x.T, strict=True)]
         scalar = np.ndim(plain(t[0], x[:, 0], p)) == 0
     how = _Calling(plain, singly[0].size, scalar, vectorised=True)
     try:

@@ -62,13 +62,20 @@ class _InTurn:
 
     def guards(self, mode: int) -> tuple[Function, ...]:
         flow = self.flows[mode]
-        return () if flow.until is None else (flow.until,)
+        return (*filter(None, (flow.until,)), *flow.walls)
 
     def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
         return mode, self.flows[mode]
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
-        reset = self.flows[mode].reset
+        flow = self.flows[mode]
+        if self.guards(mode)[guard] is not flow.until:
+            number = guard - (flow.until is not None)
+            raise NotConverged(
+                f"walls[{number}] of flow {mode} is zero at t = {t:g}, x = {shown(x.tolist())}: it "
+                "must stay positive; start elsewhere, or make it the condition of a flow"
+            )
+        reset = flow.reset
         if reset is not None:
             x = values(reset, t, x[:, None], p)[:, 0]
         following = (mode + 1) % len(self.flows)
