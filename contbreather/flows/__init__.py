@@ -2,8 +2,23 @@
 
 from __future__ import annotations
 
+from .collocation import Collocation
+from .constructors import cycle, equilibrium
 from .filippov import Filippov
 from .flow import Flow
 from .integrate import Crossing, Piece, Trajectory, integrate
+from .orbit import Cycle, cycle_of
 
-__all__ = ["Crossing", "Filippov", "Flow", "Piece", "Trajectory", "integrate"]
+__all__ = [
+    "Collocation",
+    "Crossing",
+    "Cycle",
+    "Filippov",
+    "Flow",
+    "Piece",
+    "Trajectory",
+    "cycle",
+    "cycle_of",
+    "equilibrium",
+    "integrate",
+]

@@ -1,0 +1,326 @@
+"""What happens to cycles along a branch: LP, BP, PD, NS; VI and GR where flows meet their walls."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..continuation import loci
+from ..continuation.branch_points import crossing_event
+from ..continuation.curve import Curve
+from ..continuation.equilibria import fold
+from ..continuation.lift import Lift
+from ..continuation.newton import Array, Undefined
+from ..continuation.point import Event, Examined, Locus, Point
+from ..continuation.rank import weakest
+from ..continuation.sparse import any_vector, factorised, is_sparse
+from .collocation import Flight
+from .equations import Equations
+from .flow import Function, Params, slopes, values
+from .orbit import Cycle, equations_of, problem_of
+
+_NEAR = 1e-5  # how far off its place a multiplier of a located event may be
+_REAL = 1e-6  # imaginary part below which a pair of multipliers is real
+_ROUNDING = 1e-12  # relative error of a product of two multipliers
+_TURNS = 4  # steps of inverse iteration next to a null vector
+_LOOKS = 8  # into each interval for a wall that is touched
+_BRACKET = 60  # halvings that locate the lowest place of a wall
+_ANGLE = 1e-6  # step of the derivative in the angle
+
+
+# --- doubled periods ---------------------------------------------------------------------------
+
+
+def _flip(point: Point) -> float:
+    return loci.least_with_sign(point.solution.others + 1, 0.0)
+
+
+def _examine_flip(point: Point) -> Examined:
+    orbit: Cycle = point.ground.solution
+    if orbit.coarse:
+        return orbit.coarse
+    off = abs(orbit.others + 1)
+    if not off.min(initial=math.inf) < _NEAR * max(1.0, float(abs(orbit.others).max())):
+        return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
+    if np.count_nonzero(off < _NEAR) > 1:
+        return "two multipliers are -1: not a simple period doubling"
+    return {}
+
+
+def _flip_locus(point: Point) -> Locus:
+    flip = _Flip(equations_of(point.ground))
+    return Locus({}, flip.conditions, flip.derivative)
+
+
+@dataclass(frozen=True, eq=False)
+class _Flip:
+    """The least singular value of the cycle closed with -1, with its sign, is zero."""
+
+    equations: Equations
+
+    def _weak(self, curve: Curve, z: Array) -> Any:
+        return curve.once(
+            "flip", z, lambda z: weakest(self.equations.closing(curve.jacobian(z), -1.0))
+        )
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        weak = self._weak(curve, z)
+        return np.array([weak.sign * weak.size])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        weak = self._weak(curve, z)
+        # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
+        row = weak.sign * (_left(self.equations, weak.left) @ curve.along(z, weak.right))
+        return np.asarray(row)[None, :]
+
+
+def _left(equations: Equations, left: NDArray[Any]) -> NDArray[Any]:
+    """A left null vector without the row that is not that of the equations: the phase."""
+    if not equations.autonomous:
+        return left
+    rows = [equations.orbit + i for i, flow in enumerate(equations.flows) if flow.until is None]
+    left = left.copy()
+    left[rows] = 0.0
+    return left
+
+
+def doubled(point: Point) -> Lift:
+    """The cycle of twice the period. Both its phases set out in opposite directions: one arm."""
+    equations, problem = equations_of(point), point.curve.problem
+    twice = equations.doubled(np.array(point.x), point.params)
+    own = problem_of(twice, twice.start, point.params, problem.events, problem.lifts, problem.label)
+    return Lift(own, point.curve.free[0], both=False)
+
+
+# --- pairs on the unit circle --------------------------------------------------------------------
+
+
+def _pair(point: Point) -> float:
+    """The smallest ``mu_i mu_j - 1`` of all multipliers, with the sign of the product of all."""
+    one, other = loci.pairs(point.solution.others)
+    if not one.size:
+        return math.nan
+    return loci.least_with_sign(
+        one * other - 1, np.asarray(_ROUNDING * (1 + abs(one * other)), dtype=float)
+    )
+
+
+def _examine_pair(point: Point) -> Examined:
+    orbit: Cycle = point.ground.solution
+    if orbit.coarse:
+        return orbit.coarse
+    one, other = loci.pairs(orbit.others)
+    nearest = int(abs(one * other - 1).argmin())
+    mu = complex(one[nearest])
+    if abs(mu.imag) < _REAL:
+        return f"a neutral saddle: the multipliers {mu.real:.4g} and {other[nearest].real:.4g}"
+    return {"angle": abs(math.atan2(mu.imag, mu.real))}
+
+
+def _pair_locus(point: Point) -> Locus:
+    values = point.ground.solution.others
+    upper = values[values.imag > _REAL]
+    if not upper.size:
+        raise Undefined("no complex pair of multipliers is there: a neutral saddle")
+    mu = complex(upper[abs(abs(upper) - 1).argmin()])
+    rotation = _Rotation(equations_of(point.ground), *_borders(point, mu / abs(mu)))
+    angle = math.atan2(mu.imag, mu.real)
+    ends = (
+        Event("R1", partial(_angle_from, 0.0, 1.0), ends="branch"),
+        Event("R2", partial(_angle_from, math.pi, -1.0), ends="branch"),
+        Event("R3", partial(_angle_from, 2 * math.pi / 3, 1.0)),
+        Event("R4", partial(_angle_from, math.pi / 2, 1.0)),
+    )
+    return Locus({"angle": angle}, rotation.conditions, rotation.derivative, events=ends)
+
+
+def _angle_from(level: float, sign: float, point: Point) -> float:
+    return sign * (float(point["angle"]) - level)
+
+
+def _borders(point: Point, mu: complex) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Left and right null vectors of the cycle closed with mu, nearly so, by inverse iteration."""
+    closed = equations_of(point.ground).closing(point.ground.jacobian(), mu)
+    v = any_vector(closed.shape[0]).astype(complex)
+    solve, solve_adjoint = _solvers(closed)
+    w = v
+    for _ in range(_TURNS):
+        w = solve_adjoint(v)
+        w /= np.linalg.norm(w)
+        v = solve(w)
+        v /= np.linalg.norm(v)
+    return w, v
+
+
+def _solvers(matrix: Any) -> tuple[Any, Any]:
+    """Who solves with a matrix, dense or sparse, and with its adjoint."""
+    if is_sparse(matrix):
+        lu = factorised(matrix.tocsc())
+        return lu.solve, lambda right: lu.solve(right, "H")
+    inverse = np.linalg.inv(matrix)
+    return lambda right: inverse @ right, lambda right: inverse.conj().T @ right
+
+
+@dataclass(frozen=True, eq=False)
+class _Rotation:
+    """The scalar of the cycle closed with exp(i angle), bordered by vectors that stay the same."""
+
+    equations: Equations
+    left: NDArray[Any]
+    right: NDArray[Any]
+
+    def _solved(
+        self, curve: Curve, z: Array, angle: float
+    ) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+        """The scalar g, and vectors v and w with ``g' = -w* B' v``."""
+        closed = self.equations.closing(curve.jacobian(z), np.exp(1j * angle))
+        if is_sparse(closed):
+            from scipy.sparse import block_array, csc_array
+
+            row, column = csc_array(self.right.conj()[None, :]), csc_array(self.left[:, None])
+            wide = block_array([[closed, column], [row, None]]).tocsc()
+        else:
+            wide = np.block(
+                [[closed, self.left[:, None]], [self.right.conj()[None, :], np.zeros((1, 1))]]
+            )
+        solve, solve_adjoint = _solvers(wide)
+        unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
+        right, left = solve(unit), solve_adjoint(unit)
+        return right[-1], right[:-1], left[:-1]
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        g = self._solved(curve, z, extra[0])[0]
+        return np.array([g.real, g.imag])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        _, v, w = self._solved(curve, z, extra[0])
+        own = _left(self.equations, w).conj()
+        slope = -(own @ curve.along(z, v.real) + 1j * (own @ curve.along(z, v.imag)))
+        first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
+        turned = turn * (w.conj()[first] @ v[first])
+        if self.equations.phased:
+            turned -= turn * w[-1].conj() * v[-1]
+        slope = np.append(slope, -turned)
+        return np.array([slope.real, slope.imag])
+
+
+# --- walls ----------------------------------------------------------------------------------
+
+
+def _slowest(point: Point) -> float:
+    """How fast the condition falls that falls slowest where it ends its flow."""
+    orbit: Cycle = point.ground.solution
+    paces = orbit.equations.paces(orbit.x, orbit.params)
+    return float(paces.min()) if paces.size else math.nan
+
+
+def _slowest_locus(point: Point) -> Locus:
+    orbit: Cycle = point.ground.solution
+    number = int(orbit.equations.paces(orbit.x, orbit.params).argmin())
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return orbit.equations.paces(z[: curve.size], curve.params(z))[[number]]
+
+    return Locus({}, conditions)
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """The lowest place of a wall between the ends of its flow: how far off it is, of which flow,
+    when (in its duration), which wall."""
+
+    clearance: float
+    flow: int
+    place: float
+    wall: Function
+
+
+def lowest(orbit: Cycle) -> Touch | None:
+    """Where an orbit comes closest to touching a wall between the ends of its flows."""
+    found: list[Touch] = []
+    for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True)):
+        walls = (*flow.walls, *([flow.until] if flow.until else []))
+        if not walls:
+            continue
+        s, states = flight.sampled(_LOOKS)
+        for wall in walls:
+            v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
+            for j in np.flatnonzero((v[1:-1] <= v[:-2]) & (v[1:-1] < v[2:])) + 1:
+                place = _bottom(wall, flight, orbit.params, s[j - 1], s[j + 1])
+                found.append(Touch(_wall(wall, flight, orbit.params, place)[0], i, place, wall))
+    return min(found, key=lambda touch: touch.clearance, default=None)
+
+
+def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, float]:
+    """The value of a wall at a time of a flight, and how fast it changes in its duration."""
+    at = np.array([s])
+    value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p, ())
+    n = len(flight.states)
+    rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
+    return float(value[0, 0]), float(rate)
+
+
+def _bottom(wall: Function, flight: Flight, p: Params, low: float, high: float) -> float:
+    """Where the wall stops falling, by halving and the secant."""
+    from scipy.optimize import brentq
+
+    def rate(s: float) -> float:
+        return _wall(wall, flight, p, s)[1]
+
+    if not (rate(low) < 0 < rate(high)):
+        return 0.5 * (low + high)
+    return float(brentq(rate, low, high, xtol=1e-15, maxiter=_BRACKET))
+
+
+def _clearance(point: Point) -> float:
+    touch = lowest(point.ground.solution)
+    return math.nan if touch is None else touch.clearance
+
+
+def _clearance_locus(point: Point) -> Locus:
+    touch, equations = lowest(point.ground.solution), equations_of(point.ground)
+    if touch is None:
+        raise Undefined("no wall comes close between the ends of a flow")
+
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        p = curve.params(z)
+        flight = equations.flights(z[: curve.size], p)[touch.flow]
+        return np.array(_wall(touch.wall, flight, p, float(extra[0])))
+
+    return Locus({"touch": touch.place}, conditions)
+
+
+# --- the events -----------------------------------------------------------------------------
+
+
+def _trusted(event: Event) -> Event:
+    """An event that is not believed where the mesh resolves no multiplier."""
+
+    def examine(point: Point) -> Examined:
+        coarse: str = point.ground.solution.coarse
+        return coarse or (event.examine(point) if event.examine else {})
+
+    return replace(event, examine=examine)
+
+
+FOLD = _trusted(fold())
+BRANCH_POINT = _trusted(replace(crossing_event({}), count=None))
+FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
+ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
+IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
+GRAZING = Event("GR", _clearance, locus=_clearance_locus, ends="domain")
+
+
+def events_of(equations: Equations) -> tuple[Event, ...]:
+    """What can happen to a cycle of these flows."""
+    found = [FOLD, BRANCH_POINT, FLIP, ROTATION]
+    if any(flow.until for flow in equations.flows):
+        found.append(IMPACT)
+    if any(flow.until or flow.walls for flow in equations.flows):
+        found.append(GRAZING)
+    return tuple(found)
