@@ -27,6 +27,7 @@ from .orbit import Cycle, equations_of, problem_of
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
+_AT_REST = 1e-3  # extent, relative to its size, of what is an equilibrium but for the location
 _TURNS = 4  # steps of inverse iteration next to a null vector
 _LOOKS = 8  # into each interval for a wall that is touched
 _BRACKET = 60  # halvings that locate the lowest place of a wall
@@ -37,7 +38,8 @@ _ANGLE = 1e-6  # step of the derivative in the angle
 
 
 def _flip(point: Point) -> float:
-    return loci.least_with_sign(point.solution.others + 1, 0.0)
+    others = point.ground.solution.others
+    return loci.least_with_sign(others + 1, 0.0) if others.size else math.nan
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -102,7 +104,7 @@ def doubled(point: Point) -> Lift:
 
 def _pair(point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` of all multipliers, with the sign of the product of all."""
-    one, other = loci.pairs(point.solution.others)
+    one, other = loci.pairs(point.ground.solution.others)
     if not one.size:
         return math.nan
     return loci.least_with_sign(
@@ -209,6 +211,26 @@ class _Rotation:
         return np.array([slope.real, slope.imag])
 
 
+# --- where a cycle shrinks to an equilibrium --------------------------------------------------------
+
+
+def _swing(point: Point) -> float:
+    """How far the orbit swings the way it did at first: through an equilibrium the curve goes on as
+    the same cycles half a turn later."""
+    (first,), (node,) = equations_of(point.ground).start, equations_of(point.ground).nodes
+    way = first.states - first.states.mean(axis=1, keepdims=True)
+    states = point.ground.x[node].T
+    swing = states - states.mean(axis=1, keepdims=True)
+    return float((swing * way).sum() / (way * way).sum())
+
+
+def _examine_swing(point: Point) -> Examined:
+    orbit: Cycle = point.ground.solution
+    states = orbit.flights[0].states
+    extent, size = np.ptp(states, axis=1).max(), 1 + abs(states).max()
+    return "" if extent < _AT_REST * size else f"it swings by {extent:.2g}, no equilibrium"
+
+
 # --- walls ----------------------------------------------------------------------------------
 
 
@@ -313,12 +335,15 @@ BRANCH_POINT = _trusted(replace(crossing_event({}), count=None))
 FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
 ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
+SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 GRAZING = Event("GR", _clearance, locus=_clearance_locus, ends="domain")
 
 
 def events_of(equations: Equations) -> tuple[Event, ...]:
     """What can happen to a cycle of these flows."""
     found = [FOLD, BRANCH_POINT, FLIP, ROTATION]
+    if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
+        found.append(SHRUNK)
     if any(flow.until for flow in equations.flows):
         found.append(IMPACT)
     if any(flow.until or flow.walls for flow in equations.flows):

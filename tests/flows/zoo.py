@@ -821,8 +821,8 @@ enter(
 )  # fmt: skip
 
 
-# A damped oscillator that hits a wall at x = 1 once a period 2 pi/w, keeping e of its speed. Between
-# impacts it is linear, X1 - Xp = E (X0 - Xp) with Xp the forced response at the impact, which is
+# A damped oscillator that hits a wall at x = 1 once a period 2 pi/w and keeps e of its speed.
+# Between impacts it is linear, X1 - Xp = E (X0 - Xp) with Xp the forced response at the impact, which is
 # therefore linear in the speed v of the rebound; its amplitude, F times the gain, gives a quadratic
 # for v: a fold where both solutions meet, no impact (v = 0) where the amplitude is 1.
 @dataclass(frozen=True)
