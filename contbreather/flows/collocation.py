@@ -224,27 +224,44 @@ class Slopes:
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(flow: Flow, flight: Flight, p: Params, guess: Array | None = None) -> Flight:
-    """The flight from these states on: Newton's iteration for the slopes inside.
+    """The flight from these states on, solved for the slopes inside.
 
-    Without a guess of these it begins with what a Runge-Kutta method gives.
+    From a guess of these, that of an orbit near by, from what a Runge-Kutta method gives, or where
+    the flow is stiff from slopes as they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
-    k, before = predicted(flow, flight, p) if guess is None else guess, np.inf
+    ways = (_predicted, _constant) if guess is None else (guess, _predicted, _constant)
+    for way in ways:
+        try:
+            begin = way(flow, flight, p) if callable(way) else way
+            return replace(flight, slopes=_newton(flow, flight, p, begin))
+        except Undefined as error:
+            failed = error
+    raise failed
+
+
+def _newton(flow: Flow, flight: Flight, p: Params, k: Array) -> Array:
+    """Newton's iteration for the slopes inside of all intervals."""
+    before = np.inf
     for _ in range(_ITERATIONS):
         f, df = _inside(flow, flight, k, p, ())
         off = (k - f.reshape(k.shape) * flight.lengths[:, None]).transpose(1, 2, 0)
         step = _solved(_matrix(flight, df), off.reshape(*off.shape[:1], -1, 1))
         k = k - step.reshape(off.shape).transpose(2, 0, 1)
         size = float(abs(step).max() / (abs(k).max() or 1.0))
-        # quadratic convergence: the next correction would be below rounding
         if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
-            return replace(flight, slopes=k)
+            return k
         before = size
     raise Undefined("an interval of the mesh is too long for its flow: no solution was found in it")
 
 
-def predicted(flow: Flow, flight: Flight, p: Params) -> Array:
+def _constant(flow: Flow, flight: Flight, p: Params) -> Array:
+    slopes = values(flow.f, flight.begins, flight.states, p) * flight.lengths
+    return np.repeat(slopes[..., None], flight.scheme.points, axis=2)
+
+
+def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
     """The slopes inside by the classical Runge-Kutta method, from node to node."""
     x, t, lengths = flight.states, flight.begins, flight.lengths
     found, f = [], flow.f

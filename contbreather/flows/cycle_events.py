@@ -1,4 +1,4 @@
-"""What happens to cycles along a branch: LP, BP, PD, NS; VI and GR where flows meet their walls."""
+"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from ..continuation.curve import Curve
 from ..continuation.equilibria import fold
 from ..continuation.lift import Lift
 from ..continuation.newton import Array, Undefined
-from ..continuation.point import Event, Examined, Locus, Point
+from ..continuation.point import Event, Examined, Locus, Meeting, Point
 from ..continuation.rank import weakest
 from ..continuation.sparse import any_vector, factorised, is_sparse
-from .collocation import Flight
 from .equations import Equations
-from .flow import Function, Params, slopes, values
 from .orbit import Cycle, equations_of, problem_of
+from .walls import GRAZING, IMPACT
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
-_AT_REST = 1e-3  # extent, relative to its size, of what is an equilibrium but for the location
+_AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _TURNS = 4  # steps of inverse iteration next to a null vector
 _LOOKS = 8  # into each interval for a wall that is touched
 _BRACKET = 60  # halvings that locate the lowest place of a wall
@@ -56,7 +55,8 @@ def _examine_flip(point: Point) -> Examined:
 
 def _flip_locus(point: Point) -> Locus:
     flip = _Flip(equations_of(point.ground))
-    return Locus({}, flip.conditions, flip.derivative)
+    ends = (_beside("R2", -1.0, -1.0, ROTATION),)
+    return Locus({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,8 @@ def _pair_locus(point: Point) -> Locus:
         Event("R3", partial(_angle_from, 2 * math.pi / 3, 1.0)),
         Event("R4", partial(_angle_from, math.pi / 2, 1.0)),
     )
-    return Locus({"angle": angle}, rotation.conditions, rotation.derivative, events=ends)
+    locus = Locus({"angle": angle}, rotation.conditions, rotation.derivative)
+    return replace(locus, events=ends, meets=MEETINGS["NS"])
 
 
 def _angle_from(level: float, sign: float, point: Point) -> float:
@@ -211,110 +212,76 @@ class _Rotation:
         return np.array([slope.real, slope.imag])
 
 
-# --- where a cycle shrinks to an equilibrium --------------------------------------------------------
+# --- where a cycle shrinks to an equilibrium ---------------------------------------------------
 
 
 def _swing(point: Point) -> float:
-    """How far the orbit swings the way it did at first: through an equilibrium the curve goes on as
-    the same cycles half a turn later."""
-    (first,), (node,) = equations_of(point.ground).start, equations_of(point.ground).nodes
-    way = first.states - first.states.mean(axis=1, keepdims=True)
-    states = point.ground.x[node].T
-    swing = states - states.mean(axis=1, keepdims=True)
-    return float((swing * way).sum() / (way * way).sum())
+    """How far the orbit swings the way it did at first, relative to its size, less what counts as
+    an equilibrium: beyond one the curve goes on as the same cycles half a turn later."""
+    equations = equations_of(point.ground)
+    first, states = equations.start[0].states, point.ground.x[equations.nodes[0]].T
+    way = first - first.mean(axis=1, keepdims=True)
+    swing = (states - states.mean(axis=1, keepdims=True)) * way
+    size = np.linalg.norm(way) * np.linalg.norm(first)
+    return float(swing.sum() / size) - _AT_REST
 
 
 def _examine_swing(point: Point) -> Examined:
     orbit: Cycle = point.ground.solution
     states = orbit.flights[0].states
-    extent, size = np.ptp(states, axis=1).max(), 1 + abs(states).max()
-    return "" if extent < _AT_REST * size else f"it swings by {extent:.2g}, no equilibrium"
+    extent, size = float(np.ptp(states, axis=1).max()), float(abs(states).max())
+    first = orbit.equations.start[0].states
+    if extent < 100 * _AT_REST * max(size, float(np.linalg.norm(first))):
+        return ""
+    return f"it swings by {extent:.2g}: no equilibrium"
 
 
-# --- walls ----------------------------------------------------------------------------------
+# --- what their curves in two parameters meet -------------------------------------------------
 
 
-def _slowest(point: Point) -> float:
-    """How fast the condition falls that falls slowest where it ends its flow."""
-    orbit: Cycle = point.ground.solution
-    paces = orbit.equations.paces(orbit.x, orbit.params)
-    return float(paces.min()) if paces.size else math.nan
+def _without(known: float | None, point: Point) -> NDArray[np.complex128]:
+    """The multipliers but for those that the curve has everywhere: one that is known, or the pair
+    of a curve of NS."""
+    others = point.ground.solution.others
+    if known is not None:
+        return loci.without(others, known)
+    pair = complex(math.cos(point["angle"]), math.sin(point["angle"]))
+    return loci.without(others, pair, pair.conjugate())
 
 
-def _slowest_locus(point: Point) -> Locus:
-    orbit: Cycle = point.ground.solution
-    number = int(orbit.equations.paces(orbit.x, orbit.params).argmin())
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return orbit.equations.paces(z[: curve.size], curve.params(z))[[number]]
-
-    return Locus({}, conditions)
+def _rest(known: float | None, wanted: float, point: Point) -> float:
+    rest = _without(known, point)
+    return loci.least_with_sign(rest - wanted, 0.0) if rest.size else math.nan
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
-    """The lowest place of a wall between the ends of its flow: how far off it is, of which flow,
-    when (in its duration), which wall."""
-
-    clearance: float
-    flow: int
-    place: float
-    wall: Function
+def _rest_of_pairs(known: float | None, point: Point) -> float:
+    one, other = loci.pairs(_without(known, point))
+    return loci.least_with_sign(one * other - 1, 0.0) if one.size else math.nan
 
 
-def lowest(orbit: Cycle) -> Touch | None:
-    """Where an orbit comes closest to touching a wall between the ends of its flows."""
-    found: list[Touch] = []
-    for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True)):
-        walls = (*flow.walls, *([flow.until] if flow.until else []))
-        if not walls:
-            continue
-        s, states = flight.sampled(_LOOKS)
-        for wall in walls:
-            v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
-            for j in np.flatnonzero((v[1:-1] <= v[:-2]) & (v[1:-1] < v[2:])) + 1:
-                place = _bottom(wall, flight, orbit.params, s[j - 1], s[j + 1])
-                found.append(Touch(_wall(wall, flight, orbit.params, place)[0], i, place, wall))
-    return min(found, key=lambda touch: touch.clearance, default=None)
+def _beside(kind: str, known: float | None, wanted: float, base: Event) -> Meeting:
+    """Another multiplier of a certain value on a curve that has one already."""
+    return Meeting(kind, partial(_rest, known, wanted), base=base)
 
 
-def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, float]:
-    """The value of a wall at a time of a flight, and how fast it changes in its duration."""
-    at = np.array([s])
-    value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p, ())
-    n = len(flight.states)
-    rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
-    return float(value[0, 0]), float(rate)
+def _pair_beside(kind: str, known: float | None) -> Meeting:
+    """A pair on the unit circle on a curve that has a multiplier there."""
+    test = partial(_rest_of_pairs, known)
+    return Meeting(kind, test, examine=partial(_examine_pair_beside, known), base=ROTATION)
 
 
-def _bottom(wall: Function, flight: Flight, p: Params, low: float, high: float) -> float:
-    """Where the wall stops falling, by halving and the secant."""
-    from scipy.optimize import brentq
-
-    def rate(s: float) -> float:
-        return _wall(wall, flight, p, s)[1]
-
-    if not (rate(low) < 0 < rate(high)):
-        return 0.5 * (low + high)
-    return float(brentq(rate, low, high, xtol=1e-15, maxiter=_BRACKET))
+def _examine_pair_beside(known: float | None, point: Point) -> Examined:
+    one, other = loci.pairs(_without(known, point))
+    nearest = int(abs(one * other - 1).argmin())
+    real = abs(one[nearest].imag) < _REAL
+    return "a neutral saddle: no pair on the unit circle" if real else {}
 
 
-def _clearance(point: Point) -> float:
-    touch = lowest(point.ground.solution)
-    return math.nan if touch is None else touch.clearance
-
-
-def _clearance_locus(point: Point) -> Locus:
-    touch, equations = lowest(point.ground.solution), equations_of(point.ground)
-    if touch is None:
-        raise Undefined("no wall comes close between the ends of a flow")
-
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        p = curve.params(z)
-        flight = equations.flights(z[: curve.size], p)[touch.flow]
-        return np.array(_wall(touch.wall, flight, p, float(extra[0])))
-
-    return Locus({"touch": touch.place}, conditions)
+def _fold_locus(point: Point) -> Locus:
+    assert _PLAIN.locus is not None
+    own = _PLAIN.locus(point)
+    ends = (*own.events, _beside("R1", 1.0, 1.0, ROTATION))
+    return replace(own, events=ends, meets=MEETINGS["LP"])
 
 
 # --- the events -----------------------------------------------------------------------------
@@ -330,13 +297,22 @@ def _trusted(event: Event) -> Event:
     return replace(event, examine=examine)
 
 
-FOLD = _trusted(fold())
+_PLAIN = fold()
+FOLD = _trusted(replace(_PLAIN, locus=_fold_locus))
 BRANCH_POINT = _trusted(replace(crossing_event({}), count=None))
 FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
 ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
-IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
 SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
-GRAZING = Event("GR", _clearance, locus=_clearance_locus, ends="domain")
+
+# On the boundary of one kind, what the meeting with another is called; walls end it as they are.
+MEETINGS: dict[str, dict[str, tuple[Event, ...]]] = {
+    "LP": {"PD": (_beside("LPPD", 1.0, -1.0, FLIP),), "NS": (_pair_beside("LPNS", 1.0),)},
+    "PD": {"LP": (_beside("LPPD", -1.0, 1.0, FOLD),), "NS": (_pair_beside("PDNS", -1.0),)},
+    "NS": {
+        "LP": (_beside("LPNS", None, 1.0, FOLD),),
+        "PD": (_beside("PDNS", None, -1.0, FLIP),),
+    },
+}
 
 
 def events_of(equations: Equations) -> tuple[Event, ...]:

@@ -147,17 +147,21 @@ class Equations:
         for known, _, found in self._recent:
             if known == key:
                 return tuple(found)
-        near = min(self._recent, key=lambda one: float(abs(one[1] - x).max()), default=None)
-        if near is not None and abs(near[1] - x).max() > _CLOSE * abs(x).max():
-            near = None
+        known = [*((z, found) for _, z, found in self._recent), (self._first, self.start)]
+        z, near = min(known, key=lambda one: float(abs(one[0] - x).max()))
+        close = abs(z - x).max() <= _CLOSE * abs(x).max()
         made: list[Flight] = []
         t = float(x[-1]) if self.phased else self.start[0].start
         for i, flow in enumerate(self.flows):
             plain = self._flight(i, x, t)
-            made.append(_solved(flow, plain, p, near[2][i] if near else None))
+            made.append(flown(flow, plain, p, near[i].slopes if close else None))
             t += plain.duration
         self._recent[:] = [(key, x.copy(), made), *self._recent[: _RECENT - 1]]
         return tuple(made)
+
+    @cached_property
+    def _first(self) -> Array:
+        return np.concatenate([np.ravel(one) for one in self.unknowns(self.start).values()])
 
     def _flight(self, i: int, x: Array, t: float) -> Flight:
         """A flow with its states and times, nothing inside yet."""
@@ -438,16 +442,6 @@ def _kept(rows: Any, columns: Any, value: Array) -> Iterator[tuple[Any, ...]]:
     rows, columns, value = np.broadcast_arrays(rows, columns, value)
     kept = columns >= 0
     yield rows[kept], columns[kept], value[kept]
-
-
-def _solved(flow: Flow, plain: Flight, p: Params, near: Flight | None) -> Flight:
-    """A flight solved inside, from that of a solution near by or anew."""
-    if near is not None:
-        try:
-            return flown(flow, plain, p, near.slopes)
-        except Undefined:
-            pass
-    return flown(flow, plain, p)
 
 
 def named(names: Sequence[str], params: Mapping[str, float]) -> None:
