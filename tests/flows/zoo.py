@@ -18,6 +18,7 @@ from scipy.optimize import brentq, fsolve
 from scipy.special import ellipk
 
 import contbreather as cb
+from contbreather.flows import Collocation
 
 Pairs = Iterable[tuple[Any, Any]]  # what is found, what is known
 
@@ -50,8 +51,8 @@ def enter(name: str, problem: Callable[[], cb.Problem], *known: Any, **more: Any
     CASES[name] = Case(name, problem, *known, **more)
 
 
-def rest(f: Any, start: Mapping[str, float], params: Mapping[str, float]) -> Any:
-    return lambda: cb.equilibrium(f, dict(start), dict(params))
+def rest(f: Any, start: Mapping[str, float], params: Mapping[str, float], **more: Any) -> Any:
+    return lambda: cb.equilibrium(f, dict(start), dict(params), **more)
 
 
 def cycle(flows: Any, start: Mapping[str, float], params: Mapping[str, float], **more: Any) -> Any:
@@ -184,7 +185,9 @@ def hindmarsh_rose_hopf(r: float) -> tuple[float, ...]:
 
 enter(
     "hindmarsh-rose",
-    rest(hindmarsh_rose, {"x": -1.3, "y": -7.5, "z": 1.2}, {"I": 0.0, "r": 0.01}),
+    # the cycles that are born there contract as exp(-13.7 t) while they take 119
+    rest(hindmarsh_rose, {"x": -1.3, "y": -7.5, "z": 1.2}, {"I": 0.0, "r": 0.01},
+         collocation=Collocation(intervals=60)),
     "I", (-1.0, 30.0), tuple(("HB", current) for current in hindmarsh_rose_hopf(0.01)),
 )  # fmt: skip
 
@@ -197,6 +200,9 @@ enter(
     ),
     "mu", (-0.5, 0.5), (("HB", 0.0),),
 )  # fmt: skip
+
+
+EQUILIBRIA = tuple(CASES)
 
 
 # --- limit cycles ---------------------------------------------------------------------------------
@@ -312,15 +318,15 @@ enter(
 )  # fmt: skip
 
 
-# Langford's torus without its asymmetric term: z = 0.7 and r^2 = R/(1 + 0.7 rho), R = 0.6 + 0.7 -
-# 0.343/3; in (r, z) the trace 0.51 - rho r^2 vanishes at rho = 0.51/(R - 0.357), with the
+# Langford's torus without its asymmetric term: z = 0.7 and r^2 = R/(1 + 0.7 rho), R = l + 0.7 -
+# 0.343/3, l = 0.6; in (r, z) the trace 0.51 - rho r^2 vanishes at rho = 0.51/(R - 0.357), with the
 # determinant 2 R: the multipliers are exp((trace/2 +- i sqrt(2 R - trace^2/4)) 2 pi / 3.5).
 def langford(t: Any, x: Any, p: Any) -> Any:
     r2 = x[0] ** 2 + x[1] ** 2
     return [
         (x[2] - 0.7) * x[0] - 3.5 * x[1],
         3.5 * x[0] + (x[2] - 0.7) * x[1],
-        0.6 + x[2] - x[2] ** 3 / 3 - r2 * (1 + p["rho"] * x[2]),
+        p["l"] + x[2] - x[2] ** 3 / 3 - r2 * (1 + p["rho"] * x[2]),
     ]
 
 
@@ -337,7 +343,7 @@ def along_langford(at: Any) -> Pairs:
 
 enter(
     "langford",
-    cycle(langford, {"x": 0.9, "y": 0.0, "z": 0.7}, {"rho": 1.0}, settle=150),
+    cycle(langford, {"x": 0.9, "y": 0.0, "z": 0.7}, {"rho": 1.0, "l": 0.6}, settle=150),
     "rho", (0.3, 1.2), (("NS", 0.51 / (RADIUS - 0.357)),), along_langford,
 )  # fmt: skip
 
@@ -364,6 +370,19 @@ enter(
         {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50,
     ),
     "mu", (0.2, 3.0), (), at_one,
+)  # fmt: skip
+
+
+# Roessler's first doubling, by Newton's iteration on the state, the period and det(M + 1) = 0 with
+# the variational equations integrated by scipy's DOP853 to 2e-14.
+enter(
+    "roessler",
+    cycle(
+        lambda t, x, p: [-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - p["c"])],
+        {"x": -1.0, "y": -3.0, "z": 0.05}, {"c": 2.5}, settle=300,
+    ),
+    "c", (2.0, 3.2), (("PD", 2.8324450278),),
+    lambda at: [(at["period"], 5.769820016506)] if at.kind == "PD" else [],
 )  # fmt: skip
 
 
@@ -822,9 +841,9 @@ enter(
 
 
 # A damped oscillator that hits a wall at x = 1 once a period 2 pi/w and keeps e of its speed.
-# Between impacts it is linear, X1 - Xp = E (X0 - Xp) with Xp the forced response at the impact, which is
-# therefore linear in the speed v of the rebound; its amplitude, F times the gain, gives a quadratic
-# for v: a fold where both solutions meet, no impact (v = 0) where the amplitude is 1.
+# Between impacts it is linear, X1 - Xp = E (X0 - Xp) with Xp the forced response at the impact, so
+# that Xp is linear in the speed v of the rebound; its amplitude, F times the gain, is a quadratic
+# in v: a fold where both solutions meet, no impact (v = 0) where the amplitude is 1.
 @dataclass(frozen=True)
 class Impacting:
     w: float
@@ -901,3 +920,39 @@ enter(
     cycle(SLOW.flow, {"x": 0.9, "v": -1.0}, {"F": 1.0, "w": 0.9}, period=turn, settle=200),
     "F", (0.1, 3.0), (("PD", SLOW.doubling(0.3, 0.6)), ("VI", SLOW.touching)), SLOW.along,
 )  # fmt: skip
+
+
+# --- curves in two parameters ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Where a special point of a case goes when a second parameter is free, too."""
+
+    case: str
+    kind: str
+    names: tuple[str, str]
+    window: Mapping[str, tuple[float, float]]
+    known: Callable[[Any], tuple[float, float]]
+
+
+def doubling_of_ball(e: float) -> float:
+    return math.hypot(math.pi * (1 - e) / (1 + e), 2 * (1 + e**2) / (1 + e) ** 2)
+
+
+CURVES = [
+    Curve("lorenz", "HB", ("r", "s"), {"s": (6, 20), "r": (15, 40)},
+          lambda at: (at["r"], at["s"] * (at["s"] + 17 / 3) / (at["s"] - 11 / 3))),
+    Curve("bouncing ball", "LP", ("A", "e"), {"e": (0.4, 0.95), "A": (0, 2)},
+          lambda at: (at["A"], math.pi * (1 - at["e"]) / (1 + at["e"]))),
+    Curve("bouncing ball", "PD", ("A", "e"), {"e": (0.4, 0.95), "A": (0, 3)},
+          lambda at: (at["A"], doubling_of_ball(at["e"]))),
+    Curve("langford", "NS", ("rho", "l"), {"l": (0.4, 0.9), "rho": (0.2, 2)},
+          lambda at: (at["rho"] * (at["l"] + 0.7 - 0.343 / 3 - 0.357), 0.51)),
+    Curve("linear beside a wall", "GR", ("F", "w"), {"w": (0.8, 1.8), "F": (0, 4)},
+          lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"]))),
+    Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
+          lambda at: (at["F"], Impacting(at["w"]).fold)),
+    Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
+          lambda at: (at["F"], Impacting(at["w"]).touching)),
+]  # fmt: skip
