@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from .collocation import Collocation
-from .constructors import cycle, equilibrium
+from .constructors import cycle
+from .equilibria import equilibrium
 from .filippov import Filippov
 from .flow import Flow
 from .integrate import Crossing, Piece, Trajectory, integrate

@@ -1,28 +1,24 @@
-"""Where cycles come from: a simulation, samples of an orbit, the Hopf point of an equilibrium."""
+"""Where cycles come from: a simulation, or samples of an orbit."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..checks import check_kind, number, numbers, shown
-from ..continuation.curve import Curve
-from ..continuation.equilibria import branch_point, fold, hopf
-from ..continuation.lift import Lift
-from ..continuation.newton import Array, Undefined
-from ..continuation.point import Counting, Event, Point
+from ..continuation.newton import Array
+from ..continuation.point import Event
 from ..continuation.problem import Problem
-from ..continuation.segment import tangent_at
 from ..errors import BadInput, NotConverged
 from .collocation import Collocation, Flight, fitted
 from .cycle_events import doubled, events_of
-from .equations import Equations, named, sizes_of
-from .flow import Flow, Function, Params, slopes, values
+from .equations import Equations, sizes_of
+from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
 from .orbit import problem_of
 
@@ -32,8 +28,8 @@ _NEARLY = 3.0  # the first return that is nearly as close as the closest is the 
 _CLOSE = 1e-3  # of the size: all returns this close are as good
 _AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
+_LONGER = (1, 3, 9, 27)  # and then
 _SAMPLES = 8  # looks into each step of a simulation for a return
-_AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
 
 
 def cycle(
@@ -102,46 +98,79 @@ def cycle(
     >>> round(oscillator.start["period"], 9)
     6.663286859
     """
+    scheme, forcing = collocation or Collocation(), _period(period)
+    check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
     if isinstance(start, tuple):
-        flights, parts, names = _sampled(flows, start, params, collocation or Collocation())
-        forcing = _period(period)
+        flights, parts, names = _sampled(flows, start, params, scheme)
+        _, params = named_state(dict.fromkeys(names, 0.0), params)
     else:
-        state, params, names = _state(start), _params(params), tuple(start)
-        named(names, params)
-        forcing, run = _period(period), partial(integrate, flows, params=params)
-        settled = _settled(run, state, forcing, params, t0, settle)
-        parts, pieces = _once_around(flows, run, settled, forcing, params, settle)
-        flights = _fits(pieces, collocation or Collocation(), forcing, params)
-    named(names, params)
-    whole = sum(flight.duration for flight in flights)
-    turns = 1 if forcing is None else max(1, round(whole / _length(forcing, params)))
-    made = Equations(parts, flights, forcing, turns, names, sizes_of(flights))
-    asked = None if events is None else tuple(events)
-    return _closed(made, params, asked, label or "cycle")
+        (state, params), names = named_state(start, params), tuple(start)
+        run = partial(integrate, flows, params=params)
+        length = None if forcing is None else _length(forcing, params)
+        begin = _settled(run, state, length, t0, settle)
+        alone = _alone(flows)
+        if alone is None:
+            parts, pieces = _hybrid(run, begin, length)
+        else:
+            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle)]
+        flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
+        # in the first period, or at no time at all
+        turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
+        shift = begin[0] if length is None else turned * length
+        flights = [replace(flight, start=flight.start - shift) for flight in flights]
+    turns = 1
+    if forcing is not None:
+        whole = sum(flight.duration for flight in flights)
+        turns = max(1, round(whole / _length(forcing, params)))
+    made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
+    return _closed(made, params, None if events is None else tuple(events), label or "cycle")
 
 
-def _params(params: Mapping[str, float]) -> dict[str, float]:
-    check_kind(params, Mapping, "a dict of parameters")
-    return {name: float(numbers(name, value)) for name, value in params.items()}
-
-
-def _state(start: Mapping[str, float]) -> Array:
+def named_state(
+    start: Mapping[str, float], params: Mapping[str, float]
+) -> tuple[Array, dict[str, float]]:
+    """A state and parameters as numbers, their names seen to be no one else's."""
     check_kind(start, Mapping, "a dict with the name and value of each state, or samples (t, x),")
-    return np.array([float(numbers(name, value)) for name, value in start.items()])
+    check_kind(params, Mapping, "a dict of parameters")
+    names = [*start, *params]
+    taken = sorted({"orbit", "mesh", "period", "durations", "phase"} & {*names})
+    if taken:
+        raise BadInput(f"rename {taken}: every cycle has columns of these names")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BadInput(f"{twice} are named twice, among states and parameters")
+    state = np.array([float(numbers(name, value)) for name, value in start.items()])
+    return state, {name: float(numbers(name, value)) for name, value in params.items()}
+
+
+def _alone(flows: Any) -> Flow | None:
+    """The flow that nothing ends, where that is all there is."""
+    if hasattr(flows, "follow"):  # a system that decides by its state which flow comes next
+        return None
+    listed = [flows] if isinstance(flows, Flow) or callable(flows) else list(flows)
+    made = [flow if isinstance(flow, Flow) else Flow(flow) for flow in listed]
+    endless = [i for i, flow in enumerate(made) if flow.until is None]
+    if len(made) > 1 and endless:
+        raise BadInput(f"flow {endless[0]} of {len(made)} has no `until`: nothing ends it")
+    return made[0] if endless else None
 
 
 def _period(period: Any) -> Function | None:
     """The period as a function to differentiate, ``period(t, x, p)``."""
-    if period is None:
-        return None
-    if callable(period):
-        return lambda t, x, p: period(p)
-    length = number(
-        "period", period, 0.0, 1e300, "a positive time, or a function of the parameters"
-    )
+    if period is None or callable(period):
+        return None if period is None else partial(_asked, period)
+    length = number("period", period, 0.0, 1e300, "a positive time, or a function of p")
     if not length > 0:
         raise BadInput(f"period = {period}: a positive time was expected")
-    return lambda t, x, p: length
+    return partial(_fixed, length)
+
+
+def _asked(period: Callable[[Params], float], t: Any, x: Any, p: Params) -> float:
+    return period(p)
+
+
+def _fixed(length: float, t: Any, x: Any, p: Params) -> float:
+    return length
 
 
 def _length(period: Function, params: Params) -> float:
@@ -154,14 +183,15 @@ def _length(period: Function, params: Params) -> float:
 # --- from a simulation --------------------------------------------------------------------------
 
 
-def _settled(
-    run: Callable[..., Trajectory], state: Array, period: Function | None, params: Params,
-    t0: float, settle: float,
-) -> tuple[float, Array, int]:  # fmt: skip
-    """Time, state and flow after the time to settle, a whole number of periods."""
+Run = Callable[..., Trajectory]
+Begin = tuple[float, Array, int]  # time, state and flow
+Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
+
+
+def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
+    """Where the simulation is after the time to settle, a whole number of periods."""
     settle = number("settle", settle, 0.0, 1e9, "how long to simulate")
-    if period is not None:
-        length = _length(period, params)
+    if length is not None:
         settle = math.ceil(settle / length - 1e-9) * length
     if not settle:
         return t0, state, 0
@@ -169,37 +199,11 @@ def _settled(
     return t0 + settle, ran.final, ran.pieces[-1].number
 
 
-def _once_around(
-    flows: Any, run: Callable[..., Trajectory], at: tuple[float, Array, int],
-    period: Function | None, params: Params, settle: float,
-) -> tuple[tuple[Flow, ...], list[tuple[Any, float, float]]]:  # fmt: skip
-    """The flows of a cycle and its pieces: motion, beginning and end of each."""
-    listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
-    alone = isinstance(listed, list | tuple) and len(listed) == 1
-    flow = (listed[0] if isinstance(listed[0], Flow) else Flow(listed[0])) if alone else None
-    if flow is not None and flow.until is None:
-        t, state, _ = at
-        if period is not None:
-            length = _length(period, params)
-            return (flow,), [(run(x0=state, time=length, t0=t), t, t + length)]
-        return (flow,), [_returned(flow, run, t, state, params, settle)]
-    if isinstance(listed, list | tuple):
-        for i, one in enumerate(listed):
-            if getattr(one, "until", None) is None:
-                raise BadInput(
-                    f"flow {i} of {len(listed)} has no `until`: nothing ends it before the next"
-                )
-    return _hybrid(run, at, period, params)
-
-
-def _hybrid(
-    run: Callable[..., Trajectory], at: tuple[float, Array, int], period: Function | None,
-    params: Params,
-) -> tuple[tuple[Flow, ...], list[tuple[Any, float, float]]]:  # fmt: skip
+def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Stretch]]:
     """The last pieces of a simulation after which it repeats itself."""
-    t, state, first = at
+    t, state, first = begin
     ran = run(x0=state, events=2 * _RETURNS, t0=t, first=first)
-    last, length = ran.events[-1], None if period is None else _length(period, params)
+    last = ran.events[-1]
     size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
     found = []
     for back in range(1, _RETURNS + 1):
@@ -232,29 +236,27 @@ def _first_close(found: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
     return next(what for off, what in found if off <= max(_NEARLY * least, _CLOSE))
 
 
-def _returned(
-    flow: Flow, run: Callable[..., Trajectory], t0: float, state: Array, params: Params,
-    settle: float,
-) -> tuple[Any, float, float]:  # fmt: skip
-    """One period of a limit cycle, from a plane across the flow back to it."""
+def _smooth(
+    flow: Flow, run: Run, params: Params, begin: Begin, length: float | None, settle: float
+) -> Stretch:
+    """One period: of the forcing, or from a plane across the flow back to it."""
+    t0, state, _ = begin
+    if length is not None:
+        return run(x0=state, time=length, t0=t0), t0, t0 + length
     speed = values(flow.f, t0, state[:, None], params)[:, 0]
-    _refuse_rest(speed, state)
-    wait = settle or _WAIT
-    for _ in range(4):
-        ran = run(x0=state, time=wait, t0=t0)
-        found, size = _returns(flow, ran, state, speed, params)
-        if found and min(off for off, _ in found) <= _BACK * size:
-            found = [(off / size, t) for off, t in found]
-            return ran, t0, float(_first_close(found, ran))
+    for wait in np.multiply(settle or _WAIT, _LONGER):
+        ran = run(x0=state, time=float(wait), t0=t0)
         _refuse_rest(values(flow.f, t0, ran.final[:, None], params)[:, 0], ran.final)
-        wait *= 3
-    return ran, t0, float(_first_close([(off / size, t) for off, t in found], ran))
+        found = _returns(flow, ran, state, speed, params)
+        if min((off for off, _ in found), default=math.inf) <= _BACK:
+            break
+    return ran, t0, float(_first_close(found, ran))
 
 
 def _returns(
     flow: Flow, ran: Trajectory, state: Array, speed: Array, params: Params
-) -> tuple[list[tuple[float, float]], float]:
-    """How far from its start it is, and when, each time a simulation comes back to the plane."""
+) -> list[tuple[float, float]]:
+    """How far from its start it is, in its size, and when, each time it comes back to the plane."""
     from scipy.optimize import brentq
 
     def back(t: Any) -> Array:
@@ -271,33 +273,21 @@ def _returns(
     times = np.append(inside.ravel(), knots[-1])
     orbit = back(times)
     passed = speed @ (orbit - state[:, None])
+    size = float(np.ptp(orbit, axis=1).max()) or 1.0
     found = []
     for j in np.flatnonzero((passed[:-1] < 0) & (passed[1:] >= 0)):
         t = float(brentq(ahead, times[j], times[j + 1], xtol=1e-13))
-        found.append((float(abs(back(t) - state).max()), t))
-    return found, float(np.ptp(orbit, axis=1).max()) or 1.0
+        found.append((float(abs(back(t) - state).max()) / size, t))
+    return found
 
 
-def _refuse_rest(speed: Array, state: Array) -> None:
-    if float(abs(speed).max()) <= _AT_REST * (1 + float(abs(state).max())):
+def _refuse_rest(moved: Array, state: Array) -> None:
+    """Refuse an equilibrium, by its speed or its extent."""
+    if float(abs(moved).max()) <= _AT_REST * (1 + float(abs(state).max())):
         raise NotConverged(
-            f"the simulation comes to rest at {shown(state.tolist())}: an equilibrium, not a "
-            "cycle. cb.equilibrium continues it; start elsewhere for a cycle"
+            f"there is an equilibrium at {shown(state.tolist())}, not a cycle: cb.equilibrium "
+            "continues it; start elsewhere for a cycle"
         )
-
-
-def _fits(
-    pieces: Sequence[tuple[Any, float, float]], collocation: Collocation,
-    period: Function | None, params: Params,
-) -> tuple[Flight, ...]:  # fmt: skip
-    """Flights through the pieces of a simulation; a forced one begins in the first period."""
-    check_kind(collocation, Collocation, "collocation=Collocation(intervals=, points=)")
-    shift = pieces[0][1] if period is None else 0.0
-    if period is not None:
-        length = _length(period, params)
-        shift = math.floor(pieces[0][1] / length + 1e-9) * length
-    found = [fitted(collocation, a, b - a, motion) for motion, a, b in pieces]
-    return _adapted([replace(flight, start=flight.start - shift) for flight in found])
 
 
 def _adapted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
@@ -309,13 +299,12 @@ def _adapted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
 
 def _sampled(
     flows: Any, samples: tuple[Any, Any], params: Params, collocation: Collocation
-) -> tuple[tuple[Flight, ...], tuple[Flow, ...], tuple[str, ...]]:
+) -> tuple[list[Flight], tuple[Flow, ...], tuple[str, ...]]:
     """The orbit through samples of one period."""
     from scipy.interpolate import CubicSpline
 
-    listed = flows if isinstance(flows, list | tuple) else [flows]
-    flow = listed[0] if isinstance(listed[0], Flow) else Flow(listed[0])
-    if len(listed) > 1 or flow.until is not None:
+    flow = _alone(flows)
+    if flow is None:
         raise BadInput("samples (t, x) are taken of one flow without `until`; start from a state")
     if len(samples) != 2:
         raise BadInput(f"samples are given as (t, x); got {len(samples)} arrays")
@@ -328,7 +317,7 @@ def _sampled(
     flow.check(float(t[0]), x[:, 0], params)
     spline = CubicSpline(t, x, axis=1)
     flight = fitted(collocation, float(t[0]), float(t[-1] - t[0]), spline)
-    return _adapted([flight]), (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
+    return [flight], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
 def _closed(
@@ -336,156 +325,22 @@ def _closed(
 ) -> Problem:
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
     for _ in range(2):
-        problem = _problem(made, params, events, label)
         try:
-            solved, _found = problem.solve(tolerance=1e-10)
+            solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
         except NotConverged as error:
             raise NotConverged(
                 f"no periodic orbit was found from there: {error}", residual=error.residual
             ) from error
         flights = made.flights(solved.x, params)
-        _refuse_point(flights)
-        made = replace(
-            made, start=_adapted(flights), sizes=sizes_of(flights), _recent=[], _linear=[]
-        )
-    return _problem(made, params, events, label).solve(tolerance=1e-12)[0]
+        extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
+        _refuse_rest(np.array(extents), flights[0].states[:, 0])
+        made = replace(made, start=_adapted(flights), sizes=sizes_of(flights))
+    return problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
 
 
-def _problem(
-    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str
+def problem_at(
+    made: Equations, params: Params, events: tuple[Event, ...] | None = None, label: str = "cycle"
 ) -> Problem:
+    """The problem of a cycle that starts at the orbit which its equations began with."""
     asked = events_of(made) if events is None else events
     return problem_of(made, made.start, params, asked, {"PD": doubled}, label)
-
-
-def _refuse_point(flights: Sequence[Flight]) -> None:
-    states = np.concatenate([flight.sampled(2)[1].ravel() for flight in flights])
-    extent = max(float(np.ptp(flight.sampled(2)[1], axis=1).max()) for flight in flights)
-    if extent <= _AT_REST * (1 + float(abs(states).max())):
-        raise NotConverged(
-            f"what was found is an equilibrium, {shown(flights[0].states[:, 0].tolist())}, not a "
-            "cycle: cb.equilibrium continues it; start elsewhere for a cycle"
-        )
-
-
-# --- equilibria, and the cycles that are born there ---------------------------------------------
-
-
-def equilibrium(
-    f: Flow | Function,
-    start: Mapping[str, float],
-    params: Mapping[str, float],
-    *,
-    events: Iterable[Event] | None = None,
-    collocation: Collocation | None = None,
-    label: str = "equilibrium",
-) -> Problem:
-    """Equilibria of ``dx/dt = f(t, x, p)``, which must not depend on t, as a problem to trace.
-
-    Parameters
-    ----------
-    f : callable or Flow
-    start : dict
-        Name and value of each state, close to the equilibrium.
-    params : dict
-        Name and value of each parameter.
-    events : iterable of Event, optional
-        LP, BP and HB by default.
-    collocation : Collocation, optional
-        For the cycles that `switch` follows from a Hopf point.
-    label : str, optional
-
-    Returns
-    -------
-    Problem
-        The column ``unstable`` counts the eigenvalues to the right of the imaginary axis.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> rest = cb.equilibrium(lambda t, x, p: [p["mu"] * x[0] - x[1] - x[0] * (x[0]**2 + x[1]**2),
-    ...                                        x[0] + p["mu"] * x[1] - x[1] * (x[0]**2 + x[1]**2)],
-    ...                       start={"x": 0.0, "y": 0.0}, params={"mu": -0.5})
-    >>> (cycles,) = cb.switch(cb.trace(rest, "mu", within={"mu": (-1, 1)}).first("HB"),
-    ...                       within={"mu": (-1, 0.5)})
-    >>> orbit = cycles[-1].solution
-    >>> bool(abs(orbit.max["x"] - 0.5**0.5) < 1e-9)
-    True
-    """
-    flow = f if isinstance(f, Flow) else Flow(f)
-    state, params, names = _state(start), _params(params), tuple(start)
-    named(names, params)
-    flow.check(0.0, state, params)
-    rest = _Rest(flow, names)
-    return Problem(
-        rest.residual, dict(start), params, derivatives=rest.derivatives,
-        events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
-        record={"unstable": Counting(_unstable)},
-        lifts={"HB": partial(_born, flow, names, collocation or Collocation())}, label=label,
-    )  # fmt: skip
-
-
-class _Rest:
-    """``f(0, x, p) = 0``."""
-
-    def __init__(self, flow: Flow, names: tuple[str, ...]) -> None:
-        self.flow, self.names = flow, names
-
-    def residual(self, x: Array, p: Params) -> Array:
-        return np.asarray(values(self.flow.f, 0.0, x[:, None], p)[:, 0])
-
-    def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Array:
-        whole = slopes(self.flow.f, 0.0, x[:, None], p, names)[1][..., 0]
-        return np.delete(whole, x.size, axis=1)  # the column of the time
-
-
-def _unstable(point: Point) -> int:
-    return int((point.curve.spectrum(point.z).real > 0).sum())
-
-
-class _Born(Lift):
-    """Small cycles beside a Hopf point: they leave it in the plane of its eigenvectors."""
-
-    @cached_property
-    def tangents(self) -> tuple[Array, None]:
-        curve = Curve(self.problem, (self.free,))
-        orbit = curve.start[curve.slots["orbit"]].reshape(-1, len(_equations(self.problem).states))
-        outwards = np.zeros(curve.start.size)
-        outwards[: orbit.size] = (orbit - orbit.mean(axis=0)).ravel()
-        return tangent_at(curve, curve.start, outwards)[0], None
-
-
-def _equations(problem: Problem) -> Equations:
-    found: Equations = problem.residual.__self__  # type: ignore[attr-defined]
-    return found
-
-
-def _born(flow: Flow, names: tuple[str, ...], collocation: Collocation, point: Point) -> Lift:
-    """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
-    (free,), rest, params = point.curve.free, np.array(point.x), point.params
-    omega = float(point["omega"])
-    eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
-    q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
-    size = float(np.sqrt(np.mean(rest**2))) or 1.0
-    period = 2 * math.pi / omega
-
-    def wave(amplitude: float, t: Array) -> Array:
-        turned = q[:, None] * np.exp(1j * omega * t)
-        return np.asarray(rest[:, None] + amplitude * turned.real)
-
-    for amplitude in _AMPLITUDES:
-        flight = fitted(collocation, 0.0, period, partial(wave, amplitude * size))
-        made = Equations((flow,), (flight,), None, 1, names, sizes_of([flight]))
-        problem = _problem(made, params, None, "cycle")
-        curve = Curve(problem, (free,))
-        row = np.zeros(curve.start.size)
-        row[: made.orbit] = (flight.states - rest[:, None]).T.ravel()
-        try:
-            found = curve.newton(curve.start, curve.dual(row), tolerance=1e-11, most=20)
-        except Undefined:
-            continue
-        if found.converged:
-            here = Point(curve, found.z)
-            made = replace(made, start=made.flights(here.x, here.params), _recent=[], _linear=[])
-            return _Born(_problem(made, here.params, None, "cycle"), free, both=False)
-    raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")

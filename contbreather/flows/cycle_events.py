@@ -287,19 +287,16 @@ def _fold_locus(point: Point) -> Locus:
 # --- the events -----------------------------------------------------------------------------
 
 
-def _trusted(event: Event) -> Event:
-    """An event that is not believed where the mesh resolves no multiplier."""
-
-    def examine(point: Point) -> Examined:
-        coarse: str = point.ground.solution.coarse
-        return coarse or (event.examine(point) if event.examine else {})
-
-    return replace(event, examine=examine)
+def _examine(event: Event, point: Point) -> Examined:
+    """An event of the engine's is not believed where the mesh resolves no multiplier."""
+    coarse: str = point.ground.solution.coarse
+    return coarse or (event.examine(point) if event.examine else {})
 
 
 _PLAIN = fold()
-FOLD = _trusted(replace(_PLAIN, locus=_fold_locus))
-BRANCH_POINT = _trusted(replace(crossing_event({}), count=None))
+FOLD = replace(_PLAIN, locus=_fold_locus, examine=partial(_examine, _PLAIN))
+_CROSSING = crossing_event({})
+BRANCH_POINT = replace(_CROSSING, count=None, examine=partial(_examine, _CROSSING))
 FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
 ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
 SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")

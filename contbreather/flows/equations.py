@@ -9,7 +9,7 @@ period, or the integral condition that fixes the phase of an autonomous orbit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -73,8 +73,12 @@ class Equations:
     turns: int
     states: tuple[str, ...]
     sizes: tuple[Array, ...]
-    _recent: list[Any] = field(default_factory=list, repr=False)
-    _linear: list[Any] = field(default_factory=list, repr=False)
+    _recent: list[Any] = field(default_factory=list, init=False)
+    _linear: list[Any] = field(default_factory=list, init=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was solved lately."""
+        return {**self.__dict__, "_recent": [], "_linear": []}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -442,13 +446,3 @@ def _kept(rows: Any, columns: Any, value: Array) -> Iterator[tuple[Any, ...]]:
     rows, columns, value = np.broadcast_arrays(rows, columns, value)
     kept = columns >= 0
     yield rows[kept], columns[kept], value[kept]
-
-
-def named(names: Sequence[str], params: Mapping[str, float]) -> None:
-    """Refuse names that a cycle needs for itself, and names that stand for two things."""
-    taken = sorted({"orbit", "mesh", "period", "durations", "phase"} & {*names, *params})
-    if taken:
-        raise BadInput(f"rename {taken}: every cycle has columns of these names")
-    twice = sorted({name for name in names if name in params or list(names).count(name) > 1})
-    if twice:
-        raise BadInput(f"{twice} are named twice, among states and parameters")

@@ -98,11 +98,6 @@ class Cycle(Shown):
         return found[:, 0] if t.ndim == 0 else found
 
     @cached_property
-    def sampled(self) -> tuple[Array, ...]:
-        """States of each flow at times that are dense enough to draw it."""
-        return tuple(flight.sampled(_PER)[1] for flight in self.flights)
-
-    @cached_property
     def max(self) -> dict[str, float]:
         return self._extreme(1.0)
 
@@ -111,15 +106,10 @@ class Cycle(Shown):
         return self._extreme(-1.0)
 
     def _extreme(self, sign: float) -> dict[str, float]:
-        """The largest of all samples, moved to the top of the parabola through its neighbours."""
-        found = {}
-        for i, name in enumerate(self.equations.states):
-            tops = []
-            for flight in self.flights:
-                if i < len(flight.states):
-                    tops.append(_top(flight, i, sign))
-            found[name] = sign * max(tops)
-        return found
+        return {
+            name: sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
+            for i, name in enumerate(self.equations.states)
+        }
 
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], float]:
@@ -143,10 +133,6 @@ class Cycle(Shown):
     @property
     def unstable(self) -> int:
         return int((abs(self.others) > 1 + _ON_CIRCLE).sum())
-
-    @property
-    def stable(self) -> bool:
-        return not self.unstable
 
     @property
     def coarse(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..continuation.curve import Curve
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Locus, Point
 from .collocation import Flight
+from .equations import Equations
 from .flow import Function, Params, slopes, values
 from .orbit import Cycle, equations_of
 
@@ -28,11 +30,11 @@ def _slowest(point: Point) -> float:
 def _slowest_locus(point: Point) -> Locus:
     orbit: Cycle = point.ground.solution
     number = int(orbit.equations.paces(orbit.x, orbit.params).argmin())
+    return Locus({}, partial(_pace, orbit.equations, number))
 
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        return orbit.equations.paces(z[: curve.size], curve.params(z))[[number]]
 
-    return Locus({}, conditions)
+def _pace(equations: Equations, number: int, curve: Curve, z: Array, extra: Array) -> Array:
+    return equations.paces(z[: curve.size], curve.params(z))[[number]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +94,14 @@ def _clearance_locus(point: Point) -> Locus:
     touch, equations = lowest(point.ground.solution), equations_of(point.ground)
     if touch is None:
         raise Undefined("no wall comes close between the ends of a flow")
+    return Locus({"touch": touch.place}, partial(_touched, equations, touch))
 
-    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-        p = curve.params(z)
-        flight = equations.flights(z[: curve.size], p)[touch.flow]
-        return np.array(_wall(touch.wall, flight, p, float(extra[0])))
 
-    return Locus({"touch": touch.place}, conditions)
+def _touched(equations: Equations, touch: Touch, curve: Curve, z: Array, extra: Array) -> Array:
+    """The wall and how fast it changes, both zero where it is touched."""
+    p = curve.params(z)
+    flight = equations.flights(z[: curve.size], p)[touch.flow]
+    return np.array(_wall(touch.wall, flight, p, float(extra[0])))
 
 
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
