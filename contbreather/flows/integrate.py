@@ -460,8 +460,8 @@ def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> 
 def _root(guard: Guard, a: float, b: float) -> float:
     from scipy.optimize import brentq
 
-    found = brentq(lambda s: guard(np.array([a + s]))[0], 0.0, b - a, xtol=1e-300, rtol=1e-15)
-    return float(a + found)
+    spacing = np.spacing(max(abs(a), abs(b)))  # no time lies in between
+    return float(a + brentq(lambda s: guard(np.array([a + s]))[0], 0.0, b - a, xtol=spacing))
 
 
 def _minimum(guard: Guard, a: float, b: float) -> float:

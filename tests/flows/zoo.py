@@ -711,9 +711,9 @@ def friction(sign: int) -> Any:
 STICK_SLIP = cb.Filippov(friction(1), friction(-1), lambda t, x, p: x[1] - p["V"])
 
 
-def stick_slip_period(V: float, F: float = 1.0, d: float = 0.1) -> float:
+def stick_slip_period(d: float, V: float = 1.0, F: float = 1.0) -> float:
     matrix, start = np.array([[0.0, 1.0], [-1.0, d]]), np.array([d * V, V])
-    slip = brentq(lambda t: (expm(matrix * t) @ start)[1] - V, 4.0, 6.2, xtol=1e-15)
+    slip = brentq(lambda t: (expm(matrix * t) @ start)[1] - V, 3.5, 6.25, xtol=1e-15)
     landed = (expm(matrix * slip) @ start)[0] + F - d * V
     return slip + (F - landed) / V
 
@@ -721,7 +721,7 @@ def stick_slip_period(V: float, F: float = 1.0, d: float = 0.1) -> float:
 enter(
     "stick-slip",
     cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {"F": 1.0, "V": 1.0, "d": 0.1}, settle=40),
-    "V", (0.3, 2.0), (), lambda at: [(at["period"], stick_slip_period(at["V"]))],
+    "d", (0.02, 0.6), (), lambda at: [(at["period"], stick_slip_period(at["d"]))],
 )  # fmt: skip
 
 # A rimless wheel, half an angle 0.3 between its spokes, down a slope g: each step gains 4 sin(0.3)
