@@ -253,7 +253,10 @@ def _newton(flow: Flow, flight: Flight, p: Params, k: Array) -> Array:
         if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
             return k
         before = size
-    raise Undefined("an interval of the mesh is too long for its flow: no solution was found in it")
+    raise Undefined(
+        "an interval of the mesh is too long for its flow: the period grows without bound, or more "
+        "intervals are needed"
+    )
 
 
 def _constant(flow: Flow, flight: Flight, p: Params) -> Array:

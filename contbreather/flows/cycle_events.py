@@ -18,7 +18,7 @@ from ..continuation.lift import Lift
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Examined, Locus, Meeting, Point
 from ..continuation.rank import weakest
-from ..continuation.sparse import any_vector, factorised, is_sparse
+from ..continuation.sparse import factorised, null_vectors
 from .equations import Equations
 from .orbit import Cycle, equations_of, problem_of
 from .walls import GRAZING, IMPACT
@@ -26,11 +26,8 @@ from .walls import GRAZING, IMPACT
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
+_BORDERINGS = 2  # far from where a curve began its borders are no null vectors any more
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
-_TURNS = 4  # steps of inverse iteration next to a null vector
-_LOOKS = 8  # into each interval for a wall that is touched
-_BRACKET = 60  # halvings that locate the lowest place of a wall
-_ANGLE = 1e-6  # step of the derivative in the angle
 
 
 # --- doubled periods ---------------------------------------------------------------------------
@@ -76,19 +73,10 @@ class _Flip:
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         weak = self._weak(curve, z)
-        # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
-        row = weak.sign * (_left(self.equations, weak.left) @ curve.along(z, weak.right))
+        # Second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v. Rows in
+        # which the closing is not F_x are linear.
+        row = weak.sign * (weak.left @ curve.along(z, weak.right))
         return np.asarray(row)[None, :]
-
-
-def _left(equations: Equations, left: NDArray[Any]) -> NDArray[Any]:
-    """A left null vector without the row that is not that of the equations: the phase."""
-    if not equations.autonomous:
-        return left
-    rows = [equations.orbit + i for i, flow in enumerate(equations.flows) if flow.until is None]
-    left = left.copy()
-    left[rows] = 0.0
-    return left
 
 
 def doubled(point: Point) -> Lift:
@@ -125,12 +113,17 @@ def _examine_pair(point: Point) -> Examined:
 
 
 def _pair_locus(point: Point) -> Locus:
+    from scipy.sparse import csc_array
+
     values = point.ground.solution.others
     upper = values[values.imag > _REAL]
     if not upper.size:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
     mu = complex(upper[abs(abs(upper) - 1).argmin()])
-    rotation = _Rotation(equations_of(point.ground), *_borders(point, mu / abs(mu)))
+    equations = equations_of(point.ground)
+    closed = csc_array(equations.closing(point.ground.jacobian(), mu / abs(mu)))
+    right, left = null_vectors(closed)
+    rotation = _Rotation(equations, left, right)
     angle = math.atan2(mu.imag, mu.real)
     ends = (
         Event("R1", partial(_angle_from, 0.0, 1.0), ends="branch"),
@@ -146,63 +139,38 @@ def _angle_from(level: float, sign: float, point: Point) -> float:
     return sign * (float(point["angle"]) - level)
 
 
-def _borders(point: Point, mu: complex) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Left and right null vectors of the cycle closed with mu, nearly so, by inverse iteration."""
-    closed = equations_of(point.ground).closing(point.ground.jacobian(), mu)
-    v = any_vector(closed.shape[0]).astype(complex)
-    solve, solve_adjoint = _solvers(closed)
-    w = v
-    for _ in range(_TURNS):
-        w = solve_adjoint(v)
-        w /= np.linalg.norm(w)
-        v = solve(w)
-        v /= np.linalg.norm(v)
-    return w, v
-
-
-def _solvers(matrix: Any) -> tuple[Any, Any]:
-    """Who solves with a matrix, dense or sparse, and with its adjoint."""
-    if is_sparse(matrix):
-        lu = factorised(matrix.tocsc())
-        return lu.solve, lambda right: lu.solve(right, "H")
-    inverse = np.linalg.inv(matrix)
-    return lambda right: inverse @ right, lambda right: inverse.conj().T @ right
-
-
 @dataclass(frozen=True, eq=False)
 class _Rotation:
-    """The scalar of the cycle closed with exp(i angle), bordered by vectors that stay the same."""
+    """The scalar of the cycle closed with exp(i angle), bordered by its own null vectors as vectors
+    that stay the same tell them."""
 
     equations: Equations
     left: NDArray[Any]
     right: NDArray[Any]
 
-    def _solved(
+    def _bordered(
         self, curve: Curve, z: Array, angle: float
     ) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-        """The scalar g, and vectors v and w with ``g' = -w* B' v``."""
-        closed = self.equations.closing(curve.jacobian(z), np.exp(1j * angle))
-        if is_sparse(closed):
-            from scipy.sparse import block_array, csc_array
+        """The scalar g, and vectors v and w with ``g' = -w* B' v`` where g is zero."""
+        from scipy.sparse import block_array, csc_array
 
-            row, column = csc_array(self.right.conj()[None, :]), csc_array(self.left[:, None])
-            wide = block_array([[closed, column], [row, None]]).tocsc()
-        else:
-            wide = np.block(
-                [[closed, self.left[:, None]], [self.right.conj()[None, :], np.zeros((1, 1))]]
-            )
-        solve, solve_adjoint = _solvers(wide)
+        closed = csc_array(self.equations.closing(curve.jacobian(z), np.exp(1j * angle)))
         unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
-        right, left = solve(unit), solve_adjoint(unit)
+        v, w = self.right, self.left
+        for _ in range(_BORDERINGS):
+            blocks: Any = [[closed, csc_array(w[:, None])], [csc_array(v.conj()[None, :]), None]]
+            lu = factorised(block_array(blocks).tocsc())
+            right, left = lu.solve(unit), lu.solve(unit, "H")
+            v, w = (way[:-1] / np.linalg.norm(way[:-1]) for way in (right, left))
         return right[-1], right[:-1], left[:-1]
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        g = self._solved(curve, z, extra[0])[0]
+        g = self._bordered(curve, z, extra[0])[0]
         return np.array([g.real, g.imag])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        _, v, w = self._solved(curve, z, extra[0])
-        own = _left(self.equations, w).conj()
+        _, v, w = self._bordered(curve, z, extra[0])
+        own = w.conj()
         slope = -(own @ curve.along(z, v.real) + 1j * (own @ curve.along(z, v.imag)))
         first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
         turned = turn * (w.conj()[first] @ v[first])

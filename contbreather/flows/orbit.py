@@ -23,7 +23,7 @@ from .collocation import Flight
 from .equations import Equations
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
-_PER = 8  # looks into each interval for extrema
+_PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 
 
@@ -162,17 +162,19 @@ class Cycle(Shown):
 
 
 def _top(flight: Flight, i: int, sign: float) -> float:
+    """The largest value of a state on a flight: where its slope vanishes beside the largest of
+    many, at the other end of a closed one, too."""
     times, states = flight.sampled(_PER)
-    values = sign * states[i]
-    j = int(values.argmax())
-    if not 0 < j < values.size - 1:
-        return float(values[j])
-    low, high = times[j - 1], times[j + 1]
-    for _ in range(60):  # where the slope passes zero
-        middle = 0.5 * (low + high)
-        rising = sign * flight.rates(np.array([middle]))[i, 0] > 0
-        low, high = (middle, high) if rising else (low, middle)
-    return float(sign * flight.at(np.array([low]))[i, 0])
+    last, j = times.size - 1, int((sign * states[i]).argmax())
+    tops = []
+    for k in {j, last} if j == 0 else {j}:
+        low, high = times[max(k - 1, 0)], times[min(k + 1, last)]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            rising = sign * flight.rates(np.array([middle]))[i, 0] > 0
+            low, high = (middle, high) if rising else (low, middle)
+        tops.append(float(sign * flight.at(np.array([low]))[i, 0]))
+    return max(tops)
 
 
 def cycle_of(problem: Problem) -> Cycle:

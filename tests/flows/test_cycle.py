@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,10 +45,10 @@ def stuart_landau(t, x, p):
 
 def langford(t, x, p):
     """On r' = (lam - b) r + r z, z' = lam z - r^2 - z^2, and a turn: cycles r^2 = z (lam - z)."""
-    lam, b = p["lam"], 3.0
+    lam, b, turn = p["lam"], 3.0, p.get("turn", 10.0)
     return [
-        (lam - b) * x[0] - x[1] * 10.0 + x[0] * x[2],
-        10.0 * x[0] + (lam - b) * x[1] + x[1] * x[2],
+        (lam - b) * x[0] - x[1] * turn + x[0] * x[2],
+        turn * x[0] + (lam - b) * x[1] + x[1] * x[2],
         lam * x[2] - (x[0] ** 2 + x[1] ** 2 + x[2] ** 2),
     ]
 
@@ -161,6 +163,18 @@ def test_langford_s_torus_is_born_where_the_multipliers_say() -> None:
     radius2 = point.solution.states(0.0)[0] ** 2 + point.solution.states(0.0)[1] ** 2
     angle = math.sqrt(2 * radius2) * TAU / 10
     assert point.detail["angle"] == pytest.approx(angle, rel=1e-6)
+
+
+def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
+    """The curve is lam = 2, its angle sqrt(2) 2 pi / turn: Rk at turn = k sqrt(2)."""
+    start = {"x": 0.9, "y": 0.0, "z": 1.3}
+    ring = cb.cycle(langford, start, {"lam": 1.75, "turn": 7.0}, settle=60)
+    point = cb.trace(ring, "lam", within={"lam": (1.6, 2.2)}, towards="up").first("NS")
+    line = cb.boundary(point, ("turn", "lam"), within={"turn": (2, 7), "lam": (1, 3)})
+    assert line["lam"] == pytest.approx(2.0, abs=1e-9)
+    found = {place.kind: place["turn"] for place in line.special}
+    for k in (2, 3, 4):
+        assert found[f"R{k}"] == pytest.approx(k * math.sqrt(2), abs=1e-8)
 
 
 # --- from an equilibrium --------------------------------------------------------------------------
@@ -283,6 +297,34 @@ def test_a_wall_that_is_touched_in_between_ends_the_branch() -> None:
     branch = cb.trace(forced, "F", within={"F": (0.1, 5)}, towards="up")
     assert branch[-1].kind == "GR"
     assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
+
+
+def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parameters() -> None:
+    flow = cb.Flow(
+        lambda t, x, p: [x[1], p["F"] * np.cos(1.5 * t) - x[0] - 0.1 * x[1]],
+        until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [x[0], -0.7 * x[1]],
+        walls=(lambda t, x, p: x[0] + p["b"],),
+    )
+    start = {"x": 0.9, "v": -1.0}
+    forced = cb.cycle(flow, start, {"F": 1.0, "b": 5.0}, period=TAU / 1.5, settle=200)
+    point = cb.trace(forced, "b", within={"b": (0.5, 6)}, towards="down").first("GR")
+    assert point["b"] == pytest.approx(-point.solution.min["x"], abs=1e-12)
+    line = cb.boundary(point, ("F", "b"), within={"F": (0.9, 1.1)}, events=())
+    for place in (line[0], line[-1]):
+        assert place["b"] == pytest.approx(-place.ground.solution.min["x"], abs=1e-10)
+
+
+def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
+    tmp_path: Path, ball: cb.Problem
+) -> None:
+    branch = cb.trace(ball, "A", within={"A": (0.5, 0.7)})
+    cb.save(tmp_path / "ball.nc", branch)
+    again = cb.load(tmp_path / "ball.nc")
+    assert again["phase"] == pytest.approx(branch["phase"], abs=0)
+    assert again["max(v)"] == pytest.approx(branch["max(v)"], abs=0)
+    orbit = pickle.loads(pickle.dumps(branch[0].solution.flights))
+    assert orbit[0].duration == pytest.approx(TAU)
 
 
 # --- refusals --------------------------------------------------------------------------------
