@@ -16,11 +16,11 @@ from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
 from .collocation import Collocation, Flight, fitted
-from .cycle_events import doubled, events_of
+from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
-from .orbit import problem_of
+from .orbit import CycleProblem, problem_of
 
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
@@ -340,7 +340,6 @@ def _closed(
 
 def problem_at(
     made: Equations, params: Params, events: tuple[Event, ...] | None = None, label: str = "cycle"
-) -> Problem:
-    """The problem of a cycle that starts at the orbit which its equations began with."""
-    asked = events_of(made) if events is None else events
-    return problem_of(made, made.start, params, asked, {"PD": doubled}, label)
+) -> CycleProblem:
+    """The problem of a cycle, with all that can happen to it unless events were given."""
+    return problem_of(made, params, events_of(made) if events is None else events, label)

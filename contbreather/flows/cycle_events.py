@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation import loci
+from ..continuation import defining_systems
 from ..continuation.branch_points import crossing_event
 from ..continuation.curve import Curve
 from ..continuation.equilibria import fold
-from ..continuation.lift import Lift
+from ..continuation.linear_algebra import least_singular
 from ..continuation.newton import Array, Undefined
-from ..continuation.point import Event, Examined, Locus, Meeting, Point
-from ..continuation.rank import weakest
+from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
 from ..continuation.sparse import factorised, null_vectors
 from .equations import Equations
-from .orbit import Cycle, equations_of, problem_of
+from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
@@ -35,7 +34,7 @@ _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at a
 
 def _flip(point: Point) -> float:
     others = point.ground.solution.others
-    return loci.least_with_sign(others + 1, 0.0) if others.size else math.nan
+    return defining_systems.least_with_sign(others + 1, 0.0) if others.size else math.nan
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -64,7 +63,7 @@ class _Flip:
 
     def _weak(self, curve: Curve, z: Array) -> Any:
         return curve.once(
-            "flip", z, lambda z: weakest(self.equations.closing(curve.jacobian(z), -1.0))
+            "flip", z, lambda z: least_singular(self.equations.closing(curve.jacobian(z), -1.0))
         )
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
@@ -79,23 +78,15 @@ class _Flip:
         return np.asarray(row)[None, :]
 
 
-def doubled(point: Point) -> Lift:
-    """The cycle of twice the period. Both its phases set out in opposite directions: one arm."""
-    equations, problem = equations_of(point), point.curve.problem
-    twice = equations.doubled(np.array(point.x), point.params)
-    own = problem_of(twice, twice.start, point.params, problem.events, problem.lifts, problem.label)
-    return Lift(own, point.curve.free[0], both=False)
-
-
 # --- pairs on the unit circle --------------------------------------------------------------------
 
 
 def _pair(point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` of all multipliers, with the sign of the product of all."""
-    one, other = loci.pairs(point.ground.solution.others)
+    one, other = defining_systems.pairs(point.ground.solution.others)
     if not one.size:
         return math.nan
-    return loci.least_with_sign(
+    return defining_systems.least_with_sign(
         one * other - 1, np.asarray(_ROUNDING * (1 + abs(one * other)), dtype=float)
     )
 
@@ -104,7 +95,7 @@ def _examine_pair(point: Point) -> Examined:
     orbit: Cycle = point.ground.solution
     if orbit.coarse:
         return orbit.coarse
-    one, other = loci.pairs(orbit.others)
+    one, other = defining_systems.pairs(orbit.others)
     nearest = int(abs(one * other - 1).argmin())
     mu = complex(one[nearest])
     if abs(mu.imag) < _REAL:
@@ -212,34 +203,34 @@ def _without(known: float | None, point: Point) -> NDArray[np.complex128]:
     of a curve of NS."""
     others = point.ground.solution.others
     if known is not None:
-        return loci.without(others, known)
+        return defining_systems.without(others, known)
     pair = complex(math.cos(point["angle"]), math.sin(point["angle"]))
-    return loci.without(others, pair, pair.conjugate())
+    return defining_systems.without(others, pair, pair.conjugate())
 
 
 def _rest(known: float | None, wanted: float, point: Point) -> float:
     rest = _without(known, point)
-    return loci.least_with_sign(rest - wanted, 0.0) if rest.size else math.nan
+    return defining_systems.least_with_sign(rest - wanted, 0.0) if rest.size else math.nan
 
 
 def _rest_of_pairs(known: float | None, point: Point) -> float:
-    one, other = loci.pairs(_without(known, point))
-    return loci.least_with_sign(one * other - 1, 0.0) if one.size else math.nan
+    one, other = defining_systems.pairs(_without(known, point))
+    return defining_systems.least_with_sign(one * other - 1, 0.0) if one.size else math.nan
 
 
-def _beside(kind: str, known: float | None, wanted: float, base: Event) -> Meeting:
+def _beside(kind: str, known: float | None, wanted: float, base: Event) -> CodimensionTwo:
     """Another multiplier of a certain value on a curve that has one already."""
-    return Meeting(kind, partial(_rest, known, wanted), base=base)
+    return CodimensionTwo(kind, partial(_rest, known, wanted), base=base)
 
 
-def _pair_beside(kind: str, known: float | None) -> Meeting:
+def _pair_beside(kind: str, known: float | None) -> CodimensionTwo:
     """A pair on the unit circle on a curve that has a multiplier there."""
     test = partial(_rest_of_pairs, known)
-    return Meeting(kind, test, examine=partial(_examine_pair_beside, known), base=ROTATION)
+    return CodimensionTwo(kind, test, examine=partial(_examine_pair_beside, known), base=ROTATION)
 
 
 def _examine_pair_beside(known: float | None, point: Point) -> Examined:
-    one, other = loci.pairs(_without(known, point))
+    one, other = defining_systems.pairs(_without(known, point))
     nearest = int(abs(one * other - 1).argmin())
     real = abs(one[nearest].imag) < _REAL
     return "a neutral saddle: no pair on the unit circle" if real else {}

@@ -177,7 +177,7 @@ class Equations:
             raise Undefined("intervals of the mesh overtake each other")
         return Flight(self.start[i].scheme, knots, t, duration, x[self.nodes[i]].T, np.empty(0))
 
-    def residual(self, x: Array, p: Params) -> Array:
+    def __call__(self, x: Array, p: Params) -> Array:
         flights = self.flights(x, p)
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
         rows = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from ..continuation.curve import Curve
 from ..continuation.equilibria import branch_point, fold, hopf
-from ..continuation.lift import Lift
 from ..continuation.newton import Array, Undefined
-from ..continuation.point import Counting, Event, Point
+from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.segment import tangent_at
+from ..continuation.switching import Lift
 from .collocation import Collocation, fitted
 from .constructors import named_state, problem_at
 from .equations import Equations, sizes_of
@@ -68,27 +68,36 @@ def equilibrium(
     flow = f if isinstance(f, Flow) else Flow(f)
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
-    rest, names = _Rest(flow), tuple(start)
-    return Problem(
-        rest.residual, dict(start), params, derivatives=rest.derivatives,
+    return Equilibrium(
+        _Rest(flow, collocation or Collocation()), dict(start), params,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
-        record={"unstable": Counting(_unstable)},
-        lifts={"HB": partial(_born, flow, names, collocation or Collocation())}, label=label,
+        record={"unstable": UnstableDimension(_unstable)}, label=label,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Rest:
-    """``f(0, x, p) = 0``."""
+    """``f(0, x, p) = 0``, and how finely cycles that are born there are resolved."""
 
     flow: Flow
+    collocation: Collocation
 
-    def residual(self, x: Array, p: Params) -> Array:
+    def __call__(self, x: Array, p: Params) -> Array:
         return np.asarray(values(self.flow.f, 0.0, x[:, None], p)[:, 0])
 
-    def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Array:
-        whole = slopes(self.flow.f, 0.0, x[:, None], p, names)[1][..., 0]
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Problem):
+    """An equilibrium of a flow."""
+
+    residual: _Rest
+
+    def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Array:
+        whole = slopes(self.residual.flow.f, 0.0, x[:, None], params, names)[1][..., 0]
         return np.delete(whole, x.size, axis=1)  # the column of the time
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return _born if kind == "HB" else None
 
 
 def _unstable(point: Point) -> int:
@@ -107,9 +116,10 @@ class _Born(Lift):
         return tangent_at(curve, curve.start, outwards)[0], None
 
 
-def _born(flow: Flow, names: tuple[str, ...], collocation: Collocation, point: Point) -> Lift:
+def _born(point: Point) -> Lift:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
+    own, names = point.curve.problem.residual, tuple(point.curve.problem.start)
     omega = float(point["omega"])
     eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
     q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
@@ -121,8 +131,8 @@ def _born(flow: Flow, names: tuple[str, ...], collocation: Collocation, point: P
         return np.asarray(rest[:, None] + amplitude * turned.real)
 
     for amplitude in _AMPLITUDES:
-        flight = fitted(collocation, 0.0, period, partial(wave, amplitude * size))
-        made = Equations((flow,), (flight,), None, 1, names, sizes_of([flight]))
+        flight = fitted(own.collocation, 0.0, period, partial(wave, amplitude * size))
+        made = Equations((own.flow,), (flight,), None, 1, names, sizes_of([flight]))
         curve = Curve(problem_at(made, params), (free,))
         row = np.zeros(curve.start.size)
         row[: made.orbit] = (flight.states - rest[:, None]).T.ravel()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from operator import attrgetter
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 from ..continuation.curve import Curve
 from ..continuation.newton import Array
-from ..continuation.point import Counting, Event, Point
+from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
+from ..continuation.sparse import Matrix
+from ..continuation.switching import Lift
 from ..display import Shown
 from ..errors import BadInput
 from ..tables import Sheet
 from .collocation import Flight
 from .equations import Equations
+from .flow import Params
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
@@ -188,7 +191,7 @@ def orbit_of(point: Point) -> Cycle:
 
 
 def equations_of(point: Point) -> Equations:
-    found: Equations = point.curve.problem.residual.__self__
+    found: Equations = point.curve.problem.residual
     return found
 
 
@@ -201,26 +204,42 @@ def _extreme(what: str, name: str, point: Point) -> float:
     return found
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class CycleProblem(Problem):
+    """A cycle of flows."""
+
+    residual: Equations
+
+    def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
+        return self.residual.derivatives(x, params, names)
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return _doubled if kind == "PD" else None
+
+
+def _doubled(point: Point) -> Lift:
+    """The cycle of twice the period. Both its phases set out in opposite directions: one arm."""
+    problem = point.curve.problem
+    twice = equations_of(point).doubled(np.array(point.x), point.params)
+    arm = problem_of(twice, point.params, problem.events, problem.label)
+    return Lift(arm, point.curve.free[0], both=False)
+
+
 def problem_of(
-    equations: Equations,
-    flights: Sequence[Flight],
-    params: Mapping[str, float],
-    events: Sequence[Event],
-    lifts: Mapping[str, Any],
-    label: str,
-) -> Problem:
-    """The problem of a cycle, from a first guess of it."""
-    start = equations.unknowns(flights)
+    equations: Equations, params: Params, events: Sequence[Event], label: str
+) -> CycleProblem:
+    """The problem of a cycle that starts at the orbit which its equations began with."""
+    start = equations.unknowns(equations.start)
     size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
     times = "durations" if "durations" in start else "period"
     record: dict[str, Any] = {} if times == "period" else {"period": attrgetter("solution.period")}
-    record["unstable"] = Counting(attrgetter("solution.unstable"))
+    record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
     if equations.autonomous:
         record["trivial"] = _trivial
     for name in equations.states:
         record |= {f"{what}({name})": partial(_extreme, what, name) for what in ("max", "min")}
-    return Problem(
-        equations.residual, start, dict(params), derivatives=equations.derivatives,
-        events=tuple(events), record=record, interpret=orbit_of, lifts=lifts, label=label,
-        scales={"orbit": size, times: max(1.0, sum(flight.duration for flight in flights))},
+    whole = sum(flight.duration for flight in equations.start)
+    return CycleProblem(
+        equations, start, dict(params), events=tuple(events), record=record, interpret=orbit_of,
+        scales={"orbit": size, times: max(1.0, whole)}, label=label,
     )  # fmt: skip
