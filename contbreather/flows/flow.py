@@ -318,40 +318,30 @@ def _differences(
 ) -> tuple[Array, Array]:
     """Five-point differences, shorter where they leave the domain of the function."""
     slope = np.empty((how.rows, len(finer), t.size))
-    scales = np.append(_scale(x), _scale(t[None]))
-    for j, divisor in enumerate(finer):
+    rows = np.vstack([x, t])
+    sizes = [*np.maximum(_scale(rows)[:, None], abs(rows))]
+    sizes += [np.full(t.size, abs(p[name]) or 1.0) for name in names]
+    for j, (size, divisor) in enumerate(zip(sizes, finer, strict=True)):
         for shorter in (1, 64, 4096):
-            step = RELATIVE / (divisor * shorter)
-            slope[:, j] = _difference(how, t, x, p, names, j, step, scales)
+            step = RELATIVE * size / (divisor * shorter)
+            terms = (w * _call(how, *_moved(t, x, p, names, j, k * step)) for k, w in _STENCIL)
+            slope[:, j] = sum(terms) / step
             if np.isfinite(slope[:, j]).all():
                 break
     return _call(how, t, x, p), slope
 
 
-def _difference(
-    how: _Calling,
-    t: Array,
-    x: Array,
-    p: Params,
-    names: tuple[str, ...],
-    j: int,
-    relative: float,
-    scales: Array,
-) -> Array:
-    n, total = len(x), np.zeros((how.rows, t.size))
-    for offset, weight in _STENCIL:
-        if j < n:
-            step = relative * np.maximum(scales[j], abs(x[j]))
-            at = (t, x + (np.arange(n) == j)[:, None] * (offset * step), p)
-        elif j == n:
-            step = relative * np.maximum(scales[j], abs(t))
-            at = (t + offset * step, x, p)
-        else:
-            value = p[names[j - n - 1]]
-            step = np.full(t.size, relative * (abs(value) or 1.0))
-            at = (t, x, {**p, names[j - n - 1]: value + offset * step[0]})
-        total += weight * _call(how, *at) / step
-    return total
+def _moved(
+    t: Array, x: Array, p: Params, names: tuple[str, ...], j: int, step: Array
+) -> tuple[Array, Array, Params]:
+    """By a step in one direction: a state, the time, or a parameter."""
+    n = len(x)
+    if j < n:
+        return t, x + (np.arange(n) == j)[:, None] * step, p
+    if j == n:
+        return t + step, x, p
+    name = names[j - n - 1]
+    return t, x, {**p, name: p[name] + step[0]}
 
 
 def _scale(x: Array) -> Array:
