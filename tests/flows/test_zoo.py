@@ -64,7 +64,8 @@ def test_small_cycles_leave_every_hopf_point_with_its_period(case: Case) -> None
 @pytest.mark.parametrize("curve", CURVES, ids=lambda curve: f"{curve.case}, {curve.kind}")
 def test_curves_in_two_parameters_are_those_in_closed_form(curve: Curve) -> None:
     start = CASES[curve.case].branch().first(curve.kind)
-    line = cb.boundary(start, curve.names, within=curve.window)
+    steps = cb.Steps(most=curve.most)
+    line = cb.boundary(start, curve.names, within=curve.window, steps=steps)
     assert len(line) > 5
     for at in line:
         found, known = curve.known(at)
