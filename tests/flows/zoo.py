@@ -954,6 +954,4 @@ CURVES = [
           lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"])), most=3),
     Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
           lambda at: (at["F"], Impacting(at["w"]).fold)),
-    Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
-          lambda at: (at["F"], Impacting(at["w"]).touching), most=3),
 ]  # fmt: skip
