@@ -21,6 +21,11 @@ from .continuation.switching import switch as switch
 from .errors import BadInput as BadInput
 from .errors import NoSolution as NoSolution
 from .errors import NotConverged as NotConverged
+from .flows import Filippov as Filippov
+from .flows import Flow as Flow
+from .flows import cycle as cycle
+from .flows import equilibrium as equilibrium
+from .flows import integrate as integrate
 from .lattice import Fourier as Fourier
 from .lattice import Harmonic as Harmonic
 from .lattice import InfiniteChain as InfiniteChain

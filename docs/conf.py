@@ -70,7 +70,7 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
 
 STORY = (
     "breather", "branch", "zones", "switching", "lattice", "shooting", "simulate", "smooth_walls",
-    "your_own_problem", "henon",
+    "your_own_problem", "henon", "bouncing_ball", "stick_slip",
 )  # fmt: skip
 
 

@@ -1,0 +1,342 @@
+"""Gauss collocation: a flow over the intervals of a mesh, and their derivatives.
+
+On each interval the orbit is a polynomial whose slope satisfies the equations at the Gauss points,
+which is one step of the Gauss method: only the states and the times where intervals begin are
+unknowns of a cycle. What is between is solved for interval by interval, all of them at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import whole
+from ..continuation.newton import Array, Undefined
+from ..errors import BadInput
+from .flow import Flow, Params, slopes, values
+
+_MOST_POINTS = 12
+_ITERATIONS = 12
+_SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
+_NEARLY = 1e-9  # and from this size on they may stop shrinking
+_HALVINGS = 50
+_ADAPTIONS = 4
+_WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
+
+
+@dataclass(frozen=True)
+class Collocation:
+    """How finely a flow is resolved: intervals, and collocation points in each.
+
+    States where intervals meet are exact to the order of twice the points, so that high orders
+    are the cheap gain: 20 intervals of 6 points are as exact as 60 of 4.
+
+    Parameters
+    ----------
+    intervals : int
+        Of each flow, 2 or more. They follow the orbit along a branch: each has the same share of
+        the motion and of the time.
+    points : int
+        Gauss points in each interval, 2 to 12.
+
+    Examples
+    --------
+    >>> Collocation(intervals=40).points
+    6
+    """
+
+    intervals: int = 20
+    points: int = 6
+
+    def __post_init__(self) -> None:
+        whole("intervals", self.intervals, 2)
+        if not 2 <= whole("points", self.points, 2) <= _MOST_POINTS:
+            raise BadInput(f"points = {self.points}: 2 to {_MOST_POINTS} Gauss points an interval")
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Gauss points of the interval from 0 to 1."""
+        return 0.5 + 0.5 * np.polynomial.legendre.leggauss(self.points)[0]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Integrals of the Lagrange polynomials from 0 to each node: Butcher's matrix."""
+        return self.spread(self.nodes)
+
+    @cached_property
+    def weights(self) -> Array:
+        """The same up to 1."""
+        return self.spread(np.ones(1))[0]
+
+    @cached_property
+    def highest(self) -> Array:
+        """From values at the nodes to the coefficient of their highest Legendre polynomial."""
+        return np.asarray(np.linalg.inv(self._legendre)[-1])
+
+    @cached_property
+    def _legendre(self) -> Array:
+        return np.asarray(np.polynomial.legendre.legvander(2 * self.nodes - 1, self.points - 1))
+
+    def spread(self, at: Array) -> Array:
+        """Integrals from 0 to each of `at` of the Lagrange polynomials of the nodes."""
+        lifted = np.polynomial.legendre.legint(np.eye(self.points), lbnd=-1, scl=0.5)
+        integrals = np.polynomial.legendre.legval(2 * at - 1, lifted).T
+        return np.asarray(np.linalg.solve(self._legendre.T, integrals.T).T)
+
+    def between(self, at: Array) -> Array:
+        """Lagrange polynomials of the nodes, at each of `at`."""
+        values = np.polynomial.legendre.legvander(2 * at - 1, self.points - 1)
+        return np.asarray(np.linalg.solve(self._legendre.T, values.T).T)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """One flow over its duration: states where its intervals begin, and the slopes inside.
+
+    Attributes
+    ----------
+    scheme : Collocation
+    knots : ndarray, shape (intervals + 1,)
+        Where intervals meet, from 0 to 1 in units of the duration.
+    start, duration : float
+    states : ndarray, shape (n, intervals)
+    slopes : ndarray, shape (n, intervals, points)
+        At the Gauss points, in units of the length of each interval.
+    """
+
+    scheme: Collocation
+    knots: Array
+    start: float
+    duration: float
+    states: Array
+    slopes: Array
+
+    @property
+    def begins(self) -> Array:
+        """The times at which its intervals begin."""
+        return np.asarray(self.start + self.duration * self.knots[:-1])
+
+    @property
+    def lengths(self) -> Array:
+        """How long they last."""
+        return np.asarray(self.duration * np.diff(self.knots))
+
+    @cached_property
+    def ends(self) -> Array:
+        """States where they end, shape (n, intervals)."""
+        return np.asarray(self.states + self.slopes @ self.scheme.weights)
+
+    @property
+    def end(self) -> Array:
+        return self.ends[:, -1]
+
+    @property
+    def last(self) -> float:
+        """The time at which it ends."""
+        return self.start + self.duration
+
+    def at(self, s: Array) -> Array:
+        """States at times from 0 to 1, shape (n, len(s))."""
+        j, place = self._places(s)
+        moved = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.spread(place))
+        return np.asarray(self.states[:, j] + moved)
+
+    def rates(self, s: Array) -> Array:
+        """Their derivatives in a time from 0 to 1."""
+        j, place = self._places(s)
+        rates = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.between(place))
+        return np.asarray(rates / np.diff(self.knots)[j])
+
+    def _places(self, s: Array) -> tuple[NDArray[np.intp], Array]:
+        j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
+        return j, (s - self.knots[j]) / np.diff(self.knots)[j]
+
+    def on(self, knots: Array) -> Flight:
+        """The same flight on another mesh, by interpolation: a start for it."""
+        steps = np.diff(knots)
+        inner = knots[:-1, None] + steps[:, None] * self.scheme.nodes
+        rates = self.rates(inner.ravel()).reshape(len(self.states), *inner.shape)
+        states, slopes = self.at(knots[:-1]), rates * steps[:, None]
+        return Flight(self.scheme, knots, self.start, self.duration, states, slopes)
+
+    def sampled(self, per: int) -> tuple[Array, Array]:
+        """Times from 0 to 1, `per` in each interval, and the states there."""
+        places = np.arange(per) / per
+        inside = self.knots[:-1, None] + np.diff(self.knots)[:, None] * places
+        states = self.states[..., None] + self.slopes @ self.scheme.spread(places).T
+        flat = states.reshape(len(self.states), -1)
+        return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
+
+    def shares(self, sizes: Array, length: float) -> tuple[Array, Array]:
+        """The share of each interval in the motion, with a path of this length, and in the time.
+
+        The slope in the slopes inside, of shape (n, intervals, points), comes with it. Meshes make
+        all shares equal, 1 here; so they are close where much happens and nowhere too wide. The
+        unit of the path is that for which the shares of the time add up to two thirds.
+        """
+        moved = self.slopes / sizes[:, None, None] / length
+        pace = np.sqrt(np.diff(self.knots)[:, None] ** 2 + (moved**2).sum(axis=0))
+        unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
+        return pace @ unit, unit * moved / sizes[:, None, None] / length / pace
+
+    def path(self, sizes: Array) -> float:
+        """The unit of the path for which all shares add up to their number, or a little more."""
+        low, high = 1e-8, 1e8
+        for _ in range(_HALVINGS):
+            length = math.sqrt(low * high)
+            long = self.shares(sizes, length)[0].mean() > 1.0
+            low, high = (length, high) if long else (low, length)
+        return high
+
+    def adapted(self, sizes: Array) -> Flight:
+        """The same flight on a mesh with equal shares, as far as interpolation tells."""
+        even, flight = np.linspace(0.0, 1.0, self.knots.size), self
+        for _ in range(_ADAPTIONS):
+            share = np.append(0.0, np.cumsum(flight.shares(sizes, flight.path(sizes))[0]))
+            knots = np.interp(even, share / share[-1], flight.knots)
+            knots[0], knots[-1] = 0.0, 1.0
+            flight = self.on(knots)
+        return flight
+
+    def unresolved(self) -> tuple[float, float]:
+        """The largest share of the highest coefficient in the motion, and where."""
+        left = abs(self.slopes @ self.scheme.highest) / (abs(self.states).max() or 1.0)
+        j = int(left.max(axis=0).argmax())
+        return float(left.max()), float(self.knots[j])
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of a flight: of the state where each interval ends, and of the slopes inside.
+
+    The last axis is one entry for each state where the interval begins, the time at which it
+    begins, its length, and each parameter asked for.
+    """
+
+    ends: Array  # (intervals, n, n + 2 + parameters)
+    inside: Array  # (intervals, points, n, n + 2 + parameters)
+
+
+@np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
+def flown(flow: Flow, flight: Flight, p: Params, guess: Array | None = None) -> Flight:
+    """The flight from these states on, solved for the slopes inside.
+
+    From a guess of these, that of an orbit near by, from what a Runge-Kutta method gives, or where
+    the flow is stiff from slopes as they are where each interval begins.
+
+    Raises `Undefined` where it does not converge or the vector field has no value.
+    """
+    ways = (_predicted, _constant) if guess is None else (guess, _predicted, _constant)
+    for way in ways:
+        try:
+            begin = way(flow, flight, p) if callable(way) else way
+            return replace(flight, slopes=_newton(flow, flight, p, begin))
+        except Undefined as error:
+            failed = error
+    raise failed
+
+
+def _newton(flow: Flow, flight: Flight, p: Params, k: Array) -> Array:
+    """Newton's iteration for the slopes inside of all intervals."""
+    before = np.inf
+    for _ in range(_ITERATIONS):
+        f, df = _inside(flow, flight, k, p, ())
+        off = (k - f.reshape(k.shape) * flight.lengths[:, None]).transpose(1, 2, 0)
+        step = _solved(_matrix(flight, df), off.reshape(*off.shape[:1], -1, 1))
+        k = k - step.reshape(off.shape).transpose(2, 0, 1)
+        size = float(abs(step).max() / (abs(k).max() or 1.0))
+        if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
+            return k
+        before = size
+    raise Undefined(
+        "an interval of the mesh is too long for its flow: the period grows without bound, or more "
+        "intervals are needed"
+    )
+
+
+def _constant(flow: Flow, flight: Flight, p: Params) -> Array:
+    slopes = values(flow.f, flight.begins, flight.states, p) * flight.lengths
+    return np.repeat(slopes[..., None], flight.scheme.points, axis=2)
+
+
+def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
+    """The slopes inside by the classical Runge-Kutta method, from node to node."""
+    x, t, lengths = flight.states, flight.begins, flight.lengths
+    found, f = [], flow.f
+    for step in np.diff(flight.scheme.nodes, prepend=0.0):
+        h = step * lengths
+        one = values(f, t, x, p)
+        two = values(f, t + h / 2, x + h / 2 * one, p)
+        three = values(f, t + h / 2, x + h / 2 * two, p)
+        four = values(f, t + h, x + h * three, p)
+        x, t = x + h / 6 * (one + 2 * two + 2 * three + four), t + h
+        found.append(values(f, t, x, p) * lengths)
+    return np.stack(found, axis=-1)
+
+
+def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:
+    """Exact derivatives of a flight, of all intervals at once."""
+    n, scheme, lengths = len(flight.states), flight.scheme, flight.lengths[:, None, None]
+    f, df = _inside(flow, flight, flight.slopes, p, names)
+    split = df.reshape(n, -1, lengths.size, scheme.points).transpose(2, 3, 0, 1)
+    own = f.reshape(n, lengths.size, -1).transpose(1, 2, 0)
+    right = np.empty((lengths.size, scheme.points, n, n + 2 + len(names)))
+    right[..., : n + 1] = lengths[..., None] * split[..., : n + 1]
+    right[..., n + 1] = own + lengths * scheme.nodes[:, None] * split[..., n]
+    right[..., n + 2 :] = lengths[..., None] * split[..., n + 1 :]
+    inside = _solved(_matrix(flight, df), right.reshape(lengths.size, -1, right.shape[-1]))
+    inside = inside.reshape(right.shape)
+    ends = np.einsum("c,kcnd->knd", scheme.weights, inside)
+    ends[:, :, :n] += np.eye(n)
+    return Slopes(ends, inside)
+
+
+def fitted(
+    scheme: Collocation, start: float, duration: float, motion: Callable[[Array], Array]
+) -> Flight:
+    """A flight on a uniform mesh through states known at all times, ``motion(t) -> (n, len(t))``.
+
+    The slopes are those of the polynomial through the beginning and the Gauss points.
+    """
+    knots = np.linspace(0.0, 1.0, scheme.intervals + 1)
+    inner = knots[:-1, None] + scheme.nodes / scheme.intervals
+    states = motion(start + duration * knots[:-1])
+    rises = motion(start + duration * inner.ravel()).reshape(len(states), *inner.shape)
+    rises = rises - states[..., None]
+    slopes = np.asarray(np.linalg.solve(scheme.matrix, rises[..., None])[..., 0])
+    return Flight(scheme, knots, start, duration, states, slopes)
+
+
+def _inside(
+    flow: Flow, flight: Flight, k: Array, p: Params, names: tuple[str, ...]
+) -> tuple[Array, Array]:
+    """The vector field and its derivatives at all Gauss points."""
+    scheme = flight.scheme
+    states = (flight.states[..., None] + k @ scheme.matrix.T).reshape(len(k), -1)
+    times = flight.begins[:, None] + flight.lengths[:, None] * scheme.nodes
+    return slopes(flow.f, times.ravel(), states, p, names)
+
+
+def _matrix(flight: Flight, df: Array) -> Array:
+    """The matrix of the linear equations for the slopes of each interval."""
+    n, count, points = len(df), flight.lengths.size, flight.scheme.points
+    inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
+    reach = flight.lengths[:, None, None] * flight.scheme.matrix
+    matrix = -inner[:, :, :, None, :] * reach[:, :, None, :, None]
+    matrix = matrix.reshape(count, points * n, points * n)
+    matrix[:, np.arange(points * n), np.arange(points * n)] += 1.0
+    return np.asarray(matrix)
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    if not np.isfinite(matrix.sum() + right.sum()):
+        raise Undefined("the vector field is not finite")
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError as error:
+        raise Undefined("an interval of the mesh is too long for its flow") from error

@@ -1,0 +1,345 @@
+"""Where cycles come from: a simulation, or samples of an orbit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..checks import check_kind, number, numbers, shown
+from ..continuation.newton import Array
+from ..continuation.point import Event
+from ..continuation.problem import Problem
+from ..errors import BadInput, NotConverged
+from .collocation import Collocation, Flight, fitted
+from .cycle_events import events_of
+from .equations import Equations, sizes_of
+from .flow import Flow, Function, Params, values
+from .integrate import Trajectory, integrate
+from .orbit import CycleProblem, problem_of
+
+_RETURNS = 24  # so many flows back is looked for a return
+_BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
+_NEARLY = 3.0  # the first return that is nearly as close as the closest is the period
+_CLOSE = 1e-3  # of the size: all returns this close are as good
+_AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
+_WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
+_LONGER = (1, 3, 9, 27)  # and then
+_SAMPLES = 8  # looks into each step of a simulation for a return
+
+
+def cycle(
+    flows: Flow | Function | Sequence[Flow],
+    start: Mapping[str, float] | tuple[Any, Any],
+    params: Mapping[str, float],
+    *,
+    period: float | Callable[[Params], float] | None = None,
+    t0: float = 0.0,
+    settle: float = 0.0,
+    collocation: Collocation | None = None,
+    events: Iterable[Event] | None = None,
+    label: str = "",
+) -> Problem:
+    """A periodic orbit of a smooth, forced or hybrid system as a problem to trace.
+
+    Simulated from a state until it has settled, then closed by Newton's iteration: the orbit need
+    not be stable if the start is close to it and `settle` is short.
+
+    Parameters
+    ----------
+    flows : callable, Flow, sequence of Flow or Filippov
+        ``f(t, x, p) -> dx/dt``, or flows that follow each other. One without `until` is a limit
+        cycle or, with `period`, a forced response; with a mirror as `reset` the half of a
+        symmetric one.
+    start : dict or tuple of arrays
+        Name and value of each state; or samples ``(t, x)``, shapes (m,) and (n, m), of one period
+        of a smooth orbit.
+    params : dict
+        Name and value of each parameter.
+    period : float or callable, optional
+        Of the forcing, a number or ``period(p)``. The orbit may take several of them, as the
+        simulation tells. Without it nothing may depend on the time, and the period is unknown.
+    t0 : float
+        The time of the start.
+    settle : float
+        How long to simulate before a periodic orbit is expected.
+    collocation : Collocation, optional
+        Intervals and points, ``Collocation(intervals=20, points=6)`` by default.
+    events : iterable of Event, optional
+        What a walk looks for by default: LP, BP, PD and NS, and where flows have conditions or
+        walls VI (an impact loses its velocity) and GR (a wall is touched in between).
+    label : str, optional
+        Shown in tables.
+
+    Returns
+    -------
+    Problem
+        ``point.solution`` is a `Cycle`. Columns are ``period``, ``unstable`` (multipliers outside
+        of the unit circle), ``max(x)`` and ``min(x)`` of each state, ``trivial`` (how far that
+        multiplier is off 1) of autonomous ones.
+
+    Raises
+    ------
+    BadInput
+        Where functions do not fit the states, or names clash.
+    NotConverged
+        Where no periodic orbit is found: the simulation runs to an equilibrium, does not return,
+        or Newton's iteration fails.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> oscillator = cb.cycle(lambda t, x, p: [x[1], p["mu"] * (1 - x[0]**2) * x[1] - x[0]],
+    ...                       start={"x": 2.0, "v": 0.0}, params={"mu": 1.0}, settle=50)
+    >>> round(oscillator.start["period"], 9)
+    6.663286859
+    """
+    scheme, forcing = collocation or Collocation(), _period(period)
+    check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
+    if isinstance(start, tuple):
+        flights, parts, names = _sampled(flows, start, params, scheme)
+        _, params = named_state(dict.fromkeys(names, 0.0), params)
+    else:
+        (state, params), names = named_state(start, params), tuple(start)
+        run = partial(integrate, flows, params=params)
+        length = None if forcing is None else _length(forcing, params)
+        begin = _settled(run, state, length, t0, settle)
+        alone = _alone(flows)
+        if alone is None:
+            parts, pieces = _hybrid(run, begin, length)
+        else:
+            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle)]
+        flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
+        # in the first period, or at no time at all
+        turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
+        shift = begin[0] if length is None else turned * length
+        flights = [replace(flight, start=flight.start - shift) for flight in flights]
+    turns = 1
+    if forcing is not None:
+        whole = sum(flight.duration for flight in flights)
+        turns = max(1, round(whole / _length(forcing, params)))
+    made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
+    return _closed(made, params, None if events is None else tuple(events), label or "cycle")
+
+
+def named_state(
+    start: Mapping[str, float], params: Mapping[str, float]
+) -> tuple[Array, dict[str, float]]:
+    """A state and parameters as numbers, their names seen to be no one else's."""
+    check_kind(start, Mapping, "a dict with the name and value of each state, or samples (t, x),")
+    check_kind(params, Mapping, "a dict of parameters")
+    names = [*start, *params]
+    taken = sorted({"orbit", "mesh", "period", "durations", "phase"} & {*names})
+    if taken:
+        raise BadInput(f"rename {taken}: every cycle has columns of these names")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BadInput(f"{twice} are named twice, among states and parameters")
+    state = np.array([float(numbers(name, value)) for name, value in start.items()])
+    return state, {name: float(numbers(name, value)) for name, value in params.items()}
+
+
+def _alone(flows: Any) -> Flow | None:
+    """The flow that nothing ends, where that is all there is."""
+    if hasattr(flows, "follow"):  # a system that decides by its state which flow comes next
+        return None
+    listed = [flows] if isinstance(flows, Flow) or callable(flows) else list(flows)
+    made = [flow if isinstance(flow, Flow) else Flow(flow) for flow in listed]
+    endless = [i for i, flow in enumerate(made) if flow.until is None]
+    if len(made) > 1 and endless:
+        raise BadInput(f"flow {endless[0]} of {len(made)} has no `until`: nothing ends it")
+    return made[0] if endless else None
+
+
+def _period(period: Any) -> Function | None:
+    """The period as a function to differentiate, ``period(t, x, p)``."""
+    if period is None or callable(period):
+        return None if period is None else partial(_asked, period)
+    length = number("period", period, 0.0, 1e300, "a positive time, or a function of p")
+    if not length > 0:
+        raise BadInput(f"period = {period}: a positive time was expected")
+    return partial(_fixed, length)
+
+
+def _asked(period: Callable[[Params], float], t: Any, x: Any, p: Params) -> float:
+    return period(p)
+
+
+def _fixed(length: float, t: Any, x: Any, p: Params) -> float:
+    return length
+
+
+def _length(period: Function, params: Params) -> float:
+    found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
+    if not 0 < found < math.inf:
+        raise BadInput(f"the period is {found}; a positive time was expected")
+    return found
+
+
+# --- from a simulation --------------------------------------------------------------------------
+
+
+Run = Callable[..., Trajectory]
+Begin = tuple[float, Array, int]  # time, state and flow
+Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
+
+
+def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
+    """Where the simulation is after the time to settle, a whole number of periods."""
+    settle = number("settle", settle, 0.0, 1e9, "how long to simulate")
+    if length is not None:
+        settle = math.ceil(settle / length - 1e-9) * length
+    if not settle:
+        return t0, state, 0
+    ran = run(x0=state, time=settle, t0=t0)
+    return t0 + settle, ran.final, ran.pieces[-1].number
+
+
+def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Stretch]]:
+    """The last pieces of a simulation after which it repeats itself."""
+    t, state, first = begin
+    ran = run(x0=state, events=2 * _RETURNS, t0=t, first=first)
+    last = ran.events[-1]
+    size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
+    found = []
+    for back in range(1, _RETURNS + 1):
+        event = ran.events[-1 - back]
+        # the same flow ended there, in a state of the same kind
+        if ran.pieces[-1 - back].number != ran.pieces[-1].number:
+            continue
+        if event.after.shape != last.after.shape:
+            continue
+        off = float(abs(last.after - event.after).max()) / size
+        if length is not None:
+            turned = (last.time - event.time) / length
+            off = max(off, abs(turned - round(turned))) if round(turned) else math.inf
+        found.append((off, back))
+    back = _first_close(found, ran)
+    pieces = ran.pieces[-back:]
+    return tuple(p.flow for p in pieces), [(p, float(p.t[0]), float(p.t[-1])) for p in pieces]
+
+
+def _first_close(found: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
+    """The first return that is nearly as close as the closest of all."""
+    least = min((off for off, _ in found), default=math.inf)
+    if not least <= _BACK:
+        raise NotConverged(
+            f"the simulation does not return: within {len(found)} times around it comes back to "
+            f"{least:.2g} of its size, at t = {ran.pieces[-1].t[-1]:.4g}; let it settle longer "
+            "(settle=), or start closer to the orbit",
+            residual=least,
+        )
+    return next(what for off, what in found if off <= max(_NEARLY * least, _CLOSE))
+
+
+def _smooth(
+    flow: Flow, run: Run, params: Params, begin: Begin, length: float | None, settle: float
+) -> Stretch:
+    """One period: of the forcing, or from a plane across the flow back to it."""
+    t0, state, _ = begin
+    if length is not None:
+        return run(x0=state, time=length, t0=t0), t0, t0 + length
+    speed = values(flow.f, t0, state[:, None], params)[:, 0]
+    for wait in np.multiply(settle or _WAIT, _LONGER):
+        ran = run(x0=state, time=float(wait), t0=t0)
+        _refuse_rest(values(flow.f, t0, ran.final[:, None], params)[:, 0], ran.final)
+        found = _returns(flow, ran, state, speed, params)
+        if min((off for off, _ in found), default=math.inf) <= _BACK:
+            break
+    return ran, t0, float(_first_close(found, ran))
+
+
+def _returns(
+    flow: Flow, ran: Trajectory, state: Array, speed: Array, params: Params
+) -> list[tuple[float, float]]:
+    """How far from its start it is, in its size, and when, each time it comes back to the plane."""
+    from scipy.optimize import brentq
+
+    def back(t: Any) -> Array:
+        x = ran(t)
+        if flow.reset is None:
+            return x
+        return values(flow.reset, t, x.reshape(len(x), -1), params).reshape(x.shape)
+
+    def ahead(t: Any) -> Any:
+        return speed @ (back(t).T - state).T
+
+    knots = ran.t
+    inside = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_SAMPLES) / _SAMPLES
+    times = np.append(inside.ravel(), knots[-1])
+    orbit = back(times)
+    passed = speed @ (orbit - state[:, None])
+    size = float(np.ptp(orbit, axis=1).max()) or 1.0
+    found = []
+    for j in np.flatnonzero((passed[:-1] < 0) & (passed[1:] >= 0)):
+        t = float(brentq(ahead, times[j], times[j + 1], xtol=1e-13))
+        found.append((float(abs(back(t) - state).max()) / size, t))
+    return found
+
+
+def _refuse_rest(moved: Array, state: Array) -> None:
+    """Refuse an equilibrium, by its speed or its extent."""
+    if float(abs(moved).max()) <= _AT_REST * (1 + float(abs(state).max())):
+        raise NotConverged(
+            f"there is an equilibrium at {shown(state.tolist())}, not a cycle: cb.equilibrium "
+            "continues it; start elsewhere for a cycle"
+        )
+
+
+def _adapted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
+    """The same on meshes that follow them."""
+    return tuple(
+        flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
+    )
+
+
+def _sampled(
+    flows: Any, samples: tuple[Any, Any], params: Params, collocation: Collocation
+) -> tuple[list[Flight], tuple[Flow, ...], tuple[str, ...]]:
+    """The orbit through samples of one period."""
+    from scipy.interpolate import CubicSpline
+
+    flow = _alone(flows)
+    if flow is None:
+        raise BadInput("samples (t, x) are taken of one flow without `until`; start from a state")
+    if len(samples) != 2:
+        raise BadInput(f"samples are given as (t, x); got {len(samples)} arrays")
+    t, x = numbers("t", samples[0]), np.atleast_2d(numbers("x", samples[1]))
+    if t.ndim != 1 or t.size < 4 or x.shape[1:] != t.shape or not (np.diff(t) > 0).all():
+        raise BadInput(
+            f"samples of shapes {t.shape} and {x.shape}: increasing times (m,) and states (n, m) "
+            "were expected, m at least 4"
+        )
+    flow.check(float(t[0]), x[:, 0], params)
+    spline = CubicSpline(t, x, axis=1)
+    flight = fitted(collocation, float(t[0]), float(t[-1] - t[0]), spline)
+    return [flight], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
+
+
+def _closed(
+    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str
+) -> Problem:
+    """The problem with its orbit solved for, then once more on a mesh that follows it."""
+    for _ in range(2):
+        try:
+            solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
+        except NotConverged as error:
+            raise NotConverged(
+                f"no periodic orbit was found from there: {error}", residual=error.residual
+            ) from error
+        flights = made.flights(solved.x, params)
+        extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
+        _refuse_rest(np.array(extents), flights[0].states[:, 0])
+        made = replace(made, start=_adapted(flights), sizes=sizes_of(flights))
+    return problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
+
+
+def problem_at(
+    made: Equations, params: Params, events: tuple[Event, ...] | None = None, label: str = "cycle"
+) -> CycleProblem:
+    """The problem of a cycle, with all that can happen to it unless events were given."""
+    return problem_of(made, params, events_of(made) if events is None else events, label)

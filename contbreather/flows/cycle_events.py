@@ -1,0 +1,283 @@
+"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..continuation import defining_systems
+from ..continuation.branch_points import crossing_event
+from ..continuation.curve import Curve
+from ..continuation.equilibria import fold
+from ..continuation.linear_algebra import least_singular
+from ..continuation.newton import Array, Undefined
+from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
+from ..continuation.sparse import factorised, null_vectors
+from .equations import Equations
+from .orbit import Cycle, equations_of
+from .walls import GRAZING, IMPACT
+
+_NEAR = 1e-5  # how far off its place a multiplier of a located event may be
+_REAL = 1e-6  # imaginary part below which a pair of multipliers is real
+_ROUNDING = 1e-12  # relative error of a product of two multipliers
+_BORDERINGS = 2  # far from where a curve began its borders are no null vectors any more
+_AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
+
+
+# --- doubled periods ---------------------------------------------------------------------------
+
+
+def _flip(point: Point) -> float:
+    others = point.ground.solution.others
+    return defining_systems.least_with_sign(others + 1, 0.0) if others.size else math.nan
+
+
+def _examine_flip(point: Point) -> Examined:
+    orbit: Cycle = point.ground.solution
+    if orbit.coarse:
+        return orbit.coarse
+    off = abs(orbit.others + 1)
+    if not off.min(initial=math.inf) < _NEAR * max(1.0, float(abs(orbit.others).max())):
+        return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
+    if np.count_nonzero(off < _NEAR) > 1:
+        return "two multipliers are -1: not a simple period doubling"
+    return {}
+
+
+def _flip_locus(point: Point) -> Locus:
+    flip = _Flip(equations_of(point.ground))
+    ends = (_beside("R2", -1.0, -1.0, ROTATION),)
+    return Locus({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
+
+
+@dataclass(frozen=True, eq=False)
+class _Flip:
+    """The least singular value of the cycle closed with -1, with its sign, is zero."""
+
+    equations: Equations
+
+    def _weak(self, curve: Curve, z: Array) -> Any:
+        return curve.once(
+            "flip", z, lambda z: least_singular(self.equations.closing(curve.jacobian(z), -1.0))
+        )
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        weak = self._weak(curve, z)
+        return np.array([weak.sign * weak.size])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        weak = self._weak(curve, z)
+        # Second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v. Rows in
+        # which the closing is not F_x are linear.
+        row = weak.sign * (weak.left @ curve.along(z, weak.right))
+        return np.asarray(row)[None, :]
+
+
+# --- pairs on the unit circle --------------------------------------------------------------------
+
+
+def _pair(point: Point) -> float:
+    """The smallest ``mu_i mu_j - 1`` of all multipliers, with the sign of the product of all."""
+    one, other = defining_systems.pairs(point.ground.solution.others)
+    if not one.size:
+        return math.nan
+    return defining_systems.least_with_sign(
+        one * other - 1, np.asarray(_ROUNDING * (1 + abs(one * other)), dtype=float)
+    )
+
+
+def _examine_pair(point: Point) -> Examined:
+    orbit: Cycle = point.ground.solution
+    if orbit.coarse:
+        return orbit.coarse
+    one, other = defining_systems.pairs(orbit.others)
+    nearest = int(abs(one * other - 1).argmin())
+    mu = complex(one[nearest])
+    if abs(mu.imag) < _REAL:
+        return f"a neutral saddle: the multipliers {mu.real:.4g} and {other[nearest].real:.4g}"
+    return {"angle": abs(math.atan2(mu.imag, mu.real))}
+
+
+def _pair_locus(point: Point) -> Locus:
+    from scipy.sparse import csc_array
+
+    values = point.ground.solution.others
+    upper = values[values.imag > _REAL]
+    if not upper.size:
+        raise Undefined("no complex pair of multipliers is there: a neutral saddle")
+    mu = complex(upper[abs(abs(upper) - 1).argmin()])
+    equations = equations_of(point.ground)
+    closed = csc_array(equations.closing(point.ground.jacobian(), mu / abs(mu)))
+    right, left = null_vectors(closed)
+    rotation = _Rotation(equations, left, right)
+    angle = math.atan2(mu.imag, mu.real)
+    ends = (
+        Event("R1", partial(_angle_from, 0.0, 1.0), ends="branch"),
+        Event("R2", partial(_angle_from, math.pi, -1.0), ends="branch"),
+        Event("R3", partial(_angle_from, 2 * math.pi / 3, 1.0)),
+        Event("R4", partial(_angle_from, math.pi / 2, 1.0)),
+    )
+    locus = Locus({"angle": angle}, rotation.conditions, rotation.derivative)
+    return replace(locus, events=ends, meets=MEETINGS["NS"])
+
+
+def _angle_from(level: float, sign: float, point: Point) -> float:
+    return sign * (float(point["angle"]) - level)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rotation:
+    """The scalar of the cycle closed with exp(i angle), bordered by its own null vectors as vectors
+    that stay the same tell them."""
+
+    equations: Equations
+    left: NDArray[Any]
+    right: NDArray[Any]
+
+    def _bordered(
+        self, curve: Curve, z: Array, angle: float
+    ) -> tuple[Any, NDArray[Any], NDArray[Any]]:
+        """The scalar g, and vectors v and w with ``g' = -w* B' v`` where g is zero."""
+        from scipy.sparse import block_array, csc_array
+
+        closed = csc_array(self.equations.closing(curve.jacobian(z), np.exp(1j * angle)))
+        unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
+        v, w = self.right, self.left
+        for _ in range(_BORDERINGS):
+            blocks: Any = [[closed, csc_array(w[:, None])], [csc_array(v.conj()[None, :]), None]]
+            lu = factorised(block_array(blocks).tocsc())
+            right, left = lu.solve(unit), lu.solve(unit, "H")
+            v, w = (way[:-1] / np.linalg.norm(way[:-1]) for way in (right, left))
+        return right[-1], right[:-1], left[:-1]
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        g = self._bordered(curve, z, extra[0])[0]
+        return np.array([g.real, g.imag])
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        _, v, w = self._bordered(curve, z, extra[0])
+        own = w.conj()
+        slope = -(own @ curve.along(z, v.real) + 1j * (own @ curve.along(z, v.imag)))
+        first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
+        turned = turn * (w.conj()[first] @ v[first])
+        if self.equations.phased:
+            turned -= turn * w[-1].conj() * v[-1]
+        slope = np.append(slope, -turned)
+        return np.array([slope.real, slope.imag])
+
+
+# --- where a cycle shrinks to an equilibrium ---------------------------------------------------
+
+
+def _swing(point: Point) -> float:
+    """How far the orbit swings the way it did at first, relative to its size, less what counts as
+    an equilibrium: beyond one the curve goes on as the same cycles half a turn later."""
+    equations = equations_of(point.ground)
+    first, states = equations.start[0].states, point.ground.x[equations.nodes[0]].T
+    way = first - first.mean(axis=1, keepdims=True)
+    swing = (states - states.mean(axis=1, keepdims=True)) * way
+    size = np.linalg.norm(way) * np.linalg.norm(first)
+    return float(swing.sum() / size) - _AT_REST
+
+
+def _examine_swing(point: Point) -> Examined:
+    orbit: Cycle = point.ground.solution
+    states = orbit.flights[0].states
+    extent, size = float(np.ptp(states, axis=1).max()), float(abs(states).max())
+    first = orbit.equations.start[0].states
+    if extent < 100 * _AT_REST * max(size, float(np.linalg.norm(first))):
+        return ""
+    return f"it swings by {extent:.2g}: no equilibrium"
+
+
+# --- what their curves in two parameters meet -------------------------------------------------
+
+
+def _without(known: float | None, point: Point) -> NDArray[np.complex128]:
+    """The multipliers but for those that the curve has everywhere: one that is known, or the pair
+    of a curve of NS."""
+    others = point.ground.solution.others
+    if known is not None:
+        return defining_systems.without(others, known)
+    pair = complex(math.cos(point["angle"]), math.sin(point["angle"]))
+    return defining_systems.without(others, pair, pair.conjugate())
+
+
+def _rest(known: float | None, wanted: float, point: Point) -> float:
+    rest = _without(known, point)
+    return defining_systems.least_with_sign(rest - wanted, 0.0) if rest.size else math.nan
+
+
+def _rest_of_pairs(known: float | None, point: Point) -> float:
+    one, other = defining_systems.pairs(_without(known, point))
+    return defining_systems.least_with_sign(one * other - 1, 0.0) if one.size else math.nan
+
+
+def _beside(kind: str, known: float | None, wanted: float, base: Event) -> CodimensionTwo:
+    """Another multiplier of a certain value on a curve that has one already."""
+    return CodimensionTwo(kind, partial(_rest, known, wanted), base=base)
+
+
+def _pair_beside(kind: str, known: float | None) -> CodimensionTwo:
+    """A pair on the unit circle on a curve that has a multiplier there."""
+    test = partial(_rest_of_pairs, known)
+    return CodimensionTwo(kind, test, examine=partial(_examine_pair_beside, known), base=ROTATION)
+
+
+def _examine_pair_beside(known: float | None, point: Point) -> Examined:
+    one, other = defining_systems.pairs(_without(known, point))
+    nearest = int(abs(one * other - 1).argmin())
+    real = abs(one[nearest].imag) < _REAL
+    return "a neutral saddle: no pair on the unit circle" if real else {}
+
+
+def _fold_locus(point: Point) -> Locus:
+    assert _PLAIN.locus is not None
+    own = _PLAIN.locus(point)
+    ends = (*own.events, _beside("R1", 1.0, 1.0, ROTATION))
+    return replace(own, events=ends, meets=MEETINGS["LP"])
+
+
+# --- the events -----------------------------------------------------------------------------
+
+
+def _examine(event: Event, point: Point) -> Examined:
+    """An event of the engine's is not believed where the mesh resolves no multiplier."""
+    coarse: str = point.ground.solution.coarse
+    return coarse or (event.examine(point) if event.examine else {})
+
+
+_PLAIN = fold()
+FOLD = replace(_PLAIN, locus=_fold_locus, examine=partial(_examine, _PLAIN))
+_CROSSING = crossing_event({})
+BRANCH_POINT = replace(_CROSSING, count=None, examine=partial(_examine, _CROSSING))
+FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
+ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
+SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
+
+# On the boundary of one kind, what the meeting with another is called; walls end it as they are.
+MEETINGS: dict[str, dict[str, tuple[Event, ...]]] = {
+    "LP": {"PD": (_beside("LPPD", 1.0, -1.0, FLIP),), "NS": (_pair_beside("LPNS", 1.0),)},
+    "PD": {"LP": (_beside("LPPD", -1.0, 1.0, FOLD),), "NS": (_pair_beside("PDNS", -1.0),)},
+    "NS": {
+        "LP": (_beside("LPNS", None, 1.0, FOLD),),
+        "PD": (_beside("PDNS", None, -1.0, FLIP),),
+    },
+}
+
+
+def events_of(equations: Equations) -> tuple[Event, ...]:
+    """What can happen to a cycle of these flows."""
+    found = [FOLD, BRANCH_POINT, FLIP, ROTATION]
+    if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
+        found.append(SHRUNK)
+    if any(flow.until for flow in equations.flows):
+        found.append(IMPACT)
+    if any(flow.until or flow.walls for flow in equations.flows):
+        found.append(GRAZING)
+    return tuple(found)

@@ -1,0 +1,147 @@
+"""Equilibria of a flow, and the small cycles that are born at their Hopf points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from ..continuation.curve import Curve
+from ..continuation.equilibria import branch_point, fold, hopf
+from ..continuation.newton import Array, Undefined
+from ..continuation.point import Event, Point, UnstableDimension
+from ..continuation.problem import Problem
+from ..continuation.segment import tangent_at
+from ..continuation.switching import Lift
+from .collocation import Collocation, fitted
+from .constructors import named_state, problem_at
+from .equations import Equations, sizes_of
+from .flow import Flow, Function, Params, slopes, values
+
+_AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
+
+
+def equilibrium(
+    f: Flow | Function,
+    start: Mapping[str, float],
+    params: Mapping[str, float],
+    *,
+    events: Iterable[Event] | None = None,
+    collocation: Collocation | None = None,
+    label: str = "equilibrium",
+) -> Problem:
+    """Equilibria of ``dx/dt = f(t, x, p)``, which must not depend on t, as a problem to trace.
+
+    Parameters
+    ----------
+    f : callable or Flow
+    start : dict
+        Name and value of each state, close to the equilibrium.
+    params : dict
+        Name and value of each parameter.
+    events : iterable of Event, optional
+        LP, BP and HB by default.
+    collocation : Collocation, optional
+        For the cycles that `switch` follows from a Hopf point.
+    label : str, optional
+
+    Returns
+    -------
+    Problem
+        The column ``unstable`` counts the eigenvalues to the right of the imaginary axis.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> rest = cb.equilibrium(lambda t, x, p: [p["mu"] * x[0] - x[1] - x[0] * (x[0]**2 + x[1]**2),
+    ...                                        x[0] + p["mu"] * x[1] - x[1] * (x[0]**2 + x[1]**2)],
+    ...                       start={"x": 0.0, "y": 0.0}, params={"mu": -0.5})
+    >>> (cycles,) = cb.switch(cb.trace(rest, "mu", within={"mu": (-1, 1)}).first("HB"),
+    ...                       within={"mu": (-1, 0.5)})
+    >>> orbit = cycles[-1].solution
+    >>> bool(abs(orbit.max["x"] - 0.5**0.5) < 1e-9)
+    True
+    """
+    flow = f if isinstance(f, Flow) else Flow(f)
+    state, params = named_state(start, params)
+    flow.check(0.0, state, params)
+    return Equilibrium(
+        _Rest(flow, collocation or Collocation()), dict(start), params,
+        events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
+        record={"unstable": UnstableDimension(_unstable)}, label=label,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """``f(0, x, p) = 0``, and how finely cycles that are born there are resolved."""
+
+    flow: Flow
+    collocation: Collocation
+
+    def __call__(self, x: Array, p: Params) -> Array:
+        return np.asarray(values(self.flow.f, 0.0, x[:, None], p)[:, 0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Problem):
+    """An equilibrium of a flow."""
+
+    residual: _Rest
+
+    def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Array:
+        whole = slopes(self.residual.flow.f, 0.0, x[:, None], params, names)[1][..., 0]
+        return np.delete(whole, x.size, axis=1)  # the column of the time
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return _born if kind == "HB" else None
+
+
+def _unstable(point: Point) -> int:
+    return int((point.curve.spectrum(point.z).real > 0).sum())
+
+
+class _Born(Lift):
+    """Small cycles beside a Hopf point: they leave it in the plane of its eigenvectors."""
+
+    @cached_property
+    def tangents(self) -> tuple[Array, None]:
+        curve = Curve(self.problem, (self.free,))
+        outwards = np.zeros(curve.start.size)
+        orbit = curve.start[curve.slots["orbit"]].reshape(self.problem.start["mesh"].size, -1)
+        outwards[: orbit.size] = (orbit - orbit.mean(axis=0)).ravel()
+        return tangent_at(curve, curve.start, outwards)[0], None
+
+
+def _born(point: Point) -> Lift:
+    """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
+    (free,), rest, params = point.curve.free, np.array(point.x), point.params
+    own, names = point.curve.problem.residual, tuple(point.curve.problem.start)
+    omega = float(point["omega"])
+    eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
+    q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
+    size = float(np.sqrt(np.mean(rest**2))) or 1.0
+    period = 2 * math.pi / omega
+
+    def wave(amplitude: float, t: Array) -> Array:
+        turned = q[:, None] * np.exp(1j * omega * t)
+        return np.asarray(rest[:, None] + amplitude * turned.real)
+
+    for amplitude in _AMPLITUDES:
+        flight = fitted(own.collocation, 0.0, period, partial(wave, amplitude * size))
+        made = Equations((own.flow,), (flight,), None, 1, names, sizes_of([flight]))
+        curve = Curve(problem_at(made, params), (free,))
+        row = np.zeros(curve.start.size)
+        row[: made.orbit] = (flight.states - rest[:, None]).T.ravel()
+        try:
+            found = curve.newton(curve.start, curve.dual(row), tolerance=1e-11, most=20)
+        except Undefined:
+            continue
+        if found.converged:
+            here = Point(curve, found.z)
+            made = replace(made, start=made.flights(here.x, here.params))
+            return _Born(problem_at(made, here.params), free, both=False)
+    raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")

@@ -1,0 +1,388 @@
+"""A vector field, the condition that ends it and a reset: what a user brings, and its slopes."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import numbers, shown
+from ..continuation.derivatives import RELATIVE, choose
+from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..errors import BadInput
+
+Function = Callable[[Any, Any, Any], Any]  # f(t, x, p), as in scipy.integrate, with p a dict
+Params = Mapping[str, Any]  # numbers; one may be complex or an array while it is differentiated
+
+_LOG = logging.getLogger(__name__)
+_IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
+_STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))  # five-point central difference
+_PROBED = 4  # columns at which a function is looked at before it is believed
+_ASIDE = 0.017  # and how far from them, relative to their size
+_THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
+_SAME = 1e-9  # relative; sums over all states at once round differently
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A vector field, the condition that ends it, and a reset: one piece of a periodic orbit.
+
+    All functions are written ``f(t, x, p)`` as for `scipy.integrate.solve_ivp`: `t` is a number or
+    an array of m of them, `x` an array of shape (n,) or (n, m), that is m states at once, `p` a
+    dict of parameters. A list is returned as it is written down, ``[x[1], -1.0]``; constants in it
+    are broadcast. What cannot take m states at once (an ``if`` on a state, `math.sin`) is called
+    state by state, which is slower. Derivatives are taken by complex steps, exact to rounding,
+    where a function is analytic, and by differences elsewhere; nothing is to be done for it.
+
+    Parameters
+    ----------
+    f : callable
+        ``f(t, x, p) -> dx/dt``, as many entries as `x`.
+    until : callable, optional
+        ``until(t, x, p) -> number``: positive inside, the flow ends where it falls through zero.
+        Without it the flow ends with the period.
+    reset : callable, optional
+        ``reset(t, x, p) -> state`` in which the next flow begins; where it ends without it. With
+        ``until=None`` and a mirror as reset, ``lambda t, x, p: [-x[0], -x[1]]``, this is half of a
+        symmetric orbit.
+    walls : tuple of callable, optional
+        Further functions that must stay positive inside, as `until` does.
+    mass : array_like, shape (n, n), optional
+        Constant mass matrix M of ``M dx/dt = f(t, x, p)``; it must be regular.
+
+    Raises
+    ------
+    BadInput
+        Where something is no function, or the mass matrix is singular.
+
+    Examples
+    --------
+    >>> fall = Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[0],
+    ...             reset=lambda t, x, p: [x[0], -p["e"] * x[1]])
+    >>> fall.check(0.0, [1.0, 0.0], {"e": 0.8})
+    """
+
+    f: Function
+    until: Function | None = None
+    reset: Function | None = None
+    walls: tuple[Function, ...] = ()
+    mass: Any = None
+
+    def __post_init__(self) -> None:
+        if callable(self.walls):
+            object.__setattr__(self, "walls", (self.walls,))
+        if not isinstance(self.walls, tuple | list):
+            raise BadInput(f"walls must be a tuple of functions, got {shown(self.walls)}")
+        object.__setattr__(self, "walls", tuple(self.walls))
+        named = {"f": self.f, "until": self.until, "reset": self.reset}
+        named |= {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
+        for name, function in named.items():
+            if not callable(function) and (function is not None or name not in ("until", "reset")):
+                raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
+        if self.mass is not None:
+            object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
+            object.__setattr__(self, "mass", None)  # it is in f now
+
+    def check(self, t: float, x: Any, p: Params) -> None:
+        """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.
+
+        The size of what `reset` returns is up to the flow that follows.
+        """
+        x = numbers("the state", x)
+        if x.ndim != 1 or not x.size:
+            raise BadInput(f"a state is a row of numbers; an array of shape {x.shape} was given")
+        asked = {"f": (self.f, (x.size,)), "until": (self.until, ()), "reset": (self.reset, None)}
+        asked |= {f"walls[{i}]": (wall, ()) for i, wall in enumerate(self.walls)}
+        for name, (function, shape) in asked.items():
+            if function is not None:
+                _check(name, function, shape, float(t), x, p)
+
+
+def _check(
+    name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
+) -> None:
+    where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
+    try:
+        found = np.asarray(function(t, x, p), dtype=float)
+    except KeyError as error:
+        if error.args[0] in p:
+            raise
+        has = ", ".join(map(repr, p)) or "none"
+        raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
+    except (ValueError, ArithmeticError, TypeError, IndexError) as error:
+        raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
+    if shape == () and found.size == 1:
+        found = found.reshape(())
+    if found.shape != shape and not (shape is None and found.ndim == 1 and found.size):
+        wanted = (
+            "a row of numbers" if shape is None else f"{x.size} numbers" if shape else "a number"
+        )
+        raise BadInput(f"{name} returns shape {found.shape}; {wanted} was expected {where}")
+    if not np.isfinite(found).all():
+        raise BadInput(f"{name} is {shown(found.tolist())} {where}; finite numbers were expected")
+
+
+def _inverse(mass: Any) -> Array:
+    matrix = numbers("the mass matrix", mass)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise BadInput(f"a mass matrix is square; one of shape {matrix.shape} was given")
+    if np.linalg.matrix_rank(matrix) < len(matrix):
+        raise BadInput(
+            "the mass matrix is singular: the equations are differential-algebraic, which is not "
+            "supported. Solve the algebraic ones for their unknowns inside f."
+        )
+    return np.asarray(np.linalg.inv(matrix))
+
+
+def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
+    """``M^-1 f``; the columns of x stay columns."""
+    return inverse @ rows_of(f(t, x, p), x)
+
+
+def rows_of(found: Any, x: NDArray[Any]) -> NDArray[Any]:
+    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
+    if isinstance(found, np.ndarray):
+        return found
+    return np.stack(np.broadcast_arrays(*found, x[0])[:-1])
+
+
+# --- values at many states ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Calling:
+    """How a function is called: its plain text, its rows, and whether it takes many states."""
+
+    function: Function
+    rows: int
+    scalar: bool
+    vectorised: bool
+
+
+_CALLING: WeakKeyDictionary[Function, _Calling] = WeakKeyDictionary()
+_SCHEMES: WeakKeyDictionary[Function, dict[Any, Any]] = WeakKeyDictionary()
+
+
+def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+    """A user's function of (t, x, p) at K states, the columns of `x`.
+
+    Parameters
+    ----------
+    function : callable
+        `f`, `until`, `reset` or one of `walls` of a `Flow`.
+    t : float or array, shape (K,)
+        Times.
+    x : array, shape (n, K)
+        States, one a column.
+    p : dict
+        Parameters.
+
+    Returns
+    -------
+    array, shape (m, K)
+        m = 1 for a function that returns a number. NaN where the function has no value.
+
+    Raises
+    ------
+    Undefined
+        Where the function raises `ValueError` or `ArithmeticError`. Other errors are bugs: they
+        pass, with a note that says for which t, x and p.
+    """
+    t = np.broadcast_to(t, x.shape[1:])
+    return _call(_calling(function, t, x, p), t, x, p)
+
+
+def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
+    with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
+        if how.vectorised:
+            try:
+                return _rows(how.function(t, x, p), how, t.size)
+            except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
+                _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
+        columns = [_at(how.function, *at, p) for at in zip(t, x.T, strict=True)]
+    return np.stack(columns, axis=-1)
+
+
+def _rows(found: Any, how: _Calling, count: int) -> NDArray[Any]:
+    """What a function returned for `count` states, as an array with that many columns."""
+    if isinstance(found, np.ndarray) and found.shape == (how.rows, count):
+        return found
+    parts = [found] if how.scalar else list(found)
+    rows = np.empty((how.rows, count), dtype=np.result_type(float, *parts))
+    for row, part in zip(rows, parts, strict=True):
+        row[:] = part  # a constant is broadcast
+    return rows
+
+
+def _at(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+    """A function at one state, with what it raises told where."""
+    try:
+        return np.atleast_1d(np.asarray(function(t, x, p)))
+    except Exception as error:
+        told = f"{_name(function)} at t = {t}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
+        if isinstance(error, OUT_OF_DOMAIN):
+            raise Undefined(f"{told} raised {type(error).__name__}: {error}") from error
+        error.add_note(f"in {told}")
+        raise
+
+
+def _name(function: Function) -> str:
+    return getattr(function, "__qualname__", shown(function))
+
+
+def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+    try:
+        return _CALLING[function]
+    except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
+        how = _decide_calling(function, t.real, x.real, p)
+    with suppress(TypeError):
+        _CALLING[function] = how
+    return how
+
+
+def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
+    """Three states one by one and all at once: is that the same?"""
+    plain = getattr(function, "py_func", function)  # of what numba.njit decorated
+    t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
+    with np.errstate(all="ignore"):
+        try:
+            aside = x + _aside(x)[:, None] * _THREE
+            singly = [_at(plain, *at, p) for at in zip(t, aside.T, strict=True)]
+            x = aside
+        except Undefined:  # outside of its domain
+            singly = [_at(plain, *at, p) for at in zip(t, x.T, strict=True)]
+        scalar = np.ndim(plain(t[0], x[:, 0], p)) == 0
+    how = _Calling(plain, singly[0].size, scalar, vectorised=True)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("error")
+            at_once = _rows(plain(t, x, p), how, 3)
+        same = np.allclose(at_once, np.stack(singly, axis=-1), rtol=_SAME, atol=0, equal_nan=True)
+    except Exception:  # noqa: BLE001 - what was written for one state may raise anything for three
+        same = False
+    if not same:
+        _LOG.debug("%s takes one state at a time, which is slower", _name(plain))
+    return replace(how, vectorised=same)
+
+
+def _aside(x: Array) -> Array:
+    """A short way for each entry of a state: kinks tend to lie where one starts, at 0 or 1."""
+    return _ASIDE * np.where(size := abs(x).max(axis=1), size, 1.0)
+
+
+# --- their slopes ---------------------------------------------------------------------------------
+
+
+def slopes(
+    function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...] = ()
+) -> tuple[Array, Array]:
+    """As `values`, with the derivatives in the state, in time and in named parameters.
+
+    Returns
+    -------
+    values : array, shape (m, K)
+    derivatives : array, shape (m, n + 1 + len(names), K)
+        By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
+        differences, whose steps suit it. Decided once for each function, beside the first states.
+    """
+    n, count = x.shape
+    t = np.broadcast_to(np.asarray(t, dtype=float), count)
+    how = _calling(function, t, x, p)
+    finer = _scheme(function, how, t, x, p, tuple(names))
+    if finer is not None:
+        return _differences(how, t, x, p, names, finer)
+    directions = n + 1  # those of the parameters apart: what asks for one may expect a number
+    at, times = np.empty((n, directions, count), complex), np.empty((directions, count), complex)
+    at[...], times[...] = x[:, None], t
+    at[np.arange(n), np.arange(n)] += 1j * _IMAGINARY
+    times[n] += 1j * _IMAGINARY
+    found = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
+    slope = np.empty((how.rows, directions + len(names), count))
+    slope[:, :directions] = found.imag / _IMAGINARY
+    for j, name in enumerate(names, directions):
+        shifted = {**p, name: p[name] + 1j * _IMAGINARY}
+        slope[:, j] = _call(how, t, x, shifted).imag / _IMAGINARY
+    return np.ascontiguousarray(found[:, 0].real), slope
+
+
+def _differences(
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], finer: Array
+) -> tuple[Array, Array]:
+    """Five-point differences, shorter where they leave the domain of the function."""
+    slope = np.empty((how.rows, len(finer), t.size))
+    rows = np.vstack([x, t])
+    sizes = [*np.maximum(_scale(rows)[:, None], abs(rows))]
+    sizes += [np.full(t.size, abs(p[name]) or 1.0) for name in names]
+    for j, (size, divisor) in enumerate(zip(sizes, finer, strict=True)):
+        for shorter in (1, 64, 4096):
+            step = RELATIVE * size / (divisor * shorter)
+            terms = (w * _call(how, *_moved(t, x, p, names, j, k * step)) for k, w in _STENCIL)
+            slope[:, j] = sum(terms) / step
+            if np.isfinite(slope[:, j]).all():
+                break
+    return _call(how, t, x, p), slope
+
+
+def _moved(
+    t: Array, x: Array, p: Params, names: tuple[str, ...], j: int, step: Array
+) -> tuple[Array, Array, Params]:
+    """By a step in one direction: a state, the time, or a parameter."""
+    n = len(x)
+    if j < n:
+        return t, x + (np.arange(n) == j)[:, None] * step, p
+    if j == n:
+        return t + step, x, p
+    name = names[j - n - 1]
+    return t, x, {**p, name: p[name] + step[0]}
+
+
+def _scale(x: Array) -> Array:
+    """Typical sizes of the rows: their spread, or 1 where they are constant."""
+    spread = np.ptp(x, axis=1)
+    return np.where(spread > _SAME * abs(x).max(axis=1), spread, 1.0)
+
+
+def _scheme(
+    function: Function, how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
+) -> Array | None:
+    """None for complex steps, or what the steps of differences are divided by."""
+    key = (len(x), names)
+    with suppress(KeyError, TypeError):
+        return _SCHEMES[function][key]
+    finer = _decide_scheme(how, t, x, p, names)
+    by = "complex steps" if finer is None else "differences"
+    _LOG.debug("%s is differentiated by %s", _name(function), by)
+    with suppress(TypeError):
+        _SCHEMES.setdefault(function, {})[key] = finer
+    return finer
+
+
+def _decide_scheme(
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
+) -> Array | None:
+    """Complex steps where they agree with differences beside each of a few states."""
+    n = len(x)
+
+    def joined(z: NDArray[Any]) -> NDArray[Any]:
+        shifted = {**p, **dict(zip(names, z[n + 1 :].tolist(), strict=True))}
+        return _at(how.function, z[n], z[:n], shifted)
+
+    shift = np.append(_aside(x), 0.0)
+    sizes = [abs(p[name]) or 1.0 for name in names]
+    scales = np.concatenate([_scale(x), _scale(t[None]), sizes])
+    finest = np.zeros(n + 1 + len(names))
+    for k in np.linspace(0, t.size - 1, min(_PROBED, t.size)).astype(int):
+        z = np.concatenate([np.append(x[:, k], t[k]) + shift, [p[name] for name in names]])
+        with np.errstate(all="ignore"):
+            scheme = choose(joined, z, scales)
+        if isinstance(scheme, partial):  # differences
+            finest = np.maximum(finest, scheme.keywords["finer"])
+    return finest if finest.any() else None

@@ -1,0 +1,476 @@
+"""A sequence of flows followed in time, from event to event."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import MOST, number, numbers, shown, whole
+from ..columns import Columns
+from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..errors import BadInput, NotConverged
+from ..tables import Sheet
+from .flow import Flow, Function, Params, slopes, values
+
+_LONGEST = 1e4  # how long a flow is waited for where no time is given
+_STEPS = 200_000  # of one run: a stiff system takes more
+_NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
+_ALIKE = 1e-3  # relative to its size there
+_HALVINGS = 8
+_EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
+_SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
+_SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
+_CHATTER = 4  # that many in a row
+
+Guard = Callable[[Array], Array]  # over times
+
+
+class Itinerary(Protocol):
+    """Which flow follows which: a list of flows in turn, or a system that decides by its state."""
+
+    def begin(self, t: float, x: Array, p: Params) -> int: ...
+
+    def field(self, mode: int) -> Function: ...
+
+    def guards(self, mode: int) -> tuple[Function, ...]: ...
+
+    def ended(self, mode: int, guard: int) -> tuple[int, Flow]: ...
+
+    def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]: ...
+
+
+@dataclass(frozen=True)
+class _InTurn:
+    """Flows in the order of their list, the first after the last."""
+
+    flows: tuple[Flow, ...]
+    first: int
+
+    def begin(self, t: float, x: Array, p: Params) -> int:
+        self.flows[self.first].check(t, x, p)
+        return self.first
+
+    def field(self, mode: int) -> Function:
+        return self.flows[mode].f
+
+    def guards(self, mode: int) -> tuple[Function, ...]:
+        flow = self.flows[mode]
+        return (*filter(None, (flow.until,)), *flow.walls)
+
+    def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
+        return mode, self.flows[mode]
+
+    def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
+        flow = self.flows[mode]
+        if self.guards(mode)[guard] is not flow.until:
+            number = guard - (flow.until is not None)
+            raise NotConverged(
+                f"walls[{number}] of flow {mode} is zero at t = {t:g}, x = {shown(x.tolist())}: it "
+                "must stay positive; start elsewhere, or make it the condition of a flow"
+            )
+        reset = flow.reset
+        if reset is not None:
+            x = values(reset, t, x[:, None], p)[:, 0]
+        following = (mode + 1) % len(self.flows)
+        if reset is not None or following != mode:
+            self.flows[following].check(t, x, p)
+        return following, x
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One flow of a trajectory, from where it began to where it ended.
+
+    Attributes
+    ----------
+    number : int
+        Of the flow in the list that was given.
+    flow : Flow
+    t : array, shape (m,)
+        The steps of the integrator.
+    x : array, shape (n, m)
+    ended : bool
+        Whether its condition ended it, or the run.
+    """
+
+    number: int
+    flow: Flow
+    t: Array
+    x: Array
+    ended: bool
+    _interpolant: Callable[[Any], Array]
+
+    def __call__(self, t: Any) -> Array:
+        """The state at times within the piece: shape (n,) or (n, m)."""
+        return np.asarray(self._interpolant(t))
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Where a flow ended: its state before and after the reset, and how fast the guard fell."""
+
+    time: float
+    number: int
+    before: Array
+    after: Array
+    rate: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Columns):
+    """What `integrate` returns; call it for states at times, after the reset at that of an event.
+
+    Attributes
+    ----------
+    pieces : tuple of Piece
+    events : tuple of Crossing
+    final : array, shape (n,)
+        The state at the end, after the reset if the run ended with one.
+    names : tuple of str
+    params : dict
+    """
+
+    pieces: tuple[Piece, ...]
+    events: tuple[Crossing, ...]
+    final: Array
+    names: tuple[str, ...]
+    params: Mapping[str, float]
+
+    along = "time"
+
+    @property
+    def flows(self) -> tuple[Flow, ...]:
+        """The flow of each piece: what a cycle is made of."""
+        return tuple(piece.flow for piece in self.pieces)
+
+    @cached_property
+    def t(self) -> Array:
+        """The steps of the integrator; the time of an event stands twice, before and after it."""
+        return np.concatenate([piece.t for piece in self.pieces])
+
+    @cached_property
+    def x(self) -> Array:
+        """States at `t`, shape (n, m)."""
+        if len({len(piece.x) for piece in self.pieces}) > 1:
+            raise BadInput("the flows differ in their number of states: see .pieces")
+        return np.concatenate([piece.x for piece in self.pieces], axis=1)
+
+    def __call__(self, t: Any) -> Array:
+        times = numbers("t", t)
+        begins = np.array([piece.t[0] for piece in self.pieces])
+        end = self.pieces[-1].t[-1]
+        if times.size and not (begins[0] <= times.min() and times.max() <= end):
+            raise BadInput(f"the trajectory goes from t = {begins[0]:g} to {end:g}, not {shown(t)}")
+        number = np.searchsorted(begins, times.ravel(), side="right") - 1
+        columns = [self.pieces[i](at) for i, at in zip(number, times.ravel(), strict=True)]
+        return np.stack(columns, axis=-1).reshape(-1, *times.shape)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Time and states at the steps of the integrator."""
+        return {"t": self.t, **dict(zip(self.names, self.x, strict=True))}
+
+    def table(self) -> Sheet:
+        """What there is to it, and where it ended."""
+        rows: list[Any] = [("from t =", self.pieces[0].t[0]), ("to t =", self.pieces[-1].t[-1])]
+        rows += [("events", len(self.events)), *zip(self.names, self.final, strict=False)]
+        return Sheet.of(rows)
+
+    def __repr__(self) -> str:
+        span = f"t = {self.pieces[0].t[0]:g} to {self.pieces[-1].t[-1]:g}"
+        return f"<Trajectory over {span}: {len(self.events)} events>"
+
+
+def integrate(
+    flows: Flow | Function | Sequence[Flow] | Itinerary,
+    x0: Any,
+    params: Mapping[str, float],
+    *,
+    periods: float | None = None,
+    period: float | Callable[[Any], float] = 2 * math.pi,
+    time: float | None = None,
+    events: int | None = None,
+    t0: float = 0.0,
+    first: int = 0,
+    tolerance: float = 1e-12,
+) -> Trajectory:
+    """Follow flows in turn, each until its condition ends it, through the resets between them.
+
+    Each step is scipy's DOP853. The conditions are looked at within the step, on as many points
+    as they need, so that one which falls and rises again in between is seen; events are located
+    to rounding. A condition that is zero where a reset landed counts from where it has risen.
+
+    Parameters
+    ----------
+    flows : Flow, callable, sequence of Flow or Filippov
+        A function is a flow without an end.
+    x0 : array_like or dict
+        State at the start, of the flow `first`; a dict gives its entries names.
+    params : dict
+    periods : float, optional
+        How many times `period` to go.
+    period : float or callable
+        A number, or ``period(params)``; 2 pi by default.
+    time : float, optional
+        How long to go, in place of `periods`. With `events`, how long at most.
+    events : int, optional
+        How many events to go.
+    t0 : float
+    first : int
+        The flow in which the start lies.
+    tolerance : float
+        Relative, of a step.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    BadInput
+        Where functions, state and parameters do not fit, or a state lies behind the condition that
+        ends its flow.
+    NotConverged
+        Where the events accumulate (a chatter), the condition of a flow is never met, or the
+        state grows without bound.
+
+    Examples
+    --------
+    >>> fall = Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[0],
+    ...             reset=lambda t, x, p: [x[0], -p["e"] * x[1]])
+    >>> run = integrate(fall, {"y": 0.5, "v": 0.0}, {"e": 0.5}, time=2.5)
+    >>> [round(event.time, 12) for event in run.events]
+    [1.0, 2.0, 2.5]
+    """
+    path = _itinerary(flows, first)
+    names = tuple(x0) if isinstance(x0, Mapping) else ()
+    state = numbers("the start", list(x0.values()) if isinstance(x0, Mapping) else x0)
+    if state.ndim != 1 or not state.size:
+        raise BadInput(f"the start has shape {state.shape}; a row of numbers was expected")
+    params = {name: float(numbers(name, value)) for name, value in dict(params).items()}
+    t0 = number("t0", t0, -1e300, 1e300, "a time")
+    end, most = _ends(t0, periods, period, time, events, params)
+    names = names or tuple(f"x{i}" for i in range(1, state.size + 1))
+    walk = _Walk(path, params, number("tolerance", tolerance, 3e-14, 1e-2, "from 3e-14 to 1e-2"))
+    return walk.run(t0, state, end, most, names)
+
+
+def _itinerary(flows: Any, first: int) -> Itinerary:
+    if hasattr(flows, "follow"):
+        path: Itinerary = flows
+        return path
+    listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
+    if not isinstance(listed, list | tuple) or not listed:
+        raise BadInput(f"flows must be a list of Flow, got {shown(flows)}")
+    made = tuple(flow if isinstance(flow, Flow) else Flow(flow) for flow in listed)
+    if whole("first", first, 0) >= len(made):
+        raise BadInput(f"first = {first}: there are {len(made)} flows, counted from 0")
+    return _InTurn(made, first)
+
+
+def _ends(
+    t0: float, periods: Any, period: Any, time: Any, events: Any, params: Mapping[str, float]
+) -> tuple[float, float]:
+    """The time and the number of events at which to end."""
+    if (periods is not None and time is not None) or periods is time is events is None:
+        raise BadInput("say how far to go: either periods= (of period=), or time=, or events=")
+    most = math.inf if events is None else whole("events", events, 1)
+    if periods is not None:
+        length = period(params) if callable(period) else period
+        length = number("period", length, 1e-300, 1e300, "a positive time")
+        return t0 + length * number("periods", periods, 1e-300, MOST, "how many"), most
+    if time is None:
+        return math.inf, most
+    return t0 + number("time", time, 1e-300, 1e300, "how long"), most
+
+
+class _Walk:
+    """The driver: pieces one after the other."""
+
+    def __init__(self, path: Itinerary, params: Params, tolerance: float) -> None:
+        self.path, self.params, self.tolerance = path, params, tolerance
+        self.left = _STEPS
+
+    def run(
+        self, t: float, x: Array, end: float, most: float, names: tuple[str, ...]
+    ) -> Trajectory:
+        pieces: list[Piece] = []
+        events: list[Crossing] = []
+        mode = self.path.begin(t, x, self.params)
+        while len(events) < most and t < end:
+            piece, guard = self.piece(mode, t, x, end)
+            pieces.append(piece)
+            t, x = float(piece.t[-1]), piece.x[:, -1]
+            if guard is None:
+                break
+            before = x
+            rate = self.rate(mode, guard, t, x)
+            mode, x = self.path.follow(mode, guard, t, x, self.params)
+            events.append(Crossing(t, piece.number, before, x, rate))
+            _refuse_chatter(pieces)
+        return Trajectory(tuple(pieces), tuple(events), x, names, self.params)
+
+    def piece(self, mode: int, t0: float, x0: Array, end: float) -> tuple[Piece, int | None]:
+        """One flow, up to the first of its guards or to the end of the run."""
+        from scipy.integrate import DOP853, OdeSolution
+
+        guards = self.path.guards(mode)
+        waited = t0 + _LONGEST if guards and math.isinf(end) else end
+        if math.isinf(waited):
+            raise BadInput("a flow without `until` ends with the run: give periods= or time=")
+        solver = DOP853(
+            _right_side(self.path.field(mode), self.params), t0, x0, waited,
+            rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
+        )  # fmt: skip
+        watched = [_Watched(guard, self.params, rough=self.left == _STEPS) for guard in guards]
+        t, x, steps, hit = [t0], [x0], [], None
+        while hit is None and solver.status == "running":
+            self.step(solver)
+            steps.append(solver.dense_output())
+            falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in watched]
+            at = min(falls, default=math.inf)
+            hit = falls.index(at) if math.isfinite(at) else None
+            t.append(solver.t if hit is None else at)
+            x.append(solver.y if hit is None else steps[-1](at))
+        if hit is None and waited < end:
+            raise NotConverged(
+                f"the condition of flow {mode} was not met within {_LONGEST:g} from t = {t0:g}, "
+                f"x = {shown(x0.tolist())}: a guard is positive inside and zero at the end"
+            )
+        number, flow = self.path.ended(mode, hit or 0)
+        dense = OdeSolution(t, steps)
+        return Piece(number, flow, np.array(t), np.stack(x, axis=-1), hit is not None, dense), hit
+
+    def step(self, solver: Any) -> None:
+        message = solver.step()
+        self.left -= 1
+        if solver.status == "failed" or not np.isfinite(solver.y).all():
+            raise NotConverged(
+                f"the solution ends at t = {solver.t:g}, x = {shown(solver.y.tolist())}: "
+                f"{message or 'it grows without bound'}"
+            )
+        if self.left < 0:
+            raise NotConverged(f"{_STEPS} steps did not do, up to t = {solver.t:g}: is it stiff?")
+
+    def rate(self, mode: int, guard: int, t: float, x: Array) -> float:
+        """How fast the guard changes along the flow where it is zero: negative, 0 at grazing."""
+        at = x[:, None]
+        _, slope = slopes(self.path.guards(mode)[guard], t, at, self.params)
+        along = values(self.path.field(mode), t, at, self.params)[:, 0]
+        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])
+
+
+def _right_side(f: Function, p: Params) -> Callable[[float, Array], Array]:
+    plain = getattr(f, "py_func", f)
+
+    def right_side(t: float, x: Array) -> Array:
+        try:
+            return np.asarray(plain(t, x, p), dtype=float)
+        except OUT_OF_DOMAIN as error:
+            told = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
+            raise Undefined(f"f raised {type(error).__name__}: {error}, {told}") from error
+
+    return right_side
+
+
+def _refuse_chatter(pieces: Sequence[Piece]) -> None:
+    """Ever shorter flights accumulate: infinitely many events in finite time."""
+    lengths = [float(piece.t[-1] - piece.t[0]) for piece in pieces[-200:]]
+    last = lengths[-_CHATTER:]
+    falling = all(b < a for a, b in pairwise(last))
+    if len(last) == _CHATTER and falling and last[-1] < _SHORT * max(lengths):
+        raise NotConverged(
+            f"the events accumulate before t = {pieces[-1].t[-1]:g} (a chatter): the last pieces "
+            f"took {', '.join(f'{length:.1g}' for length in last)}. What comes after is another "
+            "flow, a rest on the guard, which has to be given as one"
+        )
+
+
+class _Watched:
+    """A guard along one piece: positive, and zero where the piece ends."""
+
+    def __init__(self, function: Function, params: Params, *, rough: bool) -> None:
+        self.function, self.params = function, params
+        self.rough = rough  # a start may lie a little behind it, if it is on its way inside
+        self.armed = False  # it was seen to be positive
+
+    def fall(self, step: Callable[[Any], Array], a: float, b: float) -> float:
+        """The first time in a step at which the guard falls through zero, infinite without one."""
+
+        def guard(t: Array) -> Array:
+            found = values(self.function, t, step(t), self.params)[0]
+            if np.isnan(found).any():
+                at = float(t[np.isnan(found)][0])
+                raise Undefined(f"until is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
+            return found
+
+        if not self.armed:
+            size = abs(np.stack([step(a), step(b)])).max()
+            a = self._arm(guard, a, b, size)
+        return _first_fall(guard, a, b) if self.armed else math.inf
+
+    def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
+        """The time from which the guard is clearly positive: it may begin at zero, by a reset."""
+        t = np.append(a, a + (b - a) * 2.0 ** np.arange(-40, 1))  # where flights are short, too
+        g = guard(t)
+        edge = _EDGE * (size + abs(g).max())
+        clear = np.flatnonzero(abs(g) > edge)
+        inside = np.flatnonzero(g > edge)
+        if self.rough and inside.size and (np.diff(g[: inside[0] + 1]) >= 0).all():
+            clear = inside
+        if clear.size and g[clear[0]] < 0:
+            raise BadInput(
+                f"the state at t = {a:g} lies behind the condition that ends its flow, or falls "
+                f"through it at once: until = {g[0]:.3g} there, {g[clear[0]]:.3g} after "
+                f"{t[clear[0]] - a:.1g}. It must be positive inside; look at the start or the reset"
+            )
+        self.armed = bool(clear.size)
+        return float(t[clear[0]]) if clear.size else b
+
+
+def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> float:
+    """On as many points as it takes for the guard to be like a polynomial between them."""
+    s = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * _NODES - 1) / (2 * _NODES - 2))
+    t = a + (b - a) * s
+    g = guard(t)
+    between = np.polynomial.chebyshev.chebval(
+        2 * s[1::2] - 1, np.polynomial.chebyshev.chebfit(2 * s[::2] - 1, g[::2], _NODES - 1)
+    )
+    if halvings and b > a and not np.allclose(between, g[1::2], rtol=0, atol=_ALIKE * np.ptp(g)):
+        middle = 0.5 * (a + b)
+        first = _first_fall(guard, a, middle, halvings - 1)
+        return first if math.isfinite(first) else _first_fall(guard, middle, b, halvings - 1)
+    for i in range(1, t.size):
+        if g[i] <= 0 < g[i - 1]:
+            return _root(guard, t[i - 1], t[i])
+        low = g[i - 1] > g[i] < g[min(i + 1, t.size - 1)]
+        if low and g[i] < _SHALLOW * (min(g[i - 1], g[i + 1]) - g[i]):
+            dip = _minimum(guard, t[i - 1], t[i + 1])
+            if guard(np.array([dip]))[0] <= 0:
+                return _root(guard, t[i - 1], dip)
+    return math.inf
+
+
+def _root(guard: Guard, a: float, b: float) -> float:
+    from scipy.optimize import brentq
+
+    spacing = np.spacing(max(abs(a), abs(b)))  # no time lies in between
+    return float(a + brentq(lambda s: guard(np.array([a + s]))[0], 0.0, b - a, xtol=spacing))
+
+
+def _minimum(guard: Guard, a: float, b: float) -> float:
+    from scipy.optimize import minimize_scalar
+
+    found = minimize_scalar(
+        lambda s: float(guard(np.array([a + s]))[0]),
+        bounds=(0.0, b - a),
+        method="bounded",
+        options={"xatol": 1e-9 * (b - a)},
+    )
+    return float(a + found.x)

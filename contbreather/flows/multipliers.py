@@ -1,0 +1,102 @@
+"""Multipliers of a cycle from the derivatives of its pieces, without a product that overflows.
+
+A product of many matrices loses what is small beside what is large, 1e-20 beside 1. So factors
+are multiplied only as long as none of them loses anything, and where several are left the product
+is made triangular, factor by factor, by orthogonal iteration around the cycle.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..continuation.newton import Array, Undefined
+
+_KEPT = 1e6  # condition of a product that still has ten digits of its smallest singular value
+_PARTED = 1e-3  # ratio of diagonal entries between which eigenvalues are told apart
+_ROUNDS = 40  # around the cycle; the directions of multipliers so far apart settle in six
+_SETTLED = 1e-13
+
+
+def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
+    """Eigenvalues of the product ``factors[-1] @ ... @ factors[0]``, the largest first."""
+    if not factors[0].size:
+        return np.empty(0, dtype=complex)
+    few = _merged(factors)
+    found = np.linalg.eigvals(few[0]) if len(few) == 1 else _separated(few)
+    return np.asarray(found[np.argsort(-abs(found), kind="stable")], dtype=complex)
+
+
+def without_direction(
+    factors: Sequence[Array], directions: Sequence[Array]
+) -> tuple[list[Array], float]:
+    """The factors between the complements of directions that they map into each other, and the
+    multiplier of these: of an autonomous flow its velocity, and 1.
+
+    ``directions[j]`` is where ``factors[j]`` begins; the last one ends in the first.
+    """
+    mirrors = [_mirror(way) for way in directions]
+    own, rest = 1.0, []
+    for factor, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
+        turned = after @ factor @ before
+        own *= turned[0, 0]
+        rest.append(turned[1:, 1:])
+    return rest, own
+
+
+def _mirror(way: Array) -> Array:
+    """The reflection between a direction and the first axis."""
+    size = float(np.linalg.norm(way))
+    if not size > 0:
+        raise Undefined("the vector field vanishes on the orbit: an equilibrium is on it")
+    v = way / size
+    v[0] += np.copysign(1.0, v[0])
+    return np.eye(v.size) - np.outer(v, v) * (2 / (v @ v))
+
+
+def _merged(factors: Sequence[Array]) -> list[Array]:
+    """Fewer factors with the same product, each of them well conditioned."""
+    few = [factors[0]]
+    for factor in factors[1:]:
+        product = factor @ few[-1]
+        sizes = np.linalg.svd(product, compute_uv=False)
+        # factors between spaces of different dimension must be multiplied
+        square = product.shape[0] == product.shape[1] and few[-1].shape[0] == factor.shape[0]
+        if square and not sizes[0] < _KEPT * sizes[-1]:
+            few.append(factor)
+        else:
+            few[-1] = product
+    if len(few) > 1 and few[0].shape[1] != few[0].shape[0]:
+        few = [few[0] @ few[-1], *few[1:-1]]
+    return few
+
+
+def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
+    """By the triangular factors R of ``A_j Q_j = Q_{j+1} R_j``: their product is similar to that of
+    the A once Q has come around to itself, but for blocks of multipliers of about one size."""
+    n = len(factors[0])
+    basis, sizes, blocks = np.eye(n), np.zeros(n), [slice(0, n)]
+    for _ in range(_ROUNDS):
+        before, rounds = basis, []
+        for factor in factors:
+            basis, triangle = np.linalg.qr(factor @ basis)
+            rounds.append(triangle)
+        sizes = sum(np.log(np.maximum(abs(np.diag(r)), 1e-300)) for r in rounds)
+        turned = before.T @ basis
+        cuts = [i for i in range(1, n) if sizes[i] - sizes[i - 1] < np.log(_PARTED)]
+        blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
+        if all(abs(turned[b:, :b]).max() < _SETTLED for b in cuts):
+            break
+    found = []
+    for block in blocks:
+        product, scale = turned[block, block], 0.0
+        for triangle in rounds[::-1]:
+            product = product @ triangle[block, block]
+            size = abs(product).max() or 1.0
+            product, scale = product / size, scale + np.log(size)
+        with np.errstate(over="ignore"):
+            found.append(np.linalg.eigvals(product) * np.exp(scale))
+    return np.concatenate(found)

@@ -1,0 +1,245 @@
+"""A periodic orbit of flows as a value, and as a problem to trace."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..continuation.curve import Curve
+from ..continuation.newton import Array
+from ..continuation.point import Event, Point, UnstableDimension
+from ..continuation.problem import Problem
+from ..continuation.sparse import Matrix
+from ..continuation.switching import Lift
+from ..display import Shown
+from ..errors import BadInput
+from ..tables import Sheet
+from .collocation import Flight
+from .equations import Equations
+from .flow import Params
+
+_ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
+_PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
+COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle(Shown):
+    """A periodic orbit: where it is at any time, its period and its multipliers.
+
+    What ``point.solution`` is on the branches of `contbreather.cycle`.
+
+    Attributes
+    ----------
+    period : float
+        The sum of the durations of its flows. Of a symmetric orbit that is written as half of
+        itself with a mirror as `reset`, that half.
+    multipliers : ndarray
+        Of small perturbations over the period, the largest first; the trivial one of an
+        autonomous orbit is among them.
+    trivial : float
+        That one, 1 but for what the mesh does not resolve; NaN for forced orbits.
+    unstable : int
+        How many multipliers are outside of the unit circle.
+    times : ndarray
+        When its flows begin, and when the last one ends.
+    max, min : dict
+        The largest and the smallest value of each state.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> ring = cb.cycle(lambda t, x, p: [x[0] - x[1] - x[0] * (x[0]**2 + x[1]**2),
+    ...                                  x[0] + x[1] - x[1] * (x[0]**2 + x[1]**2)],
+    ...                 start={"x": 1.0, "y": 0.1}, params={"mu": 1.0}, settle=20)
+    >>> orbit = cb.flows.cycle_of(ring)
+    >>> round(orbit.period / (2 * np.pi), 10), round(float(orbit.multipliers[1].real) * 1e6, 3)
+    (1.0, 3.487)
+    """
+
+    equations: Equations
+    x: Array
+    params: Mapping[str, float]
+
+    @cached_property
+    def flights(self) -> tuple[Flight, ...]:
+        return self.equations.flights(self.x, self.params)
+
+    @property
+    def durations(self) -> Array:
+        """How long each flow takes."""
+        return np.array([flight.duration for flight in self.flights])
+
+    @property
+    def period(self) -> float:
+        return float(self.durations.sum())
+
+    @property
+    def times(self) -> Array:
+        return self.flights[0].start + np.append(0.0, np.cumsum(self.durations))
+
+    def states(self, t: Any) -> Array:
+        """The states at a time or at times, shape (n,) or (n, len(t)); just after a reset at the
+        time of one. Times are taken modulo the period."""
+        t = np.asarray(t, dtype=float)
+        times = self.times
+        inside = times[0] + np.mod(np.atleast_1d(t) - times[0], self.period)
+        number = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(self.flights) - 1)
+        if len({len(flight.states) for flight in self.flights}) > 1:
+            raise BadInput("the flows have different states: look at them one by one in `flights`")
+        found = np.empty((len(self.flights[0].states), inside.size))
+        for i, flight in enumerate(self.flights):
+            mine = number == i
+            found[:, mine] = flight.at((inside[mine] - times[i]) / flight.duration)
+        return found[:, 0] if t.ndim == 0 else found
+
+    @cached_property
+    def max(self) -> dict[str, float]:
+        return self._extreme(1.0)
+
+    @cached_property
+    def min(self) -> dict[str, float]:
+        return self._extreme(-1.0)
+
+    def _extreme(self, sign: float) -> dict[str, float]:
+        return {
+            name: sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
+            for i, name in enumerate(self.equations.states)
+        }
+
+    @cached_property
+    def _spectrum(self) -> tuple[NDArray[np.complex128], float]:
+        return self.equations.multipliers(self.x, self.params)
+
+    @property
+    def others(self) -> NDArray[np.complex128]:
+        """All multipliers but the trivial one."""
+        return self._spectrum[0]
+
+    @property
+    def trivial(self) -> float:
+        return self._spectrum[1]
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        trivial = [] if math.isnan(self.trivial) else [self.trivial]
+        found = np.concatenate([self.others, trivial])
+        return found[np.argsort(-abs(found), kind="stable")]
+
+    @property
+    def unstable(self) -> int:
+        return int((abs(self.others) > 1 + _ON_CIRCLE).sum())
+
+    @property
+    def coarse(self) -> str:
+        """What the mesh does not resolve, empty if it resolves the orbit."""
+        off = abs(self.trivial - 1)
+        if not off > COARSE:
+            return ""
+        i = int(np.argmax([flight.unresolved()[0] for flight in self.flights]))
+        where = self.times[i] + self.flights[i].unresolved()[1] * self.flights[i].duration
+        return (
+            f"the trivial multiplier is {off:.1g} off 1, the mesh is too coarse near t = "
+            f"{where:.4g}: collocation=Collocation(intervals=...)"
+        )
+
+    def table(self) -> Sheet:
+        """Its numbers, as text for people."""
+        rows: list[tuple[str, Any]] = [("period", self.period)]
+        rows += [(name, float(value)) for name, value in self.params.items()]
+        rows += [
+            (f"{what}({n})", v) for what in ("min", "max") for n, v in getattr(self, what).items()
+        ]
+        rows += [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), 1)]
+        return Sheet.of(rows)
+
+    def __repr__(self) -> str:
+        return f"<Cycle of period {self.period:.10g}, {self.unstable} unstable>"
+
+
+def _top(flight: Flight, i: int, sign: float) -> float:
+    """The largest value of a state on a flight: where its slope vanishes beside the largest of
+    many, at the other end of a closed one, too."""
+    times, states = flight.sampled(_PER)
+    last, j = times.size - 1, int((sign * states[i]).argmax())
+    tops = []
+    for k in {j, last} if j == 0 else {j}:
+        low, high = times[max(k - 1, 0)], times[min(k + 1, last)]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            rising = sign * flight.rates(np.array([middle]))[i, 0] > 0
+            low, high = (middle, high) if rising else (low, middle)
+        tops.append(float(sign * flight.at(np.array([low]))[i, 0]))
+    return max(tops)
+
+
+def cycle_of(problem: Problem) -> Cycle:
+    """The orbit at which a problem of a cycle starts."""
+    curve = Curve(problem, ())
+    return orbit_of(Point(curve, curve.start))
+
+
+def orbit_of(point: Point) -> Cycle:
+    return Cycle(equations_of(point), np.array(point.x), point.params)
+
+
+def equations_of(point: Point) -> Equations:
+    found: Equations = point.curve.problem.residual
+    return found
+
+
+def _trivial(point: Point) -> float:
+    return abs(float(point.solution.trivial) - 1)
+
+
+def _extreme(what: str, name: str, point: Point) -> float:
+    found: float = getattr(point.solution, what)[name]
+    return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CycleProblem(Problem):
+    """A cycle of flows."""
+
+    residual: Equations
+
+    def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
+        return self.residual.derivatives(x, params, names)
+
+    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        return _doubled if kind == "PD" else None
+
+
+def _doubled(point: Point) -> Lift:
+    """The cycle of twice the period. Both its phases set out in opposite directions: one arm."""
+    problem = point.curve.problem
+    twice = equations_of(point).doubled(np.array(point.x), point.params)
+    arm = problem_of(twice, point.params, problem.events, problem.label)
+    return Lift(arm, point.curve.free[0], both=False)
+
+
+def problem_of(
+    equations: Equations, params: Params, events: Sequence[Event], label: str
+) -> CycleProblem:
+    """The problem of a cycle that starts at the orbit which its equations began with."""
+    start = equations.unknowns(equations.start)
+    size = float(np.sqrt(np.mean(np.square(start["orbit"])))) or 1.0
+    times = "durations" if "durations" in start else "period"
+    record: dict[str, Any] = {} if times == "period" else {"period": attrgetter("solution.period")}
+    record["unstable"] = UnstableDimension(attrgetter("solution.unstable"))
+    if equations.autonomous:
+        record["trivial"] = _trivial
+    for name in equations.states:
+        record |= {f"{what}({name})": partial(_extreme, what, name) for what in ("max", "min")}
+    whole = sum(flight.duration for flight in equations.start)
+    return CycleProblem(
+        equations, start, dict(params), events=tuple(events), record=record, interpret=orbit_of,
+        scales={"orbit": size, times: max(1.0, whole)}, label=label,
+    )  # fmt: skip

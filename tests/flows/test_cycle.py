@@ -1,0 +1,348 @@
+"""Cycles of flows: closed forms, published values, and an independent integration."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.flows import Collocation, Cycle, cycle_of
+
+TAU = 2 * math.pi
+
+
+def force(p):
+    return TAU / p["w"]
+
+
+def roessler(t, x, p):
+    return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
+
+
+def lorenz(t, x, p):
+    return [
+        p["s"] * (x[1] - x[0]),
+        x[0] * (p["r"] - x[2]) - x[1],
+        x[0] * x[1] - p["b"] * x[2],
+    ]
+
+
+def van_der_pol(t, x, p):
+    return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
+
+
+def stuart_landau(t, x, p):
+    """Radius sqrt(mu), frequency 1 + mu q: known at all times."""
+    square = x[0] ** 2 + x[1] ** 2
+    turn = 1 + p["q"] * square
+    return [(p["mu"] - square) * x[0] - turn * x[1], (p["mu"] - square) * x[1] + turn * x[0]]
+
+
+def langford(t, x, p):
+    """On r' = (lam - b) r + r z, z' = lam z - r^2 - z^2, and a turn: cycles r^2 = z (lam - z)."""
+    lam, b, turn = p["lam"], 3.0, p.get("turn", 10.0)
+    return [
+        (lam - b) * x[0] - x[1] * turn + x[0] * x[2],
+        turn * x[0] + (lam - b) * x[1] + x[1] * x[2],
+        lam * x[2] - (x[0] ** 2 + x[1] ** 2 + x[2] ** 2),
+    ]
+
+
+def variational(f, orbit: Cycle, names: int) -> np.ndarray:
+    """Multipliers by DOP853 and differences of the vector field: another road."""
+    n = names
+
+    def both(t, y):
+        x, m = y[:n], y[n:].reshape(n, n)
+        jacobian = np.empty((n, n))
+        for j in range(n):
+            shifted = x.astype(complex)
+            shifted[j] += 1e-30j
+            jacobian[:, j] = np.imag(f(t, shifted, orbit.params)) / 1e-30
+        return np.concatenate([f(t, x, orbit.params), (jacobian @ m).ravel()])
+
+    start = np.concatenate([orbit.states(orbit.times[0]), np.eye(n).ravel()])
+    span = (orbit.times[0], orbit.times[-1])
+    end = solve_ivp(both, span, start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    values = np.linalg.eigvals(end[n:].reshape(n, n))
+    return values[np.argsort(-abs(values))]
+
+
+# --- smooth, autonomous -------------------------------------------------------------------------
+
+
+def test_a_cycle_known_in_closed_form_has_its_period_and_its_multiplier() -> None:
+    ring = cb.cycle(stuart_landau, {"x": 0.9, "y": 0.0}, {"mu": 0.64, "q": 0.5}, settle=30)
+    orbit = cycle_of(ring)
+    period = TAU / (1 + 0.5 * 0.64)
+    assert orbit.period == pytest.approx(period, rel=1e-12)
+    assert orbit.others[0] == pytest.approx(math.exp(-2 * 0.64 * period), rel=1e-9)
+    assert orbit.trivial == pytest.approx(1, abs=1e-10)
+    assert orbit.max["x"] == pytest.approx(0.8, abs=1e-9)
+    assert orbit.min["y"] == pytest.approx(-0.8, abs=1e-9)
+
+
+def test_multipliers_are_those_of_an_independent_integration() -> None:
+    for f, start, params, settle in (
+        (roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.5}, 300),
+        (van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, 60),
+    ):
+        orbit = cycle_of(cb.cycle(f, start, params, settle=settle))
+        wanted = variational(f, orbit, len(start))
+        assert orbit.multipliers == pytest.approx(wanted, abs=1e-7 * abs(wanted[0]))
+
+
+def test_a_strongly_stable_multiplier_keeps_its_digits() -> None:
+    """Liouville: the product of all multipliers is the exponential of the mean divergence."""
+    branch = cb.trace(
+        cb.cycle(roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 3.0},
+                 settle=300, collocation=Collocation(intervals=40)),
+        "c", within={"c": (3, 5)}, towards="up", events=(),
+    )  # fmt: skip
+    orbit = branch[-1].solution
+    t = np.linspace(*orbit.times, 20001)
+    divergence = orbit.params["a"] + orbit.states(t)[0] - orbit.params["c"]
+    total = np.trapezoid(divergence, t)
+    product = math.log(abs(orbit.others[0])) + math.log(abs(orbit.others[1]))
+    assert product == pytest.approx(total, abs=1e-4)
+    assert abs(orbit.others[1]) < 1e-12
+
+
+def test_states_are_known_at_all_times() -> None:
+    orbit = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+    t = np.linspace(0, orbit.period, 7)
+    run = solve_ivp(
+        lambda t, x: van_der_pol(t, x, {"mu": 1.0}), (0, orbit.period), orbit.states(0.0),
+        method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True,
+    )  # fmt: skip
+    assert orbit.states(t) == pytest.approx(run.sol(t), abs=1e-6)
+    assert orbit.states(3 * orbit.period) == pytest.approx(orbit.states(0.0), abs=1e-9)
+
+
+def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
+    start = {"x": 2.0, "y": 0.0, "z": 0.1}
+    ring = cb.cycle(roessler, start, {"a": 0.2, "b": 0.2, "c": 2.3}, settle=400)
+    window = {"c": (2, 4.2)}
+    single = cb.trace(ring, "c", within=window, towards="up")
+    assert [point.kind for point in single.special] == ["EP", "PD", "EP"]
+    first = single.first("PD")
+    assert abs(first.solution.multipliers + 1).min() < 1e-8
+    (double,) = cb.switch(first, within=window)
+    second = double.first("PD")
+    assert second["period"] == pytest.approx(2 * first["period"], rel=5e-3)
+    again = variational(roessler, second.solution, 3)
+    assert abs(again + 1).min() < 1e-5
+    (four,) = cb.switch(second, within=window)
+    assert four.first("PD")["c"] > second["c"]
+
+
+def test_a_curve_of_period_doublings_stays_one() -> None:
+    start = {"x": 2.0, "y": 0.0, "z": 0.1}
+    ring = cb.cycle(roessler, start, {"a": 0.2, "b": 0.2, "c": 2.5}, settle=400)
+    point = cb.trace(ring, "c", within={"c": (2, 3.5)}, towards="up").first("PD")
+    line = cb.boundary(point, ("c", "a"), within={"c": (2.5, 3.5)}, events=())
+    assert len(line) > 5
+    for place in (line[0], line[-1]):
+        assert abs(place.ground.solution.multipliers + 1).min() < 1e-7
+
+
+def test_langford_s_torus_is_born_where_the_multipliers_say() -> None:
+    """The cycle z = b - lam; its multipliers lie on the circle where lam = 2 (b - z) - ...: the
+    trace 2 lam - b - lam of the planar equilibrium vanishes at lam = 2."""
+    start = {"x": 0.9, "y": 0.0, "z": 1.3}
+    ring = cb.cycle(langford, start, {"lam": 1.75}, settle=60)
+    branch = cb.trace(ring, "lam", within={"lam": (1.6, 2.2)}, towards="up")
+    point = branch.first("NS")
+    assert point["lam"] == pytest.approx(2.0, abs=1e-9)
+    # the planar equilibrium has eigenvalues +-i omega there, the turn takes 2 pi / 10
+    radius2 = point.solution.states(0.0)[0] ** 2 + point.solution.states(0.0)[1] ** 2
+    angle = math.sqrt(2 * radius2) * TAU / 10
+    assert point.detail["angle"] == pytest.approx(angle, rel=1e-6)
+
+
+def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
+    """The curve is lam = 2, its angle sqrt(2) 2 pi / turn: Rk at turn = k sqrt(2)."""
+    start = {"x": 0.9, "y": 0.0, "z": 1.3}
+    ring = cb.cycle(langford, start, {"lam": 1.75, "turn": 7.0}, settle=60)
+    point = cb.trace(ring, "lam", within={"lam": (1.6, 2.2)}, towards="up").first("NS")
+    line = cb.boundary(point, ("turn", "lam"), within={"turn": (2, 7), "lam": (1, 3)})
+    assert line["lam"] == pytest.approx(2.0, abs=1e-9)
+    found = {place.kind: place["turn"] for place in line.special}
+    for k in (2, 3, 4):
+        assert found[f"R{k}"] == pytest.approx(k * math.sqrt(2), abs=1e-8)
+
+
+# --- from an equilibrium --------------------------------------------------------------------------
+
+
+def test_lorenz_cycles_are_born_unstable_and_run_into_the_homoclinic_orbit() -> None:
+    rest = cb.equilibrium(
+        lorenz, {"x": 8.0, "y": 8.0, "z": 27.0}, {"r": 28.0, "s": 10.0, "b": 8 / 3}
+    )
+    branch = cb.trace(rest, "r", within={"r": (20, 30)})
+    point = branch.first("HB")
+    assert point["r"] == pytest.approx(10 * (10 + 8 / 3 + 3) / (10 - 8 / 3 - 1), rel=1e-10)
+    (cycles,) = cb.switch(point, within={"r": (1, 30), "period": (0, 5)})
+    assert cycles.stop.name == "BOUND"
+    assert cycles[-1]["r"] == pytest.approx(13.926557, abs=1e-3)
+    assert set(cycles["unstable"][1:]) == {1}
+
+
+# --- forced ---------------------------------------------------------------------------------------
+
+
+def test_a_linear_oscillator_responds_as_the_textbook_says() -> None:
+    def f(t, x, p):
+        return [x[1], -2 * p["d"] * x[1] - x[0] + np.cos(p["w"] * t)]
+
+    params = {"d": 0.1, "w": 0.7}
+    forced = cb.cycle(f, {"x": 0.0, "v": 0.0}, params, period=force, settle=100)
+    branch = cb.trace(forced, "w", within={"w": (0.5, 1.5)})
+    w = branch["w"]
+    amplitude = 1 / np.sqrt((1 - w**2) ** 2 + (0.2 * w) ** 2)
+    assert branch["max(x)"] == pytest.approx(amplitude, rel=1e-7)
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    orbit = branch[-1].solution
+    wanted = np.exp(np.roots([1, 0.2, 1]) * orbit.period)
+    assert sorted(orbit.multipliers.imag) == pytest.approx(sorted(wanted.imag), abs=1e-9)
+
+
+def test_duffing_folds_twice_over_its_resonance() -> None:
+    def f(t, x, p):
+        return [x[1], -0.2 * x[1] - x[0] - x[0] ** 3 + 0.5 * np.cos(p["w"] * t)]
+
+    forced = cb.cycle(f, {"x": 0.0, "v": 0.0}, {"w": 0.5}, period=force, settle=200)
+    branch = cb.trace(forced, "w", within={"w": (0.5, 3)}, towards="up")
+    folds = [point for point in branch.special if point.kind == "LP"]
+    assert len(folds) == 2
+    for fold in folds:
+        assert abs(variational(f, fold.solution, 2) - 1).min() < 1e-6
+
+
+# --- hybrid ----------------------------------------------------------------------------------
+
+
+def bouncing(**keep):
+    """A ball on a table that moves as A sin t, in closed form: impacts once a period where
+    A cos(t) = pi (1 - e) / (1 + e)."""
+    return cb.Flow(
+        lambda t, x, p: [x[1], -1.0],
+        until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
+        reset=lambda t, x, p: [x[0], -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)],
+        **keep,
+    )
+
+
+@pytest.fixture(scope="module")
+def ball() -> cb.Problem:
+    return cb.cycle(
+        [bouncing()], start={"y": 0.46, "v": 3.1}, params={"A": 0.6, "e": 0.8}, period=TAU, t0=0.9,
+        settle=40,
+    )  # fmt: skip
+
+
+def test_a_bouncing_ball_folds_and_doubles_where_the_closed_form_says(ball: cb.Problem) -> None:
+    branch = cb.trace(ball, "A", within={"A": (0.2, 1.5)})
+    assert [point.kind for point in branch.special] == ["EP", "LP", "PD", "EP"]
+    gamma = math.pi * 0.2 / 1.8
+    assert branch.first("LP")["A"] == pytest.approx(gamma, abs=1e-10)
+    # (1 + e)^2 A sin t = 2 (1 + e^2) where a multiplier is -1
+    flip = math.hypot(gamma, 2 * (1 + 0.64) / 1.8**2)
+    assert branch.first("PD")["A"] == pytest.approx(flip, abs=1e-10)
+    assert np.prod(branch.first("PD").solution.multipliers).real == pytest.approx(0.64, abs=1e-10)
+
+
+def test_the_fold_of_the_bouncing_ball_is_followed_in_two_parameters(ball: cb.Problem) -> None:
+    branch = cb.trace(ball, "A", within={"A": (0.2, 1.5)})
+    for kind, wanted in (
+        ("LP", lambda e: math.pi * (1 - e) / (1 + e)),
+        ("PD", lambda e: np.hypot(math.pi * (1 - e) / (1 + e), 2 * (1 + e**2) / (1 + e) ** 2)),
+    ):
+        line = cb.boundary(branch.first(kind), ("e", "A"), within={"e": (0.5, 0.9)}, events=())
+        assert line["A"] == pytest.approx(wanted(line["e"]), abs=1e-9)
+
+
+def test_doubled_bounces_set_out_at_the_doubling(ball: cb.Problem) -> None:
+    branch = cb.trace(ball, "A", within={"A": (0.6, 1.5)}, towards="up")
+    (arm,) = cb.switch(branch.first("PD"), within={"A": (0.6, 1.5)})
+    assert arm[-1].solution.equations.turns == 2
+    assert len(arm[-1].solution.flights) == 2
+    run = cb.integrate(
+        [bouncing()], arm[3].solution.states(arm[3].solution.times[0]), arm[3].params,
+        events=2, t0=arm[3].solution.times[0],
+    )  # fmt: skip
+    assert run.events[-1].time == pytest.approx(arm[3].solution.times[-1], abs=1e-8)
+
+
+def test_half_of_a_symmetric_orbit_is_closed_by_a_mirror() -> None:
+    mirror = cb.Flow(van_der_pol, reset=lambda t, x, p: [-x[0], -x[1]])
+    half = cycle_of(cb.cycle(mirror, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+    whole = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+    assert 2 * half.period == pytest.approx(whole.period, rel=1e-9)
+    assert half.others[0].real ** 2 == pytest.approx(whole.others[0].real, rel=1e-6)
+
+
+def test_a_wall_that_is_touched_in_between_ends_the_branch() -> None:
+    """The response of the linear oscillator grows with its forcing until it touches x = 2."""
+    free = cb.Flow(
+        lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + p["F"] * np.cos(0.7 * t)],
+        walls=(lambda t, x, p: 2 - x[0],),
+    )
+    forced = cb.cycle(free, {"x": 0.0, "v": 0.0}, {"F": 0.5}, period=TAU / 0.7, settle=200)
+    branch = cb.trace(forced, "F", within={"F": (0.1, 5)}, towards="up")
+    assert branch[-1].kind == "GR"
+    assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
+
+
+def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parameters() -> None:
+    flow = cb.Flow(
+        lambda t, x, p: [x[1], p["F"] * np.cos(1.5 * t) - x[0] - 0.1 * x[1]],
+        until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [x[0], -0.7 * x[1]],
+        walls=(lambda t, x, p: x[0] + p["b"],),
+    )
+    start = {"x": 0.9, "v": -1.0}
+    forced = cb.cycle(flow, start, {"F": 1.0, "b": 5.0}, period=TAU / 1.5, settle=200)
+    point = cb.trace(forced, "b", within={"b": (0.5, 6)}, towards="down").first("GR")
+    assert point["b"] == pytest.approx(-point.solution.min["x"], abs=1e-12)
+    line = cb.boundary(point, ("F", "b"), within={"F": (0.9, 1.1)}, events=())
+    for place in (line[0], line[-1]):
+        assert place["b"] == pytest.approx(-place.ground.solution.min["x"], abs=1e-10)
+
+
+def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
+    tmp_path: Path, ball: cb.Problem
+) -> None:
+    branch = cb.trace(ball, "A", within={"A": (0.5, 0.7)})
+    cb.save(tmp_path / "ball.nc", branch)
+    again = cb.load(tmp_path / "ball.nc")
+    assert again["phase"] == pytest.approx(branch["phase"], abs=0)
+    assert again["max(v)"] == pytest.approx(branch["max(v)"], abs=0)
+    orbit = pickle.loads(pickle.dumps(branch[0].solution.flights))
+    assert orbit[0].duration == pytest.approx(TAU)
+
+
+# --- refusals --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "f", "start", "params", "how"),
+    [
+        ("equilibrium", van_der_pol, {"x": 0.1, "v": 0.0}, {"mu": -1.0}, {"settle": 200}),
+        ("returns shape", lambda t, x, p: [x[0]], {"x": 1.0, "y": 0.0}, {}, {}),
+        ("asks for the parameter", van_der_pol, {"x": 1.0, "y": 0.0}, {}, {"settle": 1}),
+        ("rename", van_der_pol, {"orbit": 1.0, "y": 0.0}, {"mu": 1.0}, {}),
+        ("twice", van_der_pol, {"mu": 1.0, "y": 0.0}, {"mu": 1.0}, {}),
+        ("does not return|no periodic orbit", lorenz, {"x": 1.0, "y": 1.0, "z": 20.0},
+         {"r": 28.0, "s": 10.0, "b": 8 / 3}, {"settle": 20}),
+        ("positive time", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0}, {"period": -1.0}),
+    ],
+)  # fmt: skip
+def test_what_is_no_cycle_is_refused_with_a_sentence(words, f, start, params, how) -> None:
+    with pytest.raises((cb.BadInput, cb.NotConverged), match=words):
+        cb.cycle(f, start, params, **how)

@@ -1,0 +1,173 @@
+"""Sliding beside closed forms: dry friction on a belt, relays, and where nothing slides."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import contbreather as cb
+
+BELT = {"F": 1.0, "V": 1.0, "d": 0.1}
+
+
+def friction(sign: int) -> Any:
+    """``x'' + x = -F sign(x' - V) + d (x' - V)``: friction that weakens with the slip velocity."""
+
+    def f(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -x[0] - sign * p["F"] + p["d"] * (x[1] - p["V"])]
+
+    return f
+
+
+STICK_SLIP = cb.Filippov(friction(1), friction(-1), lambda t, x, p: x[1] - p["V"])
+
+
+def slip() -> tuple[float, float]:
+    """How long the mass slips from x = F, x' = V, and where it sticks again.
+
+    With z = x - F + d V: z'' - d z' + z = 0, z(0) = d V, z'(0) = V.
+    """
+    d, V = BELT["d"], BELT["V"]
+    w = math.sqrt(1 - d * d / 4)
+    b = (V - d * d * V / 2) / w
+
+    def z(t: float) -> float:
+        return math.exp(d * t / 2) * (d * V * math.cos(w * t) + b * math.sin(w * t))
+
+    def speed(t: float) -> float:
+        turning = (b * w * math.cos(w * t) - d * V * w * math.sin(w * t)) * math.exp(d * t / 2)
+        return d / 2 * z(t) + turning
+
+    t = brentq(lambda t: speed(t) - V, 4.0, 6.2, xtol=1e-15)
+    return t, z(t) + BELT["F"] - d * V
+
+
+def test_a_mass_on_a_belt_sticks_and_slips_as_long_as_the_closed_form_says() -> None:
+    run = cb.integrate(STICK_SLIP, {"x": 0.0, "v": 0.0}, BELT, time=60)
+    stick, slide = run.pieces[-3:-1] if run.pieces[-3].number > 1 else run.pieces[-4:-2]
+    assert (stick.flow, slide.flow) == (STICK_SLIP.to_minus, STICK_SLIP.minus)
+    slipping, landed = slip()
+    assert slide.t[-1] - slide.t[0] == pytest.approx(slipping, abs=1e-10)
+    assert slide.x[0, -1] == pytest.approx(landed, abs=1e-10)
+    # stuck, it goes with the belt from there to where the spring pulls with F
+    assert stick.t[-1] - stick.t[0] == pytest.approx(BELT["F"] - landed, abs=1e-10)
+    np.testing.assert_allclose(stick.x[1], BELT["V"], atol=1e-13)
+
+
+def test_the_relay_of_a_second_order_lag_spirals_in_as_the_closed_form_says() -> None:
+    """x' = -x + y, y' = -y - sign(x): no sliding, ever shorter pieces.
+
+    From x = 0, y = y0 > 0: y = -1 + (y0 + 1) e^-t and x = -1 + (1 + (y0 + 1) t) e^-t, so that the
+    piece lasts as long as 1 + (y0 + 1) T = e^T says.
+    """
+    relay = cb.Filippov(
+        lambda t, x, p: [-x[0] + x[1], -x[1] - 1],
+        lambda t, x, p: [-x[0] + x[1], -x[1] + 1],
+        lambda t, x, p: x[0],
+    )
+    run = cb.integrate(relay, [1.0, 0.0], {}, events=12)
+    assert {piece.number for piece in run.pieces} == {0, 1}
+    lengths = [float(piece.t[-1] - piece.t[0]) for piece in run.pieces[1:]]
+    assert sorted(lengths, reverse=True) == lengths
+    for piece, following in zip(run.pieces[1:], run.pieces[2:], strict=False):
+        y, length = abs(piece.x[1, 0]), float(piece.t[-1] - piece.t[0])
+        assert 1 + (y + 1) * length == pytest.approx(math.exp(length), abs=1e-10)
+        assert abs(following.x[1, 0]) == pytest.approx(1 - (y + 1) * math.exp(-length), abs=1e-10)
+
+
+def test_a_relay_with_three_lags_oscillates_with_the_period_of_the_closed_form() -> None:
+    """x' = y - x, y' = z - y, z' = -z - K sign(x), that is v' = A v + b for x > 0.
+
+    Half a period T mirrors the state: v(T) = E v + (E - 1) A^-1 b = -v with E = exp(A T), so that
+    v = -(1 + E)^-1 (E - 1) A^-1 b; its first entry is zero.
+    """
+    A = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
+    b = np.array([0.0, 0, -2.0])
+
+    def start(T: float) -> Any:
+        e = math.exp(-T) * np.array([[1, T, T * T / 2], [0, 1, T], [0, 0, 1]])
+        return -np.linalg.solve(np.eye(3) + e, (e - np.eye(3)) @ np.linalg.solve(A, b))
+
+    half = brentq(lambda T: start(T)[0], 1.0, 4.0, xtol=1e-15)
+    relay = cb.Filippov(
+        lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] - p["K"]],
+        lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] + p["K"]],
+        lambda t, x, p: x[0],
+    )
+    run = cb.integrate(relay, [0.1, 1.0, 0.5], {"K": 2.0}, time=120)
+    assert {piece.number for piece in run.pieces} == {0, 1}
+    piece = run.pieces[-2]
+    assert piece.t[-1] - piece.t[0] == pytest.approx(half, abs=1e-9)
+    np.testing.assert_allclose(abs(piece.x[:, 0]), abs(start(half)), atol=1e-9)
+
+
+def test_sliding_down_a_line_is_an_exponential() -> None:
+    """x'' = -sign(x + k x'): once on the line x + k x' = 0, x' = -x / k."""
+    relay = cb.Filippov(
+        lambda t, x, p: [x[1], -1.0], lambda t, x, p: [x[1], 1.0], lambda t, x, p: x[0] + x[1] / 2
+    )
+    run = cb.integrate(relay, [0.2, 0.0], {}, time=6)
+    arrival, stick = run.events[-1], run.pieces[-1]
+    assert stick.flow is relay.to_plus
+    t = np.linspace(arrival.time, 6, 20)
+    x = arrival.after[0] * np.exp(-2 * (t - arrival.time))
+    np.testing.assert_allclose(run(t), [x, -2 * x], atol=1e-12)
+
+
+def test_a_curved_moving_surface_is_followed() -> None:
+    """Both fields push at the circle of radius r(t) = 2 + sin(t)/2, and one turns around it."""
+
+    def pushing(sign: int) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            return [-x[1] - 3 * sign * x[0], x[0] - 3 * sign * x[1]]
+
+        return f
+
+    def h(t: Any, x: Any, p: Any) -> Any:
+        return x[0] ** 2 + x[1] ** 2 - (2 + np.sin(t) / 2) ** 2
+
+    run = cb.integrate(cb.Filippov(pushing(1), pushing(-1), h), [3.0, 0.0], {}, time=10)
+    t = np.linspace(run.events[0].time, 10, 40)
+    np.testing.assert_allclose(np.hypot(*run(t)), 2 + np.sin(t) / 2, atol=1e-9)
+    angle = np.unwrap(np.arctan2(*run(t)[::-1]))
+    np.testing.assert_allclose(angle - angle[0], t - t[0], atol=1e-9)
+
+
+def test_nothing_slides_where_the_motion_passes_through() -> None:
+    """A mass that is faster than the belt's friction can hold: crossings only."""
+    on = {**BELT, "F": 0.05, "d": 0.0, "V": 0.1}
+    run = cb.integrate(STICK_SLIP, {"x": 3.0, "v": 0.0}, on, time=8)
+    assert [piece.number for piece in run.pieces] == [1, 0, 1]
+    for event in run.events:
+        assert abs(event.before[0]) > on["F"]
+
+
+def test_a_grazed_surface_is_not_slid_on() -> None:
+    """On the circle x = F + V sin t the velocity touches V without sticking, or just sticks."""
+    on = {**BELT, "d": 0.0}
+    run = cb.integrate(STICK_SLIP, {"x": 1.0, "v": 0.5}, on, time=30)
+    assert not run.events
+
+
+def test_a_start_on_the_surface_is_sorted_by_its_fields() -> None:
+    begins = [
+        cb.integrate(STICK_SLIP, {"x": x, "v": 1.0}, BELT, time=0.1).pieces[0].number
+        for x in (0.5, 2.0, -2.0)
+    ]
+    assert begins == [2, 1, 0]
+
+
+def test_a_surface_that_both_fields_leave_is_refused() -> None:
+    apart = cb.Filippov(lambda t, x, p: [1.0], lambda t, x, p: [-1.0], lambda t, x, p: x[0])
+    with pytest.raises(cb.BadInput, match="both fields point away from the surface"):
+        cb.integrate(apart, [0.0], {}, time=1)
+    assert cb.integrate(apart, [0.5], {}, time=1).final == pytest.approx([1.5])
+
+
+def test_what_is_no_function_is_refused() -> None:
+    with pytest.raises(cb.BadInput, match="h must be a function"):
+        cb.Filippov(friction(1), friction(-1), 0.0)

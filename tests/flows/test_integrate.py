@@ -1,0 +1,167 @@
+"""Runs from event to event beside closed forms, and the runs that are refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation.newton import Undefined
+
+BALL = cb.Flow(
+    lambda t, x, p: [x[1], -1.0],
+    until=lambda t, x, p: x[0],
+    reset=lambda t, x, p: [x[0], -p["e"] * x[1]],
+)
+TABLE = cb.Flow(
+    lambda t, x, p: [x[1], -1.0],
+    until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
+    reset=lambda t, x, p: [x[0], -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)],
+)
+
+
+def test_an_oscillator_comes_back() -> None:
+    run = cb.integrate(lambda t, x, p: [x[1], -x[0]], {"u": 1.0, "v": 0.0}, {}, periods=3)
+    np.testing.assert_allclose(run.final, [1, 0], atol=1e-11)
+    t = np.linspace(0, 6 * np.pi, 50)
+    np.testing.assert_allclose(run(t), [np.cos(t), -np.sin(t)], atol=1e-10)
+    assert run(1.0).shape == (2,)
+    assert list(run.columns()) == ["t", "u", "v"]
+    assert run.t.shape == run.x[0].shape
+
+
+def test_a_falling_ball_rebounds_when_it_should() -> None:
+    """From height 1/2: at 1, then after 2 e, 2 e^2, ..."""
+    run = cb.integrate(BALL, [0.5, 0.0], {"e": 0.7}, events=8)
+    times = 1 + 2 * np.cumsum([0, *0.7 ** np.arange(1.0, 8)])
+    np.testing.assert_allclose([event.time for event in run.events], times, rtol=1e-13)
+    np.testing.assert_allclose([event.rate for event in run.events], -(0.7 ** np.arange(8.0)))
+    for event in run.events:
+        np.testing.assert_allclose(event.after, [event.before[0], -0.7 * event.before[1]])
+    assert len(run.pieces) == 8
+    assert all(piece.ended for piece in run.pieces)
+    np.testing.assert_array_equal(run(run.events[2].time), run.events[2].after)
+
+
+def test_a_table_is_met_where_the_closed_form_says() -> None:
+    """One bounce a period: cos(phase) = pi (1 - e) / ((1 + e) A)."""
+    on = {"A": 0.6, "e": 0.8}
+    run = cb.integrate([TABLE], {"y": 0.46, "v": 3.1}, on, periods=100, t0=0.9)
+    phase = run.events[-1].time % (2 * np.pi)
+    assert math.cos(phase) == pytest.approx(np.pi * 0.2 / 1.8 / 0.6, abs=1e-6)
+
+
+def test_a_long_step_over_many_periods_of_a_condition_misses_no_crossing() -> None:
+    """A constant speed needs one step only, the condition oscillates: 3 - t/10 - sin(40 t) > 0."""
+    flow = cb.Flow(lambda t, x, p: [-0.1], until=lambda t, x, p: x[0] - np.sin(40 * t))
+    run = cb.integrate(flow, [3.0], {}, events=1)
+    t = np.linspace(0, 40, 4_000_001)
+    g = 3 - 0.1 * t - np.sin(40 * t)
+    assert run.events[0].time == pytest.approx(t[np.argmax(g <= 0)], abs=1e-4)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9])
+def test_a_shallow_dip_within_a_step_is_seen(depth: float) -> None:
+    flow = cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: (x[0] - 1) ** 2 - p["d"])
+    run = cb.integrate(flow, [0.0], {"d": depth}, time=2.0, events=1)
+    assert run.events[0].time == pytest.approx(1 - math.sqrt(depth), abs=1e-12)
+    clear = cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: (x[0] - 1) ** 2 + p["d"])
+    assert not cb.integrate(clear, [0.0], {"d": depth}, time=2.0).events
+
+
+def test_flows_in_turn_may_differ_in_their_states() -> None:
+    """A ball that becomes a clock for one unit of time, and falls again from where it was."""
+    fall = cb.Flow(BALL.f, until=BALL.until, reset=lambda t, x, p: [1.0])
+    wait = cb.Flow(
+        lambda t, x, p: [-1.0], until=lambda t, x, p: x[0], reset=lambda t, x, p: [0.5, 0.0]
+    )
+    run = cb.integrate([fall, wait], [0.5, 0.0], {}, time=6.5)
+    np.testing.assert_allclose([event.time for event in run.events], [1, 2, 3, 4, 5, 6], atol=1e-12)
+    assert [piece.number for piece in run.pieces] == [0, 1, 0, 1, 0, 1, 0]
+    assert run.flows[:2] == (fall, wait)
+    with pytest.raises(cb.BadInput, match="differ in their number of states"):
+        run.x  # noqa: B018
+
+
+def test_the_start_may_lie_a_little_behind_if_it_is_on_its_way_inside() -> None:
+    run = cb.integrate(BALL, [-0.01, 1.0], {"e": 0.5}, events=1)
+    assert run.events[0].time == pytest.approx(1 + math.sqrt(1 - 0.02), abs=1e-12)
+
+
+def test_a_period_may_depend_on_the_parameters() -> None:
+    def f(t: Any, x: Any, p: Any) -> Any:
+        return [np.cos(p["w"] * t)]
+
+    run = cb.integrate(f, [0.0], {"w": 3.0}, periods=0.25, period=lambda p: 2 * np.pi / p["w"])
+    assert run.pieces[-1].t[-1] == pytest.approx(np.pi / 6)
+    assert run.final[0] == pytest.approx(1 / 3, abs=1e-12)
+
+
+def accumulating() -> Any:
+    return cb.integrate(BALL, [0.5, 0.0], {"e": 0.5}, time=3.5)
+
+
+def resetting_behind() -> Any:
+    return cb.integrate(BALL, [0.5, 0.0], {"e": -0.5}, time=3.5)
+
+
+@pytest.mark.parametrize(
+    ("run", "error", "sentence"),
+    [
+        (accumulating, cb.NotConverged, r"accumulate before t = 2\.99"),
+        (resetting_behind, cb.BadInput, "at t = 1 lies behind the condition"),
+        (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "lies behind"),
+        (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}), cb.BadInput, "say how far to go"),
+        (
+            lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, periods=1),
+            cb.BadInput,
+            "say how far to go",
+        ),
+        (lambda: cb.integrate(BALL, [0.5], {"e": 1}, time=1), cb.BadInput, "IndexError"),
+        (lambda: cb.integrate(BALL, [0.5, 0.0], {}, time=1), cb.BadInput, "parameter 'e'"),
+        (lambda: cb.integrate([], [0.5], {}, time=1), cb.BadInput, "list of Flow"),
+        (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, first=1), cb.BadInput, "1 flows"),
+        (lambda: cb.integrate(lambda t, x, p: [1.0], [0], {}, events=2), cb.BadInput, "`until`"),
+        (
+            lambda: cb.integrate(lambda t, x, p: [x[0] ** 2], [1.0], {}, time=3),
+            cb.NotConverged,
+            "the solution ends at t = 1",
+        ),
+        (
+            lambda: cb.integrate(
+                cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: x[0]), [1.0], {}, events=1
+            ),
+            cb.NotConverged,
+            "was not met within 10000",
+        ),
+        (
+            lambda: cb.integrate(lambda t, x, p: [-math.sqrt(x[0])], [1.0], {}, time=5),
+            Undefined,
+            "f raised ValueError",
+        ),
+        (
+            lambda: cb.integrate(
+                cb.Flow(lambda t, x, p: [-1.0], walls=(lambda t, x, p: x[0],)), [1.0], {}, time=5
+            ),
+            cb.NotConverged,
+            r"walls\[0\] of flow 0 is zero at t = 1",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_followed_is_refused_with_a_sentence(
+    run: Callable[[], Any], error: type[Exception], sentence: str
+) -> None:
+    with pytest.raises(error, match=sentence):
+        run()
+
+
+def test_times_outside_of_a_run_are_refused() -> None:
+    run = cb.integrate(BALL, [0.5, 0.0], {"e": 0.7}, time=1.5)
+    with pytest.raises(cb.BadInput, match=r"from t = 0 to 1\.5"):
+        run(2.0)
+    assert "1 events" in repr(run)
+    assert "events" in str(run.table())

@@ -1,0 +1,97 @@
+"""The systems of the zoo: every special point where it is known to be, and no other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+
+from .zoo import CASES, CURVES, EQUILIBRIA, Case, Curve
+
+ENDS = {"EP", "MX"}
+RESTS = [case for case in CASES.values() if any(kind == "HB" for kind, _ in case.special)]
+CYCLES = [case for case in CASES.values() if case.name not in EQUILIBRIA]
+
+
+def named(case: Case) -> str:
+    return case.name
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_special_points_are_where_they_are_known_to_be_and_no_others(case: Case) -> None:
+    branch = case.branch()
+    found = sorted((at.kind, at[case.free]) for at in branch.special if at.kind not in ENDS)
+    known = sorted(case.special)
+    assert [kind for kind, _ in found] == [kind for kind, _ in known]
+    np.testing.assert_allclose(
+        [value for _, value in found], [value for _, value in known], rtol=0, atol=case.tolerance
+    )
+    assert len(branch) > 4
+    for at in branch if case.along else ():
+        for value, wanted in case.along(at):
+            np.testing.assert_allclose(value, wanted, rtol=case.tolerance, atol=case.tolerance)
+
+
+@pytest.mark.parametrize("case", CYCLES, ids=named)
+def test_a_cycle_comes_back_under_another_integrator(case: Case) -> None:
+    orbit = cb.flows.cycle_of(case.problem())
+    flows, begin = orbit.equations.flows, float(orbit.times[0])
+    events = len(flows) if flows[0].until else None
+    far = None if events else orbit.period
+    run = cb.integrate(flows, orbit.states(begin), orbit.params, events=events, time=far, t0=begin)
+    final = run.final if events or not flows[0].reset else flows[0].reset(0, run.final, {})
+    growth = max(1.0, *abs(orbit.multipliers))
+    np.testing.assert_allclose(run.pieces[-1].t[-1] - begin, orbit.period, atol=1e-9 * growth)
+    np.testing.assert_allclose(final, orbit.states(begin), atol=1e-9 * growth)
+
+
+@pytest.mark.parametrize("case", RESTS, ids=named)
+def test_small_cycles_leave_every_hopf_point_with_its_period(case: Case) -> None:
+    """The period is that of the linear motion but for the square of the amplitude."""
+    for hopf in (at for at in case.branch().special if at.kind == "HB"):
+        (cycles,) = cb.switch(hopf, steps=cb.Steps(most=6))
+        near, far = cycles[1], cycles[3]
+        squares = [(at["max(" + name + ")"] - at["min(" + name + ")"]) ** 2
+                   for name in list(hopf.problem.start)[:1] for at in (near, far)]  # fmt: skip
+        slope = (far["period"] - near["period"]) / (squares[1] - squares[0])
+        limit = near["period"] - slope * squares[0]
+        assert limit == pytest.approx(2 * math.pi / hopf["omega"], rel=1e-3)
+
+
+@pytest.mark.parametrize("curve", CURVES, ids=lambda curve: f"{curve.case}, {curve.kind}")
+def test_curves_in_two_parameters_are_those_in_closed_form(curve: Curve) -> None:
+    start = CASES[curve.case].branch().first(curve.kind)
+    steps = cb.Steps(most=curve.most)
+    line = cb.boundary(start, curve.names, within=curve.window, steps=steps)
+    assert len(line) > 5
+    for at in line:
+        found, known = curve.known(at)
+        assert found == pytest.approx(known, abs=1e-8)
+
+
+def test_the_doubled_orbit_of_the_moebius_strip_is_the_closed_form() -> None:
+    """In the axes that turn along, q = (sqrt mu, 0): twice around, with its own multipliers."""
+    for name in ("moebius", "forced doubling"):
+        (arm,) = cb.switch(CASES[name].branch().first("PD"), within={"mu": (-0.1, 0.5)})
+        for at in arm[1:]:
+            assert at["period"] == pytest.approx(4 * math.pi, abs=1e-8)
+            wanted = [math.exp(-8 * math.pi * at["mu"]), math.exp(-4 * math.pi * (1 + at["mu"]))]
+            found = np.sort(at.solution.others.real)[::-1]
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
+
+
+def test_a_pitchfork_of_cycles_has_both_arms() -> None:
+    arms = cb.switch(CASES["pitchfork of cycles"].branch().first("BP"), within={"mu": (-0.5, 0.5)})
+    ends = sorted(arm[-1]["max(z)"] for arm in arms)
+    np.testing.assert_allclose(ends, [-math.sqrt(0.5), math.sqrt(0.5)], atol=1e-8)
+
+
+def test_lorenz_cycles_have_no_special_point_down_to_their_homoclinic_orbit() -> None:
+    hopf = CASES["lorenz"].branch().first("HB")
+    (cycles,) = cb.switch(hopf, within={"r": (14, 30)})
+    assert {at.kind for at in cycles.special} <= ENDS
+    assert cycles[-1]["r"] == 14
+    assert all(at["unstable"] == 1 for at in cycles[1:])

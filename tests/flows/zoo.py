@@ -1,0 +1,957 @@
+"""Systems whose special points, periods and multipliers are known without this package.
+
+Each `Case` says what is walked, which special points its branch has (all of them: others are false)
+and what holds along it, and where that is from: a closed form, derived beside it, or the roots of
+one in elementary functions. Nothing here is computed by the package.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq, fsolve
+from scipy.special import ellipk
+
+import contbreather as cb
+from contbreather.flows import Collocation
+
+Pairs = Iterable[tuple[Any, Any]]  # what is found, what is known
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is walked, and what is known of it.
+
+    `special` holds kind and value of the free parameter of all special points; `along` gives, for a
+    point of the branch, pairs of what is found and what is known.
+    """
+
+    name: str
+    problem: Callable[[], cb.Problem]
+    free: str
+    window: tuple[float, float]
+    special: tuple[tuple[str, float], ...] = ()
+    along: Callable[[Any], Pairs] | None = None
+    tolerance: float = 1e-8
+
+    def branch(self) -> cb.Branch:
+        within = {self.free: self.window}
+        return cb.trace(self.problem(), self.free, within=within, towards="both")
+
+
+CASES: dict[str, Case] = {}
+
+
+def enter(name: str, problem: Callable[[], cb.Problem], *known: Any, **more: Any) -> None:
+    CASES[name] = Case(name, problem, *known, **more)
+
+
+def rest(f: Any, start: Mapping[str, float], params: Mapping[str, float], **more: Any) -> Any:
+    return lambda: cb.equilibrium(f, dict(start), dict(params), **more)
+
+
+def cycle(flows: Any, start: Mapping[str, float], params: Mapping[str, float], **more: Any) -> Any:
+    return lambda: cb.cycle(flows, start=dict(start), params=dict(params), **more)
+
+
+# --- equilibria -----------------------------------------------------------------------------------
+
+# Brusselator: x = a, y = b/a; the trace b - 1 - a^2 vanishes, the determinant is a^2.
+enter(
+    "brusselator",
+    rest(
+        lambda t, x, p: [
+            p["a"] - (p["b"] + 1) * x[0] + x[0] ** 2 * x[1],
+            p["b"] * x[0] - x[0] ** 2 * x[1],
+        ],
+        {"x": 1.3, "y": 1.0}, {"a": 1.3, "b": 1.3},
+    ),
+    "b", (0.5, 4.0), (("HB", 1 + 1.3**2),),
+    lambda at: [(at["x"], 1.3), (at["y"], at["b"] / 1.3)],
+)  # fmt: skip
+
+
+def lorenz(t: Any, x: Any, p: Any) -> Any:
+    s, r, b = p["s"], p["r"], p["b"]
+    return [s * (x[1] - x[0]), x[0] * (r - x[2]) - x[1], x[0] * x[1] - b * x[2]]
+
+
+# Lorenz: r = s (s + b + 3) / (s - b - 1) = 470/19, from l^3 + (s + b + 1) l^2 + b (s + r) l +
+# 2 s b (r - 1) = (l^2 + w^2) (l + s + b + 1).
+LORENZ = {"s": 10.0, "b": 8 / 3}
+enter(
+    "lorenz",
+    rest(lorenz, {"x": 6.0, "y": 6.0, "z": 14.0}, {**LORENZ, "r": 15.0}),
+    "r", (1.5, 30.0), (("HB", 470 / 19),),
+    lambda at: [(at["x"] ** 2, 8 / 3 * (at["r"] - 1)), (at["z"], at["r"] - 1)],
+)  # fmt: skip
+enter(
+    "lorenz, origin",
+    rest(lorenz, {"x": 0.0, "y": 0.0, "z": 0.0}, {**LORENZ, "r": 0.5}),
+    "r", (0.1, 3.0), (("BP", 1.0),),
+)  # fmt: skip
+
+
+# FitzHugh-Nagumo: trace 1 - v^2 - eps b = 0; then w = (v + a)/b and I = w - v + v^3/3.
+def fitzhugh_nagumo(t: Any, x: Any, p: Any) -> Any:
+    v, w = x
+    return [v - v**3 / 3 - w + p["I"], p["eps"] * (v + p["a"] - p["b"] * w)]
+
+
+FHN = {"a": 0.7, "b": 0.8, "eps": 0.08}
+enter(
+    "fitzhugh-nagumo",
+    rest(fitzhugh_nagumo, {"v": -1.2, "w": -0.62}, {**FHN, "I": 0.0}),
+    "I", (-0.5, 2.5),
+    tuple(
+        ("HB", (v + 0.7) / 0.8 - v + v**3 / 3)
+        for v in (-math.sqrt(1 - 0.064), math.sqrt(1 - 0.064))
+    ),
+)  # fmt: skip
+
+# Selkov: x = b, y = b/(a + b^2); trace zero: b^4 - (1 - 2a) b^2 + a + a^2 = 0.
+enter(
+    "selkov",
+    rest(
+        lambda t, x, p: [
+            -x[0] + p["a"] * x[1] + x[0] ** 2 * x[1],
+            p["b"] - p["a"] * x[1] - x[0] ** 2 * x[1],
+        ],
+        {"x": 0.2, "y": 2.0}, {"a": 0.06, "b": 0.2},
+    ),
+    "b", (0.1, 1.2),
+    tuple(("HB", math.sqrt((1 - 0.12 + sign * math.sqrt(1 - 0.48)) / 2)) for sign in (-1, 1)),
+    lambda at: [(at["y"], at["b"] / (0.06 + at["b"] ** 2))],
+)  # fmt: skip
+
+# Schnakenberg: x = a + b, y = b/x^2; trace zero: b - a = (a + b)^3.
+enter(
+    "schnakenberg",
+    rest(
+        lambda t, x, p: [p["a"] - x[0] + x[0] ** 2 * x[1], p["b"] - x[0] ** 2 * x[1]],
+        {"x": 1.1, "y": 0.83}, {"a": 0.1, "b": 1.0},
+    ),
+    "b", (0.02, 2.0),
+    tuple(("HB", float(x) - 0.1) for x in np.roots([1, 0, -1, 0.2]).real if x > 0),
+)  # fmt: skip
+
+
+# Repressilator, n = 4: on x = y = z = u the eigenvalues are -1 + k times the cube roots of -1,
+# k = n u^n / (1 + u^n); the pair is imaginary for k = 2: u^n = 2/(n - 2), alpha = u (1 + u^n).
+enter(
+    "repressilator",
+    rest(
+        lambda t, x, p: [p["alpha"] / (1 + x[(i + 2) % 3] ** 4) - x[i] for i in range(3)],
+        {"x": 0.8, "y": 0.8, "z": 0.8}, {"alpha": 1.1},
+    ),
+    "alpha", (0.5, 4.0), (("HB", 2.0),),
+    lambda at: [(at["x"] * (1 + at["x"] ** 4), at["alpha"])],
+)  # fmt: skip
+
+# Rosenzweig-MacArthur: x = d h/(e - d) meets y = 0 at K = x, and its trace is zero at K = h + 2 x.
+enter(
+    "rosenzweig-macarthur",
+    rest(
+        lambda t, x, p: [
+            x[0] * (1 - x[0] / p["K"]) - x[0] * x[1] / (x[0] + p["h"]),
+            x[0] * x[1] / (x[0] + p["h"]) - p["d"] * x[1],
+        ],
+        {"x": 1 / 3, "y": 0.5}, {"K": 0.8, "h": 0.5, "d": 0.4},
+    ),
+    "K", (0.2, 3.0), (("BP", 1 / 3), ("HB", 0.5 + 2 / 3)),
+    lambda at: [(at["x"], 1 / 3), (at["y"], (1 - at["x"] / at["K"]) * (at["x"] + 0.5))],
+)  # fmt: skip
+
+
+def hindmarsh_rose(t: Any, x: Any, p: Any) -> Any:
+    x, y, z = x
+    return [y - x**3 + 3 * x**2 + p["I"] - z, 1 - 5 * x**2 - y, p["r"] * (4 * (x + 1.6) - z)]
+
+
+def hindmarsh_rose_hopf(r: float) -> tuple[float, ...]:
+    """Routh-Hurwitz: of l^3 + c2 l^2 + c1 l + c0 with f = 3 x^2 - 6 x, c2 = 1 + r + f,
+    c1 = r + (1 + r) f + 10 x + 4 r, c0 = r f + 10 r x + 4 r, it is c2 c1 = c0 with c1 > 0."""
+    f, x = np.poly1d([3.0, -6.0, 0.0]), np.poly1d([1.0, 0.0])
+    c2, c1, c0 = 1 + r + f, r + (1 + r) * f + 10 * x + 4 * r, r * f + 10 * r * x + 4 * r
+    roots = [u.real for u in (c2 * c1 - c0).roots if abs(u.imag) < 1e-9 and c1(u.real) > 0]
+    # on the curve of equilibria I = -y + x^3 - 3 x^2 + z
+    return tuple(sorted(-1 + 5 * u**2 + u**3 - 3 * u**2 + 4 * (u + 1.6) for u in roots))
+
+
+enter(
+    "hindmarsh-rose",
+    # the cycles that are born there contract as exp(-13.7 t) while they take 119
+    rest(hindmarsh_rose, {"x": -1.3, "y": -7.5, "z": 1.2}, {"I": 0.0, "r": 0.01},
+         collocation=Collocation(intervals=60)),
+    "I", (-1.0, 30.0), tuple(("HB", current) for current in hindmarsh_rose_hopf(0.01)),
+)  # fmt: skip
+
+# Lotka-Volterra with a self-limited prey: trace -mu at x = y = 1.
+enter(
+    "lotka-volterra",
+    rest(
+        lambda t, x, p: [x[0] * (1 - x[1] - p["mu"] * (x[0] - 1)), x[1] * (x[0] - 1)],
+        {"x": 1.0, "y": 1.0}, {"mu": -0.3},
+    ),
+    "mu", (-0.5, 0.5), (("HB", 0.0),),
+)  # fmt: skip
+
+
+EQUILIBRIA = tuple(CASES)
+
+
+# --- limit cycles ---------------------------------------------------------------------------------
+
+
+# Stuart-Landau: z' = (mu + i w) z - (1 + i c) |z|^2 z has |z|^2 = mu, period 2 pi / (w - c mu).
+def stuart_landau(t: Any, x: Any, p: Any) -> Any:
+    r2 = x[0] ** 2 + x[1] ** 2
+    turning = p["w"] - p["c"] * r2
+    return [(p["mu"] - r2) * x[0] - turning * x[1], turning * x[0] + (p["mu"] - r2) * x[1]]
+
+
+def along_stuart_landau(at: Any) -> Pairs:
+    period = 2 * np.pi / (1 - 0.5 * at["mu"])
+    return [
+        (at["period"], period),
+        (at["max(x)"], math.sqrt(at["mu"])),
+        (at.solution.others, [math.exp(-2 * at["mu"] * period)]),
+    ]
+
+
+enter(
+    "stuart-landau",
+    cycle(stuart_landau, {"x": 0.7, "y": 0.0}, {"mu": 0.5, "w": 1.0, "c": 0.5}, settle=30),
+    "mu", (0.1, 1.2), (), along_stuart_landau,
+)  # fmt: skip
+
+
+# Bautin: r' = r (mu + r^2 - r^4) has a fold of cycles at mu = -1/4, r^2 = 1/2.
+def bautin(t: Any, x: Any, p: Any) -> Any:
+    r2 = x[0] ** 2 + x[1] ** 2
+    growth = p["mu"] + r2 - r2**2
+    return [growth * x[0] - x[1], x[0] + growth * x[1]]
+
+
+def along_bautin(at: Any) -> Pairs:
+    r2 = at["max(x)"] ** 2
+    multiplier = math.exp(2 * np.pi * (2 * r2 - 4 * r2**2))
+    return [(r2**2 - r2, at["mu"]), (at["period"], 2 * np.pi), (at.solution.others, [multiplier])]
+
+
+enter(
+    "bautin",
+    cycle(bautin, {"x": 0.94, "y": 0.0}, {"mu": -0.1}, settle=30),
+    "mu", (-0.4, -0.05), (("LP", -0.25),), along_bautin,
+)  # fmt: skip
+
+
+# Saddle-node on a cycle: on r = 1, theta' = w - sin theta takes 2 pi / sqrt(w^2 - 1).
+def snic(t: Any, x: Any, p: Any) -> Any:
+    r2 = x[0] ** 2 + x[1] ** 2
+    turning = p["w"] - x[1] / np.sqrt(r2)
+    return [(1 - r2) * x[0] - turning * x[1], turning * x[0] + (1 - r2) * x[1]]
+
+
+def along_snic(at: Any) -> Pairs:
+    period = 2 * np.pi / math.sqrt(at["w"] ** 2 - 1)
+    return [(at["period"], period), (at.solution.others, [math.exp(-2 * period)])]
+
+
+enter(
+    "saddle-node on a cycle",
+    cycle(snic, {"x": 1.0, "y": 0.0}, {"w": 1.5}, settle=20),
+    "w", (1.05, 3.0), (), along_snic,
+)  # fmt: skip
+
+# A pitchfork of cycles: on r = 1, z' = mu z - z^3.
+enter(
+    "pitchfork of cycles",
+    cycle(
+        lambda t, x, p: [
+            x[0] * (1 - x[0] ** 2 - x[1] ** 2) - x[1],
+            x[0] + x[1] * (1 - x[0] ** 2 - x[1] ** 2),
+            x[2] * (p["mu"] - x[2] ** 2),
+        ],
+        {"x": 1.0, "y": 0.0, "z": 0.0}, {"mu": -0.3}, settle=20,
+    ),
+    "mu", (-0.5, 0.5), (("BP", 0.0),),
+    lambda at: [(at["period"], 2 * np.pi),
+                (sorted(at.solution.others.real),
+                 sorted([math.exp(2 * np.pi * at["mu"]), math.exp(-4 * np.pi)]))],
+)  # fmt: skip
+
+
+def half_turned(mu: Any, cosine: Any, sine: Any, u: Any, v: Any) -> tuple[Any, Any]:
+    """q' = diag(mu, -1) q - |q|^2 q seen from axes that turn half as fast as the angle whose cosine
+    and sine are given: a Moebius strip, so that q = 0 has multipliers -exp(2 pi mu), -exp(-2 pi).
+    """
+    even, odd, square = (mu - 1) / 2, (mu + 1) / 2, u**2 + v**2
+    return (
+        (even + odd * cosine - square) * u + (odd * sine - 0.5) * v,
+        (odd * sine + 0.5) * u + (even - odd * cosine - square) * v,
+    )
+
+
+def moebius(t: Any, x: Any, p: Any) -> Any:
+    """Around the circle r = 1, z = 0, which is run through with unit speed."""
+    r = np.sqrt(x[0] ** 2 + x[1] ** 2)
+    cosine, sine = x[0] / r, x[1] / r
+    outwards, upwards = half_turned(p["mu"], cosine, sine, r - 1, x[2])
+    return [outwards * cosine - x[1], outwards * sine + x[0], upwards]
+
+
+def along_moebius(at: Any) -> Pairs:
+    wanted = [-math.exp(2 * np.pi * at["mu"]), -math.exp(-2 * np.pi)]
+    return [(np.sort(at.solution.others.real), np.sort(wanted))]
+
+
+enter(
+    "moebius",
+    cycle(moebius, {"x": 1.0, "y": 0.0, "z": 0.0}, {"mu": -0.3}, settle=20),
+    "mu", (-0.5, 0.5), (("PD", 0.0),), along_moebius,
+)  # fmt: skip
+
+
+# Langford's torus without its asymmetric term: z = 0.7 and r^2 = R/(1 + 0.7 rho), R = l + 0.7 -
+# 0.343/3, l = 0.6; in (r, z) the trace 0.51 - rho r^2 vanishes at rho = 0.51/(R - 0.357), with the
+# determinant 2 R: the multipliers are exp((trace/2 +- i sqrt(2 R - trace^2/4)) 2 pi / 3.5).
+def langford(t: Any, x: Any, p: Any) -> Any:
+    r2 = x[0] ** 2 + x[1] ** 2
+    return [
+        (x[2] - 0.7) * x[0] - 3.5 * x[1],
+        3.5 * x[0] + (x[2] - 0.7) * x[1],
+        p["l"] + x[2] - x[2] ** 3 / 3 - r2 * (1 + p["rho"] * x[2]),
+    ]
+
+
+RADIUS = 1.3 - 0.343 / 3
+
+
+def along_langford(at: Any) -> Pairs:
+    r2 = RADIUS / (1 + 0.7 * at["rho"])
+    half = (0.51 - at["rho"] * r2) / 2
+    pair = np.exp((half + 1j * math.sqrt(2 * RADIUS - half**2)) * 2 * np.pi / 3.5)
+    found = at.solution.others
+    return [(at["max(x)"], math.sqrt(r2)), (found[found.imag > 0], [pair])]
+
+
+enter(
+    "langford",
+    cycle(langford, {"x": 0.9, "y": 0.0, "z": 0.7}, {"rho": 1.0, "l": 0.6}, settle=150),
+    "rho", (0.3, 1.2), (("NS", 0.51 / (RADIUS - 0.357)),), along_langford,
+)  # fmt: skip
+
+# van der Pol: the period at mu = 1 is known to many digits; Rayleigh's equation is its integral.
+PERIOD_AT_ONE = 6.663286859323130
+
+
+def at_one(at: Any) -> Pairs:
+    return [(at["period"], PERIOD_AT_ONE)] if at["mu"] == 1.0 else []
+
+
+enter(
+    "van der pol",
+    cycle(
+        lambda t, x, p: [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]],
+        {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50,
+    ),
+    "mu", (0.2, 3.0), (), at_one,
+)  # fmt: skip
+enter(
+    "rayleigh",
+    cycle(
+        lambda t, x, p: [x[1], p["mu"] * (1 - x[1] ** 2 / 3) * x[1] - x[0]],
+        {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50,
+    ),
+    "mu", (0.2, 3.0), (), at_one,
+)  # fmt: skip
+
+
+# Roessler's first doubling, by Newton's iteration on the state, the period and det(M + 1) = 0 with
+# the variational equations integrated by scipy's DOP853 to 2e-14.
+enter(
+    "roessler",
+    cycle(
+        lambda t, x, p: [-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - p["c"])],
+        {"x": -1.0, "y": -3.0, "z": 0.05}, {"c": 2.5}, settle=300,
+    ),
+    "c", (2.0, 3.2), (("PD", 2.8324450278),),
+    lambda at: [(at["period"], 5.769820016506)] if at.kind == "PD" else [],
+)  # fmt: skip
+
+
+# --- forced responses, of known autonomous systems seen from moving axes --------------------------
+
+# y = x + sin t of x' = mu - x^2: a fold at 0, multipliers exp(-4 pi x), x = +- sqrt mu.
+enter(
+    "forced fold",
+    cycle(
+        lambda t, x, p: [p["mu"] - (x[0] - np.sin(t)) ** 2 + np.cos(t)],
+        {"y": 0.5}, {"mu": 0.25}, period=2 * np.pi, settle=20,
+    ),
+    "mu", (-0.5, 1.0), (("LP", 0.0),),
+    lambda at: [((at["max(y)"] - 1) ** 2, at["mu"]),
+                (np.log(at.solution.others.real), [-4 * np.pi * (at["max(y)"] - 1)])],
+)  # fmt: skip
+
+# y = x + sin t of x' = mu x - x^3.
+enter(
+    "forced pitchfork",
+    cycle(
+        lambda t, x, p: [
+            (x[0] - np.sin(t)) * (p["mu"] - (x[0] - np.sin(t)) ** 2) + np.cos(t)
+        ],
+        {"y": 0.0}, {"mu": -0.3}, period=2 * np.pi, settle=20,
+    ),
+    "mu", (-0.5, 0.5), (("BP", 0.0),),
+    lambda at: [(at["max(y)"], 1.0), (at.solution.others, [math.exp(2 * np.pi * at["mu"])])],
+)  # fmt: skip
+
+
+def forced_moebius(t: Any, x: Any, p: Any) -> Any:
+    """Half-turned axes around the point (cos t, 0)."""
+    du, dv = half_turned(p["mu"], np.cos(t), np.sin(t), x[0] - np.cos(t), x[1])
+    return [du - np.sin(t), dv]
+
+
+enter(
+    "forced doubling",
+    cycle(forced_moebius, {"u": 1.0, "v": 0.0}, {"mu": -0.3}, period=2 * np.pi, settle=20),
+    "mu", (-0.5, 0.5), (("PD", 0.0),), along_moebius,
+)  # fmt: skip
+
+
+def forced_torus(t: Any, x: Any, p: Any) -> Any:
+    """z' = (mu + i w) z - |z|^2 z around (cos t, 0): multipliers exp(2 pi (mu +- i w))."""
+    u, v = x[0] - np.cos(t), x[1]
+    growth = p["mu"] - u**2 - v**2
+    return [growth * u - p["w"] * v - np.sin(t), p["w"] * u + growth * v]
+
+
+def along_torus(at: Any) -> Pairs:
+    wanted = np.exp(2 * np.pi * (at["mu"] + 0.3j))
+    found = at.solution.others
+    return [(found[found.imag > 0], [wanted])]
+
+
+enter(
+    "forced torus",
+    cycle(
+        forced_torus, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 0.3}, period=2 * np.pi, settle=20
+    ),
+    "mu", (-0.5, 0.5), (("NS", 0.0),), along_torus,
+)  # fmt: skip
+
+
+# A linear oscillator: amplitude F / |1 - w^2 + 2 i c w|, its multipliers are
+# exp((-c +- i sqrt(1 - c^2)) 2 pi/w).
+def linear(t: Any, x: Any, p: Any) -> Any:
+    return [x[1], p["F"] * np.cos(p["w"] * t) - x[0] - 2 * p["c"] * x[1]]
+
+
+def turn(p: Any) -> Any:
+    return 2 * np.pi / p["w"]
+
+
+def along_linear(at: Any) -> Pairs:
+    gain = 1 / abs(1 - at["w"] ** 2 + 0.2j * at["w"])
+    pair = np.exp((-0.1 + 1j * math.sqrt(0.99)) * 2 * np.pi / at["w"])
+    found = at.solution.others
+    return [(at["max(x)"], at["F"] * gain), (abs(found), [abs(pair)] * 2),
+            (found.sum(), 2 * pair.real)]  # fmt: skip
+
+
+LINEAR = {"F": 1.0, "w": 1.5, "c": 0.1}
+enter(
+    "linear resonance",
+    cycle(linear, {"x": 0.0, "v": 0.0}, LINEAR, period=turn, settle=100),
+    "w", (0.7, 2.0), (), along_linear,
+)  # fmt: skip
+
+# The same beside a wall at 1, which it grazes where its amplitude is 1: the branch ends.
+enter(
+    "linear beside a wall",
+    cycle(
+        cb.Flow(linear, walls=(lambda t, x, p: 1 - x[0],)),
+        {"x": 0.0, "v": 0.0}, {**LINEAR, "F": 0.5}, period=turn, settle=100,
+    ),
+    "F", (0.2, 3.0), (("GR", abs(1 - 1.5**2 + 0.3j)),), along_linear,
+)  # fmt: skip
+
+
+# --- hybrid ---------------------------------------------------------------------------------------
+
+
+# A ball on a table, one bounce a period: it leaves with pi and returns with -pi, so that
+# A cos(phase) = C = pi (1 - e)/(1 + e). With S = A sin(phase) the map of phase and velocity has
+# determinant e^2 and trace 1 + e^2 - (1 + e)^2 S: a fold at S = 0, a doubling at
+# S = 2 (1 + e^2)/(1 + e)^2.
+TABLE = cb.Flow(
+    lambda t, x, p: [x[1], -1.0],
+    until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
+    reset=lambda t, x, p: [
+        p["A"] * np.sin(t), -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)
+    ],
+)  # fmt: skip
+FOLD_OF_BALL, S_OF_DOUBLING = math.pi * 0.2 / 1.8, 2 * 1.64 / 1.8**2
+
+
+def along_ball(at: Any) -> Pairs:
+    S = at["A"] * math.sin(at.solution.times[0])
+    product, total = 0.64, 1.64 - 1.8**2 * S
+    found = at.solution.others
+    return [(found.prod(), product), (found.sum(), total)]
+
+
+enter(
+    "bouncing ball",
+    cycle(
+        [TABLE], {"y": 0.5, "v": 3.1}, {"A": 0.6, "e": 0.8}, period=2 * np.pi, t0=0.9, settle=300
+    ),
+    "A", (0.3, 1.2),
+    (("LP", FOLD_OF_BALL), ("PD", math.hypot(FOLD_OF_BALL, S_OF_DOUBLING))), along_ball,
+)  # fmt: skip
+
+# Neurons that are set back: linear, T = log(I/(I - 1)); quadratic, from -1 to 2.
+enter(
+    "integrate and fire",
+    cycle(
+        cb.Flow(lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0],
+                reset=lambda t, x, p: [0.0]),
+        {"v": 0.0}, {"I": 1.5},
+    ),
+    "I", (1.05, 3.0), (),
+    lambda at: [(at["period"], math.log(at["I"] / (at["I"] - 1)))],
+)  # fmt: skip
+enter(
+    "quadratic integrate and fire",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[0] ** 2 + p["I"]], until=lambda t, x, p: 2 - x[0],
+                reset=lambda t, x, p: [-1.0]),
+        {"v": -1.0}, {"I": 1.0},
+    ),
+    "I", (0.3, 4.0), (),
+    lambda at: [(at["period"] * math.sqrt(at["I"]),
+                 math.atan(2 / math.sqrt(at["I"])) + math.atan(1 / math.sqrt(at["I"])))],
+)  # fmt: skip
+
+
+# With an adaptation that each spike raises by 1/2 and that decays as exp(-t/5).
+def adaptive_period(current: float) -> float:
+    def short(T: float) -> float:
+        w = 0.5 / (1 - math.exp(-T / 5))  # after a spike
+        slow = w / (1 - 1 / 5) * (math.exp(-T / 5) - math.exp(-T))
+        return current * (1 - math.exp(-T)) - slow - 1
+
+    return brentq(short, 1e-3, 50.0, xtol=1e-15)
+
+
+enter(
+    "adaptive integrate and fire",
+    cycle(
+        cb.Flow(lambda t, x, p: [p["I"] - x[0] - x[1], -x[1] / 5], until=lambda t, x, p: 1 - x[0],
+                reset=lambda t, x, p: [0.0, x[1] + 0.5]),
+        {"v": 0.0, "w": 1.0}, {"I": 2.0}, settle=60,
+    ),
+    "I", (1.4, 5.0), (), lambda at: [(at["period"], adaptive_period(at["I"]))],
+)  # fmt: skip
+
+
+# v' = I - v up to 1 + K sin(2 pi t), I = 1.65, one spike a period: K sin(phase) = D with D =
+# I (1 - 1/e) - 1, a fold at K = D. On one side the threshold rises as fast as v where K^2 = D^2 +
+# (I/e)^2/(2 pi)^2, on the other it touches v in between, where both are equal with equal slopes.
+def grazing_threshold(current: float) -> float:
+    turns = 2 * math.pi
+
+    def touching(z: Any) -> Any:
+        K, phase, after = z
+        return [
+            K * math.sin(phase) - (current * (1 - math.exp(-1)) - 1),
+            1 + K * math.sin(phase + turns * after) - current * (1 - math.exp(-after)),
+            turns * K * math.cos(phase + turns * after) - current * math.exp(-after),
+        ]
+
+    return float(fsolve(touching, [0.58, 3.07, 0.31], xtol=1e-12)[0])
+
+
+D_OF_THRESHOLD = 1.65 * (1 - math.exp(-1)) - 1
+
+
+def along_threshold(at: Any) -> Pairs:
+    sine = D_OF_THRESHOLD / at["K"]
+    cosine = math.cos(2 * math.pi * at.solution.times[0])
+    rate, slope = 1.65 * math.exp(-1), 2 * math.pi * at["K"] * cosine
+    return [(cosine**2, 1 - sine**2), (1 / at.solution.others, [(rate - slope) / rate])]
+
+
+enter(
+    "moving threshold",
+    cycle(
+        cb.Flow(lambda t, x, p: [p["I"] - x[0]], reset=lambda t, x, p: [0.0],
+                until=lambda t, x, p: 1 + p["K"] * np.sin(2 * np.pi * t) - x[0]),
+        {"v": 0.0}, {"I": 1.65, "K": 0.1}, period=1.0, t0=0.4, settle=30,
+    ),
+    "K", (0.02, 0.8),
+    (("GR", grazing_threshold(1.65)), ("LP", D_OF_THRESHOLD),
+     ("VI", math.hypot(D_OF_THRESHOLD, 1.65 * math.exp(-1) / (2 * math.pi)))),
+    along_threshold,
+)  # fmt: skip
+
+# A capacitor that is charged up to b and discharged down to -b.
+enter(
+    "switched capacitor",
+    cycle(
+        [cb.Flow(lambda t, x, p: [1 - x[0]], until=lambda t, x, p: p["b"] - x[0]),
+         cb.Flow(lambda t, x, p: [-1 - x[0]], until=lambda t, x, p: p["b"] + x[0])],
+        {"v": 0.0}, {"b": 0.5}, settle=10,
+    ),
+    "b", (0.2, 0.9), (),
+    lambda at: [(at["period"], 2 * math.log((1 + at["b"]) / (1 - at["b"])))],
+)  # fmt: skip
+
+
+# A buck converter (R = 22, C = 47e-6, L = 0.02, reference 11.3, gain 8.4, ramp 3.8 to 8.2, 400e-6),
+# in volts, tenths of amperes and clock periods, its clock a state. It is off from the clock to
+# where the control meets the ramp at d, then on: periodic by one linear equation, the condition at
+# d one more; the doubling is where the linearised map has -1. Published: 24.516.
+CLOCK = 400e-6
+BUCK = np.array([[-CLOCK / (22 * 47e-6), 0.1 * CLOCK / 47e-6], [-10 * CLOCK / 0.02, 0.0]])
+
+
+def buck_map(z: Any, vin: float) -> tuple[Any, Any]:
+    """The equations of the orbit in (V, i, d), and the matrix of the map."""
+    start, d = np.array(z[:2]), z[2]
+    drive = np.array([0.0, 10 * CLOCK / 0.02 * vin])
+    shift = np.linalg.solve(BUCK, drive)
+    off, on = expm(BUCK * d), expm(BUCK * (1 - d))
+    middle = off @ start
+    end = on @ (middle + shift) - shift
+    control = 8.4 * (middle[0] - 11.3) - (3.8 + 4.4 * d)
+    rate = 8.4 * (BUCK @ middle)[0] - 4.4
+    saltation = np.eye(2) + np.outer(drive, [8.4, 0.0]) / rate
+    return [*(end - start), control], on @ saltation @ off
+
+
+def buck_doubling() -> float:
+    """Where that matrix has the eigenvalue -1."""
+
+    def doubled(z: Any) -> Any:
+        closing, matrix = buck_map(z[:3], z[3])
+        return [*closing, np.linalg.det(matrix + np.eye(2))]
+
+    return float(fsolve(doubled, [12.0, 5.0, 0.5, 24.5], xtol=1e-12)[3])
+
+
+def buck_start(vin: float) -> list[float]:
+    orbit = fsolve(lambda z: buck_map(z, vin)[0], [12.0, 5.0, 0.5], xtol=1e-12)
+    return [float(orbit[0]), float(orbit[1]), 0.0]
+
+
+def buck(on: float) -> Any:
+    def f(t: Any, x: Any, p: Any) -> Any:
+        V, i, _ = x
+        return [BUCK[0, 0] * V + BUCK[0, 1] * i, BUCK[1, 0] * (V - on * p["Vin"]), 1.0]
+
+    return f
+
+
+enter(
+    "buck converter",
+    cycle(
+        [cb.Flow(buck(0), until=lambda t, x, p: 8.4 * (x[0] - 11.3) - (3.8 + 4.4 * x[2])),
+         cb.Flow(buck(1), until=lambda t, x, p: 1 - x[2],
+                 reset=lambda t, x, p: [x[0], x[1], 0.0])],
+        dict(zip("Vis", buck_start(22.0), strict=True)), {"Vin": 22.0},
+    ),
+    "Vin", (20.0, 28.0), (("PD", buck_doubling()),),
+)  # fmt: skip
+
+
+# A relay with hysteresis b behind three lags: see test_filippov; half of the orbit, mirrored.
+LAGS = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
+
+
+def relay_half_period(b: float) -> float:
+    """v' = A v - (0, 0, 2) from x = b down to -b, where v is the negative of that at the start."""
+
+    def off(T: float) -> float:
+        E = expm(LAGS * T)
+        shift = np.linalg.solve(LAGS, [0.0, 0.0, -2.0])
+        return float(-np.linalg.solve(np.eye(3) + E, (E - np.eye(3)) @ shift)[0]) - b
+
+    return brentq(off, 1.0, 12.0, xtol=1e-14)
+
+
+enter(
+    "relay",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] - 2],
+                until=lambda t, x, p: x[0] + p["b"], reset=lambda t, x, p: [-x[0], -x[1], -x[2]]),
+        {"x": 0.2, "y": 1.0, "z": 1.5}, {"b": 0.1}, settle=60,
+    ),
+    "b", (0.02, 1.0), (), lambda at: [(at["period"], relay_half_period(at["b"]))],
+)  # fmt: skip
+
+
+# Dry friction on a belt that moves with V: stuck until the spring pulls with F, then slipping with
+# z = x - F + d V, z'' - d z' + z = 0, z = d V and z' = V, until z' = V again.
+def friction(sign: int) -> Any:
+    def f(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -x[0] - sign * p["F"] + p["d"] * (x[1] - p["V"])]
+
+    return f
+
+
+STICK_SLIP = cb.Filippov(friction(1), friction(-1), lambda t, x, p: x[1] - p["V"])
+
+
+def stick_slip_period(d: float, V: float = 1.0, F: float = 1.0) -> float:
+    matrix, start = np.array([[0.0, 1.0], [-1.0, d]]), np.array([d * V, V])
+    slip = brentq(lambda t: (expm(matrix * t) @ start)[1] - V, 3.5, 6.25, xtol=1e-15)
+    landed = (expm(matrix * slip) @ start)[0] + F - d * V
+    return slip + (F - landed) / V
+
+
+enter(
+    "stick-slip",
+    cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {"F": 1.0, "V": 1.0, "d": 0.1}, settle=40),
+    "d", (0.02, 0.6), (), lambda at: [(at["period"], stick_slip_period(at["d"]))],
+)  # fmt: skip
+
+# A rimless wheel, half an angle 0.3 between its spokes, down a slope g: each step gains 4 sin(0.3)
+# sin(g) in the square of the speed, each impact leaves cos(0.6) of the speed.
+enter(
+    "rimless wheel",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[1], np.sin(x[0])],
+                until=lambda t, x, p: p["g"] + 0.3 - x[0],
+                reset=lambda t, x, p: [x[0] - 0.6, math.cos(0.6) * x[1]]),
+        {"a": -0.15, "w": 0.6}, {"g": 0.15}, settle=30,
+    ),
+    "g", (0.06, 0.3), (),
+    lambda at: [(at["max(w)"] ** 2, 4 * math.sin(0.3) * math.sin(at["g"]) / math.sin(0.6) ** 2),
+                (max(at.solution.others.real), math.cos(0.6) ** 2)],
+)  # fmt: skip
+
+
+def kicked(force: Any, loss: Any, kick: Any) -> list[cb.Flow]:
+    """x'' = force, through x = 0 upwards with a kick: a clock."""
+
+    def f(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], force(x, p)]
+
+    return [
+        cb.Flow(f, until=lambda t, x, p: x[0]),
+        cb.Flow(
+            f, until=lambda t, x, p: -x[0], reset=lambda t, x, p: [x[0], loss * x[1] + kick(p)]
+        ),
+    ]
+
+
+# A damped clock gains 1 in speed each time: v = 1/(1 - q), q = exp(-2 pi h / sqrt(1 - h^2)).
+def along_clock(at: Any) -> Pairs:
+    period = 2 * np.pi / math.sqrt(1 - at["h"] ** 2)
+    q = math.exp(-at["h"] * period)
+    return [(at["period"], period), (at["max(v)"], 1 / (1 - q)), (max(at.solution.others.real), q)]
+
+
+enter(
+    "clock",
+    cycle(
+        kicked(lambda x, p: -x[0] - 2 * p["h"] * x[1], 1.0, lambda p: 1.0),
+        {"x": 0.1, "v": 1.0}, {"h": 0.2}, settle=60,
+    ),
+    "h", (0.05, 0.7), (), along_clock,
+)  # fmt: skip
+
+# A pendulum and a Duffing oscillator that lose half their speed there and gain J: v = 2 J, so the
+# periods are those of free motions with that speed at rest position.
+enter(
+    "pendulum clock",
+    cycle(
+        kicked(lambda x, p: -np.sin(x[0]), 0.5, lambda p: p["J"]),
+        {"x": 0.1, "v": 1.0}, {"J": 0.5}, settle=60,
+    ),
+    "J", (0.1, 0.97), (),
+    lambda at: [(at["period"], 4 * ellipk(at["J"] ** 2)), (max(at.solution.others.real), 0.5)],
+)  # fmt: skip
+
+
+def duffing_period(J: float) -> float:
+    """x'' = -x - x^3 from x = 0 with speed 2 J: amplitude a, a^2 + a^4/2 = 4 J^2."""
+    a2 = math.sqrt(1 + 8 * J**2) - 1
+    return 4 * ellipk(a2 / 2 / (1 + a2)) / math.sqrt(1 + a2)
+
+
+enter(
+    "duffing clock",
+    cycle(
+        kicked(lambda x, p: -x[0] - x[0] ** 3, 0.5, lambda p: p["J"]),
+        {"x": 0.1, "v": 1.0}, {"J": 0.5}, settle=60,
+    ),
+    "J", (0.1, 3.0), (), lambda at: [(at["period"], duffing_period(at["J"]))],
+)  # fmt: skip
+
+
+# A bang-bang oscillator: half a period of the clock with force 1, then mirrored.
+def bang_bang_start(k: float) -> Any:
+    matrix = np.array([[0.0, 1.0], [-k, -0.2]])
+    E, shift = expm(matrix * 2.0), np.linalg.solve(matrix, [0.0, 1.0])
+    return -np.linalg.solve(np.eye(2) + E, (E - np.eye(2)) @ shift)
+
+
+enter(
+    "bang-bang oscillator",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[1], 1 - p["k"] * x[0] - 0.2 * x[1], 0.5],
+                until=lambda t, x, p: 1 - x[2], reset=lambda t, x, p: [-x[0], -x[1], 0.0]),
+        {"x": 0.0, "v": 0.0, "s": 0.0}, {"k": 2.0}, settle=100,
+    ),
+    "k", (0.5, 5.0), (),
+    lambda at: [(at.solution.states(at.solution.times[0])[:2], bang_bang_start(at["k"]))],
+)  # fmt: skip
+
+
+# A piecewise linear van der Pol oscillator: damping -2 a within |x| < 1, 2 b outside; half an orbit
+# begins at x = 1 with v, is outside until x = 1 again, inside until x = -1, and is mirrored.
+def along_bilinear(at: Any) -> Pairs:
+    outside, inside = np.array([[0.0, 1], [-1, -2 * at["b"]]]), np.array([[0.0, 1], [-1, 0.2]])
+    (first, second), v = at.solution.durations, at.solution.states(at.solution.times[0])[1]
+    middle = expm(outside * first) @ [1, v]
+    return [(middle[0], 1.0), (expm(inside * second) @ middle, [-1, -v])]
+
+
+enter(
+    "bilinear oscillator",
+    cycle(
+        [cb.Flow(lambda t, x, p: [x[1], -x[0] - 2 * p["b"] * x[1]],
+                 until=lambda t, x, p: x[0] - 1),
+         cb.Flow(lambda t, x, p: [x[1], -x[0] + 0.2 * x[1]],
+                 until=lambda t, x, p: x[0] + 1, reset=lambda t, x, p: [-x[0], -x[1]])],
+        {"x": 1.0, "v": 1.5}, {"b": 0.3}, settle=80,
+    ),
+    "b", (0.15, 0.9), (), along_bilinear,
+)  # fmt: skip
+
+
+# A damped oscillator that hits a wall at x = 1 once a period 2 pi/w and keeps e of its speed.
+# Between impacts it is linear, X1 - Xp = E (X0 - Xp) with Xp the forced response at the impact, so
+# that Xp is linear in the speed v of the rebound; its amplitude, F times the gain, is a quadratic
+# in v: a fold where both solutions meet, no impact (v = 0) where the amplitude is 1.
+@dataclass(frozen=True)
+class Impacting:
+    w: float
+    c: float = 0.05
+    e: float = 0.7
+
+    @property
+    def turn(self) -> Any:
+        return expm(np.array([[0.0, 1.0], [-1.0, -2 * self.c]]) * 2 * np.pi / self.w)
+
+    @property
+    def response(self) -> tuple[Any, Any]:
+        """Xp = (1, 0) + v times this slope, both with the velocity in units of w."""
+        slope = np.linalg.solve(np.eye(2) - self.turn, [0.0, 1 / self.e] + self.turn @ [0.0, 1.0])
+        return np.array([1.0, 0.0]), slope * [1.0, 1 / self.w]
+
+    @property
+    def touching(self) -> float:
+        """The force with amplitude 1."""
+        return abs(1 - self.w**2 + 2j * self.c * self.w)
+
+    @property
+    def fold(self) -> float:
+        a, b = self.response
+        return self.touching * math.sqrt(a @ a - (a @ b) ** 2 / (b @ b))
+
+    def rebounds(self, F: float) -> list[float]:
+        a, b = self.response
+        roots = np.roots([b @ b, 2 * a @ b, a @ a - (F / self.touching) ** 2])
+        return sorted(float(v.real) for v in roots if abs(v.imag) < 1e-6)
+
+    def matrix(self, v: float) -> Any:
+        """Of the map over a period, from just after an impact to just after the next."""
+        a, b = self.response
+        xp, vp = (a + v * b) * [1.0, self.w]
+        force = (1 - self.w**2) * xp + 2 * self.c * vp
+        before = np.array([v / self.e, force - 1 - 2 * self.c * v / self.e])
+        after = np.array([-v, force - 1 + 2 * self.c * v])
+        reset = np.diag([1.0, -self.e])
+        return (reset + np.outer(after - reset @ before, [1.0, 0.0]) / before[0]) @ self.turn
+
+    def doubling(self, low: float, high: float) -> float:
+        def least(F: float) -> float:
+            return float(np.linalg.det(self.matrix(self.rebounds(F)[-1]) + np.eye(2)))
+
+        return brentq(least, low, high, xtol=1e-14)
+
+    def along(self, at: Any) -> Pairs:
+        v = -at.solution.states(at.solution.times[0])[1]
+        known = min(self.rebounds(at["F"]), key=lambda one: abs(one - v))
+        pairs = [(v, known)]
+        if v > 1e-3:  # without bound where v = 0
+            pairs.append((at.solution.others.sum() * v, np.trace(self.matrix(v)) * v))
+        return pairs
+
+    @property
+    def flow(self) -> cb.Flow:
+        return cb.Flow(
+            lambda t, x, p: [
+                x[1], p["F"] * np.cos(p["w"] * t) - x[0] - 2 * self.c * x[1]
+            ],
+            until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [x[0], -self.e * x[1]],
+        )  # fmt: skip
+
+
+FAST, SLOW = Impacting(1.5), Impacting(0.9)
+enter(
+    "impact oscillator, fold",
+    cycle(FAST.flow, {"x": 0.9, "v": -2.0}, {"F": 1.0, "w": 1.5}, period=turn, settle=200),
+    "F", (0.3, 3.0), (("LP", FAST.fold), ("VI", FAST.touching)), FAST.along,
+)  # fmt: skip
+enter(
+    "impact oscillator, doubling",
+    cycle(SLOW.flow, {"x": 0.9, "v": -1.0}, {"F": 1.0, "w": 0.9}, period=turn, settle=200),
+    "F", (0.1, 3.0), (("PD", SLOW.doubling(0.3, 0.6)), ("VI", SLOW.touching)), SLOW.along,
+)  # fmt: skip
+
+
+# --- curves in two parameters ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Where a special point of a case goes when a second parameter is free, too."""
+
+    case: str
+    kind: str
+    names: tuple[str, str]
+    window: Mapping[str, tuple[float, float]]
+    known: Callable[[Any], tuple[float, float]]
+    most: int = 40  # steps to each side
+
+
+def doubling_of_ball(e: float) -> float:
+    return math.hypot(math.pi * (1 - e) / (1 + e), 2 * (1 + e**2) / (1 + e) ** 2)
+
+
+CURVES = [
+    Curve("lorenz", "HB", ("r", "s"), {"s": (6, 20), "r": (15, 40)},
+          lambda at: (at["r"], at["s"] * (at["s"] + 17 / 3) / (at["s"] - 11 / 3))),
+    Curve("bouncing ball", "LP", ("A", "e"), {"e": (0.4, 0.95), "A": (0, 2)},
+          lambda at: (at["A"], math.pi * (1 - at["e"]) / (1 + at["e"]))),
+    Curve("bouncing ball", "PD", ("A", "e"), {"e": (0.4, 0.95), "A": (0, 3)},
+          lambda at: (at["A"], doubling_of_ball(at["e"]))),
+    Curve("langford", "NS", ("rho", "l"), {"l": (0.4, 0.9), "rho": (0.2, 2)},
+          lambda at: (at["rho"] * (at["l"] + 0.7 - 0.343 / 3 - 0.357), 0.51)),
+    Curve("linear beside a wall", "GR", ("F", "w"), {"w": (0.8, 1.8), "F": (0, 4)},
+          lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"])), most=3),
+    Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
+          lambda at: (at["F"], Impacting(at["w"]).fold)),
+]  # fmt: skip
