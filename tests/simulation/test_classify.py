@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import contbreather as cb
 from contbreather.orbits import symmetric
 from contbreather.paper.lifetimes import smooth_breather
 from contbreather.simulation import (
@@ -169,8 +170,12 @@ def test_verdict_on_chaos_of_a_single_site():
 
 @pytest.mark.parametrize("a", [0.93, 0.94])
 def test_period_doubled_orbit_is_locked_one_to_two(a):
-    """gamma = 0, k = 0.8: the asymmetric breather doubles its period at a = 0.9255."""
-    found = verdict(symmetric(a, 0.0, 0.8).state(1), a=a, gamma=0.0, k=0.8, periods=500)
+    """gamma = 0, k = 0.8: the asymmetric breather doubles its period at a = 0.9255. The run begins
+    beside that breather: from the symmetric one, which repels, rounding decides where it ends."""
+    branch = cb.trace(symmetric(0.6, 0.0, 0.8), "a", within={"a": (0.6, 0.95)})
+    (arm, _) = cb.switch(branch.first("PF"), within={"a": (0.6, a)})
+    u, v = arm[-1].state(1)
+    found = verdict((u, v + 1e-6), a=a, gamma=0.0, k=0.8, periods=500)
     assert found.kind is Kind.LOCKED
     assert (found.evidence["p"], found.evidence["q"]) == (1, 2)
     assert found.evidence["multiplier"] < 1.0
