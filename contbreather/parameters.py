@@ -88,6 +88,10 @@ def _plainly(end: float) -> str:
     return f"{end:g}" if end < 1e4 else f"{end:.0e}".replace("e+0", "e")
 
 
+# Damping, or a frequency: beyond it exp(-damping t) or a phase has no digit left over a period,
+# and a simulation takes steps of 3/HEAVIEST.
+HEAVIEST = 1e4
+
 _MODEL = (
     # without forcing there is no phase; simulations may have none
     Number("a", "amplitude of the forcing", "amplitude a", dimension="d Omega^2", above=True,
@@ -101,8 +105,8 @@ _MODEL = (
     # the arc of multipliers is neutral throughout at 1; the impact of site 0 degenerates at 0
     Number("k", "restitution coefficient", "restitution k", high=1.0, window=(0.01, 0.999),
            why=" (0 sticks, 1 loses nothing)", rim=": at 0 and 1 curves degenerate"),
-    Number("damping", "damping coefficient", "damping", 0.0, dimension="Omega"),
-    Number("spring", "on-site stiffness", "spring", 0.0, dimension="Omega^2"),
+    Number("damping", "damping coefficient", "damping", 0.0, dimension="Omega", high=HEAVIEST),
+    Number("spring", "on-site stiffness", "spring", 0.0, dimension="Omega^2", high=HEAVIEST**2),
 )  # fmt: skip
 _WALLS = (  # smooth ones, (21), in place of k
     Number("lam", "damping of the wall", "wall's damping", high=2.0),

@@ -272,7 +272,9 @@ class Branch(Columns, Shown):
             head = f"{title} in ({', '.join(free)})" + (f" at {fixed}" if fixed else "")
         else:
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
-        end = f"{self.stop.value}{': ' + self.reason if self.reason else ''}"
+        end = _ended(self.stop, self.reason)
+        if self.began is not None and self.began.failed:
+            end += f"; the other way it {_ended(self.began, self.began_reason)}"
         moved = f"; the start was moved by {self.moved:.2g}" if self.moved else ""
         hint = f"; {self.curve.hint}" if self.curve.hint else ""
         return f"{head}: {len(self)} points; {end}{moved}{hint}"
@@ -282,6 +284,10 @@ class Branch(Columns, Shown):
 
     def __repr__(self) -> str:
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
+
+
+def _ended(stop: Stop, reason: str) -> str:
+    return f"{stop.value}{': ' + reason if reason else ''}"
 
 
 def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:

@@ -55,7 +55,7 @@ def symmetric(
     walls: Any = None,
     root: int | None = None,
 ) -> Orbit:
-    """The symmetric breather of one impacting site, eqs. (11) to (13).
+    """The symmetric breather of one impacting site, (11) to (13).
 
     Of several solutions the admissible one with the largest p. For `Harmonic` forcing that is the
     upper sign of (13), the only one that can be stable, wherever it keeps off the walls.

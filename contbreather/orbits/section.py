@@ -336,6 +336,8 @@ def told_apart(
         gap = times[j] - times[i]
         near = speed is not None and abs(gap) < SHORT
         mean = speed(i, j, 0.5 * gap * (1.0 + _NODES)) if near and speed else None
+        if mean is None and gap == 0.0:
+            raise ArithmeticError(f"impacts {i + 1} and {j + 1} of one site come at one time")
         found[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * _WEIGHTS @ mean
     return found
 

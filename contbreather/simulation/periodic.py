@@ -31,7 +31,6 @@ from contbreather.simulation.chunks import RunStop, Sample
 from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.simulation.states import (
-    HEAVIEST,
     PERIOD,
     ModelParameters,
     State,
@@ -48,8 +47,6 @@ OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
 INTEGRATED = 1e-7  # and by more than the integration's error
 DOMAIN = {name: (one.low, one.high) for name, one in {**NUMBERS, **SMOOTH}.items()} | {
     "m": (1.0, 2000.0),
-    "damping": (0.0, HEAVIEST),
-    "spring": (0.0, HEAVIEST**2),
 }
 
 

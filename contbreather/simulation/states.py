@@ -13,20 +13,15 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
-from contbreather.parameters import NAMES, SMOOTH, parameter
+from contbreather.parameters import HEAVIEST, NAMES, SMOOTH, parameter
 
 Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
 OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
 FASTEST = 1e6
-HEAVIEST = 1e4  # damping, or frequency; steps are 3/mu at most, a period takes 2 pi mu/3 of them
 
-# A lattice may be at rest, or ring freely: without forcing, too. `HEAVIEST` bounds the rest.
-RANGES: dict[str, dict[str, Any]] = {
-    "a": {"above": False},
-    "damping": {"high": HEAVIEST},
-    "spring": {"high": HEAVIEST**2},
-}
+# A lattice may be at rest, or ring freely: without forcing, too.
+RANGES: dict[str, dict[str, Any]] = {"a": {"above": False}}
 
 
 class Moved(Protocol):
