@@ -446,14 +446,18 @@ def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> 
         middle = 0.5 * (a + b)
         first = _first_fall(guard, a, middle, halvings - 1)
         return first if math.isfinite(first) else _first_fall(guard, middle, b, halvings - 1)
-    for i in range(1, t.size):
-        if g[i] <= 0 < g[i - 1]:
-            return _root(guard, t[i - 1], t[i])
-        low = g[i - 1] > g[i] < g[min(i + 1, t.size - 1)]
-        if low and g[i] < _SHALLOW * (min(g[i - 1], g[i + 1]) - g[i]):
-            dip = _minimum(guard, t[i - 1], t[i + 1])
+    for i in range(t.size):
+        left, right = max(i - 1, 0), min(i + 1, t.size - 1)
+        if g[i] <= 0 < g[left]:
+            return _root(guard, t[left], t[i])
+        # A minimum may lie beside the first or the last node; and of two nodes as far from one the
+        # first is lower, or as low: rounding decides. So two nodes on each side say how far it falls.
+        low = (i == 0 or g[left] > g[i]) and g[i] <= g[right]
+        around = g[max(i - 2, 0) : i + 3]
+        if low and 0 < g[i] < _SHALLOW * (around.max() - g[i]):
+            dip = _minimum(guard, t[left], t[right])
             if guard(np.array([dip]))[0] <= 0:
-                return _root(guard, t[i - 1], dip)
+                return _root(guard, t[left], dip)
     return math.inf
 
 

@@ -73,6 +73,16 @@ def test_a_shallow_dip_within_a_step_is_seen(depth: float) -> None:
     assert not cb.integrate(clear, [0.0], {"d": depth}, time=2.0).events
 
 
+@pytest.mark.parametrize("place", [0.97, 0.999, 1.0, 1.001, 1.003, 1.01])
+def test_a_dip_beside_the_end_of_a_step_is_seen(place: float) -> None:
+    """Steps of the integrator end wherever they do: the place of the dip is moved across."""
+    flow = cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: (x[0] - p["c"]) ** 2 - 1e-9)
+    ends = cb.integrate(flow, [0.0], {"c": 1e3}, time=2.0).t
+    for end in ends[1:-1]:
+        run = cb.integrate(flow, [0.0], {"c": float(end) * place}, time=3.0, events=1)
+        assert len(run.events) == 1
+
+
 def test_flows_in_turn_may_differ_in_their_states() -> None:
     """A ball that becomes a clock for one unit of time, and falls again from where it was."""
     fall = cb.Flow(BALL.f, until=BALL.until, reset=lambda t, x, p: [1.0])
