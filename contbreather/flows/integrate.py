@@ -451,7 +451,7 @@ def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> 
         if g[i] <= 0 < g[left]:
             return _root(guard, t[left], t[i])
         # A minimum may lie beside the first or the last node; and of two nodes as far from one the
-        # first is lower, or as low: rounding decides. So two nodes on each side say how far it falls.
+        # first is lower, or as low: rounding decides. So two nodes on each side tell its depth.
         low = (i == 0 or g[left] > g[i]) and g[i] <= g[right]
         around = g[max(i - 2, 0) : i + 3]
         if low and 0 < g[i] < _SHALLOW * (around.max() - g[i]):

@@ -61,12 +61,13 @@ def test_an_eigenvalue_is_double_only_next_to_another_with_the_same_vector(secon
     assert abs(matrix @ q).max() < 1e-12
 
 
-def test_coefficients_of_functions_that_are_no_polynomials_have_nine_digits() -> None:
-    """Ricker's map ``x exp(r (1 - x))`` doubles at r = 2, where f'' = 0 and f''' = 4."""
+def test_coefficients_of_functions_that_are_no_polynomials_have_eight_digits() -> None:
+    """Ricker's map ``x exp(r (1 - x))`` doubles at r = 2, where f'' = 0 and f''' = 4.
+    Of differences of third order numpy's exp leaves 2e-9 where it has no vector instructions."""
     mine = FixedPoint(lambda x, p: x * np.exp(p["r"] * (1 - x)), {"x": 1.0}, {"r": 1.5})
     point = trace(mine, "r", within={"r": (1.2, 2.3)}).first("PD")
     assert point["r"] == pytest.approx(2.0, abs=1e-12)
-    assert point.detail["c"] == pytest.approx(4 / 6, rel=1e-9)
+    assert point.detail["c"] == pytest.approx(4 / 6, rel=1e-8)
     fast = FixedPoint(lambda x, p: -(1 + p["m"]) * np.sin(20 * x) / 20, {"x": 0.0}, {"m": -0.2})
     there = trace(fast, "m", within={"m": (-0.3, 0.2)}).first("PD")
     assert there.detail["c"] == pytest.approx(400 / 6, rel=1e-7)
