@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 
 _COLUMNS = 5  # numbers shown for a point in the tree
+_SHORT = 0.1  # of the first step that was asked for: an arm that sets out by less
+_FARTHER = 12  # is recognised after so many steps
 
 
 @dataclass(frozen=True)
@@ -355,8 +357,11 @@ class _Growth:
         # those that were given, for the problem they were given for
         own = self.events if problem.residual is point.curve.problem.residual else None
         within = self._within(problem)
-        glance = replace(self.steps, most=1)
-        first = follow(point, seed, within=within, events=(), steps=glance, progress=False)
+        glance = partial(follow, point, seed, within=within, events=(), progress=False)
+        first = glance(steps=replace(self.steps, most=1))
+        if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
+            # so close to a branch point rounding decides on which of two curves a solution lies
+            first = glance(steps=replace(self.steps, most=_FARTHER))
         reach = first.curve.length(first[-1].z - first[0].z)
         known = duplicate_of(first[-1], self.tree, reach)
         if known is not None and (known.simpler or not known.image):
