@@ -210,13 +210,19 @@ OF_LATTICES = {
         r"one pair for all sites, one for each of them",
     ),
     "one wall": (f"{HERE} --lattice open:9 --walls none,1", r"the walls are not symmetric"),
-    "damping negative": (f"{HERE} --lattice open:9 --damping -1", r"damping = -1\.0: .* >= 0"),
+    "damping negative": (
+        f"{HERE} --lattice open:9 --damping -1",
+        r"damping = -1\.0: .* 0 <= damping",
+    ),
     "damping negative beside a ring": (
         f"{HERE} --sites 10 --damping -1",
-        r"damping = -1\.0: .* >= 0",
+        r"damping = -1\.0: .* 0 <= damping",
     ),
-    "damping nan": (f"{HERE} --lattice open:9 --damping nan", r"damping = nan: .* >= 0"),
-    "spring negative": (f"{HERE} --lattice open:9 --spring -0.1", r"spring = -0\.1: .* >= 0"),
+    "damping nan": (f"{HERE} --lattice open:9 --damping nan", r"damping = nan: .* 0 <= damping"),
+    "spring negative": (
+        f"{HERE} --lattice open:9 --spring -0.1",
+        r"spring = -0\.1: .* 0 <= spring",
+    ),
     "spring in resonance": (
         f"{HERE} --lattice open:9 --spring 1",
         r"frequency 1 is in resonance with the orbit: change gamma or spring",
