@@ -16,7 +16,7 @@ from warnings import warn
 
 from lazy_loader import attach_stub
 
-from .display import Shown
+from .display import HtmlRepr
 
 __version__ = "0.1.0"
 _fetch, _, _names = attach_stub(__name__, __file__)
@@ -51,7 +51,7 @@ def _card(value: object) -> str:
     return str(import_module(f"{__name__}.plotting.cards").card(value))
 
 
-Shown.painter = _card
+HtmlRepr.painter = _card
 
 
 def __dir__() -> list[str]:

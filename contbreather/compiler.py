@@ -49,12 +49,12 @@ def address(function: Callable[..., Any], kinds: str) -> int:
         except NotCompiled:
             pass
     if (function, kinds) not in _made:
-        _made[function, kinds] = made(kernels.kernel_of(function, kinds))
+        _made[function, kinds] = jitted(kernels.kernel_of(function, kinds))
     found: int = _made[function, kinds].address
     return found
 
 
-def made(kernel: Kernel) -> Any:
+def jitted(kernel: Kernel) -> Any:
     """What numba makes of it, in this process.
 
     Raises
@@ -81,7 +81,7 @@ def made(kernel: Kernel) -> Any:
 
 def object_of(kernel: Kernel) -> bytes:
     """The name of its entry, what it needs, both with a line end, and the object code."""
-    code = made(kernel)
+    code = jitted(kernel)
     text = code.inspect_llvm()
     needs = set(_NEEDED.findall(text))
     # memory has nobody to give it, and to give it back: what asks for it is refused here

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .tables import Sheet
 
 
-class Shown:
+class HtmlRepr:
     """A value that notebooks show as a small picture and a table."""
 
     __slots__ = ()
@@ -25,7 +25,7 @@ class Shown:
         raise NotImplementedError
 
     def _repr_html_(self) -> str | None:
-        return None if Shown.painter is None else Shown.painter(self)
+        return None if HtmlRepr.painter is None else HtmlRepr.painter(self)
 
 
 def in_notebook() -> bool:

@@ -57,7 +57,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 @contextmanager
-def keeping(partial: Callable[[], object] = lambda: None) -> Iterator[None]:
+def partial_result(partial: Callable[[], object] = lambda: None) -> Iterator[None]:
     """Make of any interruption of a block one that carries what the call around it has by then.
 
     Interruptions of inner calls are `KeyboardInterrupt`, too: what a caller gets is never the piece
@@ -67,7 +67,7 @@ def keeping(partial: Callable[[], object] = lambda: None) -> Iterator[None]:
     --------
     >>> done = [1, 2]
     >>> try:
-    ...     with keeping(lambda: tuple(done)):
+    ...     with partial_result(lambda: tuple(done)):
     ...         raise KeyboardInterrupt
     ... except Interrupted as stop:
     ...     stop.partial
@@ -80,7 +80,7 @@ def keeping(partial: Callable[[], object] = lambda: None) -> Iterator[None]:
 
 
 @contextmanager
-def taking(add: Callable[[Any], object]) -> Iterator[None]:
+def add_partial_result(add: Callable[[Any], object]) -> Iterator[None]:
     """Add what an interrupted inner call has by then to what the call around it has."""
     try:
         yield

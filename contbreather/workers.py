@@ -30,7 +30,13 @@ from queue import SimpleQueue
 from typing import Any
 
 from .checks import whole
-from .errors import BadInput, ContbreatherError, NotConverged, keeping, taking
+from .errors import (
+    BadInput,
+    ContbreatherError,
+    NotConverged,
+    add_partial_result,
+    partial_result,
+)
 from .progress import Bar
 from .signals import deferred
 
@@ -142,7 +148,7 @@ def each(
 def _shown(
     asked: _Work, executor: Executor | int | None, progress: bool | None, unit: str
 ) -> Iterator[Any]:
-    with Bar(progress, len(asked.items), unit) as bar, keeping(asked.so_far):
+    with Bar(progress, len(asked.items), unit) as bar, partial_result(asked.so_far):
         for _ in asked.done(executor):
             bar.advance(len(asked.results))
             yield from asked.next()
@@ -188,7 +194,7 @@ class _Work:
             spent = time.monotonic() - begun
             if number and spent > GLANCE and spent * (len(self.items) / number - 1) > worth:
                 return
-            with taking(partial(self.results.__setitem__, number)):
+            with add_partial_result(partial(self.results.__setitem__, number)):
                 self.results[number] = _attempt(self.work, item)
             yield
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.search import window_of
+from contbreather.orbits.start_search import window_of
 from contbreather.orbits.zones_many import Slice
 from contbreather.studies import Report, read, tasks
 from contbreather.studies import run as conduct

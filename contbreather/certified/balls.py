@@ -26,7 +26,7 @@ Ball = arb
 Jet = arb_series
 Value = Any  # a ball or a jet
 
-BITS = 128  # of every midpoint: the truncated series of `means` are as good
+BITS = 128  # of every midpoint: the truncated series of `averages` are as good
 
 
 class Interval(NamedTuple):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from contbreather.certified import means
+from contbreather.certified import averages
 from contbreather.certified.balls import Value
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
@@ -57,24 +57,24 @@ def loss(values: Values) -> Value:
 def closure(values: Values) -> list[Value]:
     """(11): site 0 is at its wall at phi, and the reset law."""
     p, a = values["p"], values["a"]
-    height = p * means.chi(values["gamma"]) + a * driven(values, 0) - 1
+    height = p * averages.chi(values["gamma"]) + a * driven(values, 0) - 1
     return [height, a * driven(values, 1) - p * loss(values)]
 
 
 def fold(values: Values) -> Value:
     """(T7), the determinant of the closure's Jacobian."""
-    return means.chi(values["gamma"]) * driven(values, 2) + loss(values) * driven(values, 1)
+    return averages.chi(values["gamma"]) * driven(values, 2) + loss(values) * driven(values, 1)
 
 
 def pitchfork(values: Values) -> Value:
     """(T15), half the distance of b from where the half map has +1."""
-    sigma = means.sigma(values["gamma"])
+    sigma = averages.sigma(values["gamma"])
     return values["a"] * driven(values, 2) - 2 * values["p"] * sigma
 
 
 def saltation(values: Values) -> Value:
     """The entry b of the saltation matrix, (T8)."""
-    pull = values["a"] * driven(values, 2) - values["p"] * means.eta(values["gamma"])
+    pull = values["a"] * driven(values, 2) - values["p"] * averages.eta(values["gamma"])
     return (1 + values["k"]) ** 2 * pull / (2 * values["p"])
 
 

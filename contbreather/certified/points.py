@@ -8,7 +8,7 @@ from typing import Any
 
 from flint import arb
 
-from contbreather.certified import means
+from contbreather.certified import averages
 from contbreather.certified.balls import (
     Ball,
     Equations,
@@ -21,7 +21,7 @@ from contbreather.certified.balls import (
 )
 from contbreather.certified.certificate import Certificate
 from contbreather.certified.closure import check_forcing, equations, fold, pitchfork, saltation
-from contbreather.certified.walls import admissible
+from contbreather.certified.inside_walls import admissible
 from contbreather.certified.winding import unstable_count
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain
@@ -140,5 +140,5 @@ def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
 
 
 def _enclosure(values: Mapping[str, Ball], names: Sequence[str]) -> dict[str, Interval]:
-    follows = {"chi": means.chi(values["gamma"]), "b": saltation(values)}
+    follows = {"chi": averages.chi(values["gamma"]), "b": saltation(values)}
     return {name: interval(x) for name, x in [*((n, values[n]) for n in names), *follows.items()]}

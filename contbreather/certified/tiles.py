@@ -30,8 +30,8 @@ from contbreather.certified.balls import (
 )
 from contbreather.certified.certificate import Covering, Tile
 from contbreather.certified.closure import equations
+from contbreather.certified.inside_walls import admissible
 from contbreather.certified.points import UNKNOWNS, zero_near
-from contbreather.certified.walls import admissible
 from contbreather.certified.winding import unstable_count
 from contbreather.parameters import NUMBERS
 

@@ -48,7 +48,7 @@ from typing import NamedTuple
 
 from flint import arb, arb_mat, arb_poly
 
-from contbreather.certified import means
+from contbreather.certified import averages
 from contbreather.certified.balls import Ball, hull, nearest, root, spread, working
 from contbreather.certified.closure import saltation
 
@@ -98,7 +98,7 @@ def _weights() -> tuple[arb_mat, ...]:
         return arb_mat(R), arb_mat(B), arb_mat(C)
 
 
-_POWERS = range(means.J + 1)
+_POWERS = range(averages.J + 1)
 
 
 def _weight(r: int, k: int, j: int) -> Ball:

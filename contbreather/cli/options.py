@@ -327,7 +327,7 @@ class Start(NamedTuple):
     @property
     def problem(self) -> cb.Problem:
         """Its equations, with all events."""
-        from contbreather.orbits.search import problem_with
+        from contbreather.orbits.start_search import problem_with
 
         return problem_with(self.breather, self.free, threshold=self.on.threshold)
 

@@ -15,6 +15,7 @@ from ..checks import check_kind
 from ..errors import BadInput
 from ..progress import Counter
 from ..storage.serialise import from_dict, to_dict
+from .active_events import active_events, having, titled, walls_are_lifted
 from .branch import Branch, Settings
 from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Save, checkpoint, piece_of
@@ -23,7 +24,6 @@ from .defining_systems import Extended, ExtendedProblem, event_of, extended, lif
 from .newton import Undefined
 from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
 from .problem import Problem
-from .scope import having, scope, titled, walls_are_lifted
 from .starts import Within, all_of, windows
 from .steps import Steps, steps_of
 from .trace import trace
@@ -147,7 +147,7 @@ def boundary_problem(
     of its unknowns."""
     named_pair(pair)
     asked = all_of(events)
-    base, given = scope(ground.problem, asked, inadmissible=inadmissible)
+    base, given = active_events(ground.problem, asked, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
@@ -232,7 +232,7 @@ def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, 
         return ground, event
     own = next((one for one in problem.events if one.kind == event.kind), event)
     event = (from_dict(to_dict(event.serialised)) if event.serialised else own).of(problem)
-    problem, _ = scope(problem, (event,))
+    problem, _ = active_events(problem, (event,))
     curve = Curve(problem, ground.curve.free)
     return replace(ground, curve=curve, z=curve.start, tangent=None), event
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..checks import check_kind, shown
 from ..columns import Columns
-from ..display import Shown
+from ..display import HtmlRepr
 from ..errors import BadInput
 from ..tables import Column, Sheet
 from .curve import Curve
@@ -61,7 +61,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(Columns, Shown):
+class Branch(Columns, HtmlRepr):
     """Points along a curve, in order, with the special ones among them.
 
     ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``; of

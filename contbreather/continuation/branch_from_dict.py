@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..storage.serialise import can_read, from_dict
+from .active_events import active_events
 from .boundary import boundary_problem
 from .branch import Branch, Settings, Stop, labelled
 from .curve import Curve
@@ -24,7 +25,6 @@ from .point import Event, Point, UnstableDimension
 from .points import Points
 from .problem import Problem
 from .samples import measure
-from .scope import scope
 from .steps import Steps
 
 Array = NDArray[Any]
@@ -121,7 +121,7 @@ class _Stored:
         if content["boundary"]:
             longer, events = self._boundary(problem, asked, candidates, origin)
         else:
-            longer, events = scope(problem, asked.events, inadmissible=asked.inadmissible)
+            longer, events = active_events(problem, asked.events, inadmissible=asked.inadmissible)
         curve = self._curve(longer)
         if list(longer.start) != content["unknowns"] or set(longer.names) != set(here):
             raise BadInput(f"the file has {list(here)}, the problem has {list(longer.names)}")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..checks import kind_of
-from ..errors import BadInput, Interrupted, keeping, taking
+from ..errors import BadInput, Interrupted, add_partial_result, partial_result
 from ..storage import netcdf
 from ..storage.serialise import NotSerialisable
 from .branch_to_dict import result_to_dict
@@ -126,7 +126,10 @@ def piece_of(
     """The file for a call within another, of whose result `whole` makes that of the outer one: on
     disk, and where it is interrupted; `before` is what the outer one has by then without it."""
     pieces: list[Any] = []
-    with keeping(lambda: whole(pieces[0]) if pieces else before), taking(pieces.append):
+    with (
+        partial_result(lambda: whole(pieces[0]) if pieces else before),
+        add_partial_result(pieces.append),
+    ):
         yield file and Inner(file, whole)
 
 

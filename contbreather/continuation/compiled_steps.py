@@ -44,7 +44,7 @@ class Loops:
     at_once: bool = False
 
 
-class Machine(NamedTuple):
+class MachineCode(NamedTuple):
     """Addresses of the functions of a problem, and the kernels by machine code."""
 
     evaluate: int
@@ -136,10 +136,10 @@ class Corrector:
         return here.there.copy(), here.ahead.copy(), residual, int(iterations)
 
 
-_known: dict[Any, Machine | None] = {}
+_known: dict[Any, MachineCode | None] = {}
 
 
-def machine(loops: Loops) -> Machine | None:
+def machine(loops: Loops) -> MachineCode | None:
     """Machine code of a problem and of the kernels, None where there is none."""
     evaluate = loops.evaluate
     if evaluate not in _known:
@@ -147,7 +147,7 @@ def machine(loops: Loops) -> Machine | None:
     return _known[evaluate]
 
 
-def _machine(loops: Loops) -> Machine | None:
+def _machine(loops: Loops) -> MachineCode | None:
     if loops.at_once:
         from ..compiler import address
     else:
@@ -161,4 +161,4 @@ def _machine(loops: Loops) -> Machine | None:
     except kernels.NotCompiled as reason:
         _log.info("steps are taken without compiled code: %s", reason)
         return None
-    return Machine(evaluate, derive, code)
+    return MachineCode(evaluate, derive, code)

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..checks import whole
 from ..columns import Columns, stacked
-from ..display import Shown
-from ..errors import ContbreatherError, NotConverged, keeping, taking
+from ..display import HtmlRepr
+from ..errors import ContbreatherError, NotConverged, add_partial_result, partial_result
 from ..progress import Counter
 from ..storage.serialise import serialised
 from ..tables import Column, Sheet
@@ -82,7 +82,7 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagram(Columns, Shown):
+class Diagram(Columns, HtmlRepr):
     """Branches, and what was born where.
 
     Attributes
@@ -293,7 +293,7 @@ def diagram(
         growth = _Growth(
             free, windows(within), depth, all_of(events), steps_of(steps), most, shown, kept
         )
-        with keeping(growth.so_far):
+        with partial_result(growth.so_far):
             growth.run(start)
         kept.finish(growth.diagram())
     return growth.diagram()
@@ -383,7 +383,7 @@ class _Growth:
             here._add(piece, birth)
             return here.so_far()
 
-        with taking(lambda piece: self._add(piece, birth)):
+        with add_partial_result(lambda piece: self._add(piece, birth)):
             save = Inner(self.kept, whole)
             branch = walk(**how, steps=self.steps, progress=self.shown, save=save)
         self._add(branch, birth)

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 from .branch import Branch
 from .curve import Curve
+from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN
 from .point import Point
 from .problem import Problem
-from .segment import Segment
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
         return True
     if last.arclength - first.arclength < _SAME * (1 + curve.length(z)):
         return False
-    segment = Segment(first, last, 1e-9)
+    segment = StepInterpolant(first, last, 1e-9)
     chord = curve.dual(last.z - first.z)
     u = float(chord @ (z - first.z) / (chord @ (last.z - first.z)))
     if not 0.0 < u < 1.0:

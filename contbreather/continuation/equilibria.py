@@ -214,7 +214,7 @@ def _large(point: Point) -> bool:
     return is_sparse(point.ground.curve.jacobian(point.ground.z))
 
 
-def _near(point: Point) -> spectrum.Near:
+def _near(point: Point) -> spectrum.NearestEigenvalues:
     return spectrum.near_axis(point.ground.curve, point.ground.z)
 
 

@@ -13,11 +13,20 @@ from dataclasses import dataclass, replace
 
 from .branch_points import GAP
 from .defining_systems import Singular
-from .event_location import at_end, dips, first_jump, kinks, locate, not_simple, separated, special
+from .event_location import (
+    at_end,
+    first_jump,
+    has_double_zero,
+    kinks,
+    locate,
+    not_simple,
+    separated,
+    special,
+)
+from .interpolant import StepInterpolant
 from .newton import Undefined
 from .point import Event, Point
 from .samples import ASIDE, Samples, Value, counts_apart, measure
-from .segment import Segment
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
 _POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
@@ -52,7 +61,7 @@ class Found:
 
 
 def find(
-    segment: Segment,
+    segment: StepInterpolant,
     events: Sequence[Event],
     before: Sequence[Value],
     after: tuple[Value, ...],
@@ -72,7 +81,7 @@ def find(
     if earlier is not None and crossing is None and not (ends.first or ends.closed):
         pace = (segment.first.arclength - earlier[0]) / segment.length
         values = earlier[1], before, after
-        quiet = calm(events, pace, *values, (segment.first, segment.last))
+        quiet = without_candidate(events, pace, *values, (segment.first, segment.last))
     tests = [
         Samples(segment, event, {0.0: before[i], 1.0: after[i]}, calm=i in quiet)
         for i, event in enumerate(events)
@@ -121,7 +130,7 @@ def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
     return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
 
 
-def calm(
+def without_candidate(
     events: Sequence[Event],
     pace: float,
     earlier: Sequence[Value],
@@ -225,7 +234,7 @@ def _events_on(tests: Sequence[Samples], ends: Ends) -> Iterator[Point]:
 def _dipped(samples: Samples) -> Iterator[Point]:
     if 0.5 not in samples.values or samples.jumps or samples.changes():
         return
-    if not dips(samples):
+    if not has_double_zero(samples):
         yield from kinks(samples)
     if isinstance(samples.event.test, Singular):
         samples.beside(*(middle for _, middle in samples.changes()[:-1]))
@@ -245,7 +254,7 @@ def _closer(samples: Samples) -> Iterator[Point]:
             yield special(samples, point, left, right, not_simple(samples.event.kind))
             return
         try:
-            piece = Segment(segment.at(left), segment.at(right), segment.tolerance)
+            piece = StepInterpolant(segment.at(left), segment.at(right), segment.tolerance)
         except Undefined:
             continue
         part = Samples(piece, samples.event, {})
@@ -260,7 +269,7 @@ def _closer(samples: Samples) -> Iterator[Point]:
 
 
 def _between(
-    segment: Segment, cuts: Sequence[Point], tests: Sequence[Samples], ends: Ends
+    segment: StepInterpolant, cuts: Sequence[Point], tests: Sequence[Samples], ends: Ends
 ) -> Iterator[Point]:
     """Events on the pieces between branch points; a piece as short as rounding has none."""
     places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
@@ -268,7 +277,7 @@ def _between(
     for start, end in itertools.pairwise(places):
         if end.arclength - start.arclength < ASIDE * segment.length:
             continue
-        piece = Segment(start, end, segment.tolerance)
+        piece = StepInterpolant(start, end, segment.tolerance)
         middle = piece.provisional(0.5)
         at_first, at_last, parts = start is segment.first, end is segment.last, list[Samples]()
         for event, value in zip((samples.event for samples in tests), values, strict=True):

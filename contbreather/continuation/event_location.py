@@ -267,7 +267,7 @@ def _double(samples: Samples, left: float, right: float, point: Point, reason: s
     return special(samples, point, left, right, reason)
 
 
-def dips(samples: Samples) -> bool:
+def has_double_zero(samples: Samples) -> bool:
     """Whether a test that keeps its sign dips through zero and back within the step, as smooth
     tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
     places = [0.0, 0.5, 1.0]

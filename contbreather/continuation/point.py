@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import check_kind, flag, number
-from ..display import Shown
+from ..display import HtmlRepr
 from ..errors import BadInput
 from ..storage.serialise import serialised
 from ..tables import Sheet
@@ -25,7 +25,7 @@ from .problem import Problem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Point(Shown):
+class Point(HtmlRepr):
     """A solution on a curve: values by name, and what is special about it.
 
     Parameters

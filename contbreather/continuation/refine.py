@@ -9,9 +9,9 @@ from itertools import pairwise
 
 from ..checks import check_kind, number, whole
 from .branch import Branch
+from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
-from .segment import Segment
 
 _CLOSE = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 
@@ -52,7 +52,7 @@ def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | No
     if last.arclength - first.arclength <= _CLOSE * (1 + first.curve.length(first.z)):
         return None
     try:
-        return Segment(first, last, tolerance).at(0.5)
+        return StepInterpolant(first, last, tolerance).at(0.5)
     except OUT_OF_DOMAIN:
         return None
 
@@ -61,7 +61,7 @@ def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iter
     """The first of two neighbours and as many between them as the spacing asks for."""
     yield first
     pieces = math.ceil((last.arclength - first.arclength) / spacing)
-    segment = Segment(first, last, tolerance)
+    segment = StepInterpolant(first, last, tolerance)
     for i in range(1, pieces):
         try:
             found = segment.at(i / pieces)

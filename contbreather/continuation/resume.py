@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from ..checks import check_kind, one_of
-from ..errors import BadInput, keeping, taking
+from ..errors import BadInput, add_partial_result, partial_result
 from .branch import Branch, Settings, Stop
 from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
@@ -78,7 +78,11 @@ def extend(
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
     asked = _asked(branch, within, events, steps)
     done, over = [branch], dict[str, str]()
-    with checkpoint(save, "branch") as file, keeping(lambda: done[-1]), taking(done.append):
+    with (
+        checkpoint(save, "branch") as file,
+        partial_result(lambda: done[-1]),
+        add_partial_result(done.append),
+    ):
         for side in ("last", "first") if end == "both" else (end,):
             why = _over(branch, side, asked)
             if why:

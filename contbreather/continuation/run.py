@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..display import Shown
+from ..display import HtmlRepr
 from ..errors import BadInput
 from ..files import named
 from ..storage.netcdf import check_names, read
@@ -34,7 +34,7 @@ class Entry(NamedTuple):
     name: str
 
 
-class Run(Shown, Mapping[str, Any]):
+class Run(HtmlRepr, Mapping[str, Any]):
     """What is on disk under one path: read when it is asked for, and again where it has changed.
 
     ``run["arms"]`` is a result: of a folder by the name of its file, ``"arms/arm2"`` one of several

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..errors import BadInput
 from .defining_systems import Singular, singular_between
+from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Event, Point
-from .segment import Segment
 
 Value = float | int
 
@@ -76,7 +76,7 @@ class Samples:
         Whether nothing was to be looked for when the step was made.
     """
 
-    segment: Segment
+    segment: StepInterpolant
     event: Event
     values: dict[float, Value]
     done: list[tuple[float, float]] = field(default_factory=list)

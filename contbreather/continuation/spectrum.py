@@ -3,7 +3,7 @@
 Disks are laid along the axis, the first around zero, and the eigenvalues in each of them found by
 shift and invert. How far up pairs can be at all is known beforehand, by the skew part of the matrix
 (I. Bendixson, Acta Math. 25, 359, 1902): of a symmetric one there are none. Beyond the last disk
-nothing is known, and `Near.reach` says so.
+nothing is known, and `NearestEigenvalues.reach` says so.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _EXACT = 1e-12  # relative change of trace and determinant that ends it
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class NearestEigenvalues:
     """What is known of the eigenvalues next to the imaginary axis.
 
     Attributes
@@ -58,9 +58,9 @@ class Near:
         return self.values[self.values.imag > self.rounding]
 
 
-def near_axis(curve: Curve, z: Array) -> Near:
+def near_axis(curve: Curve, z: Array) -> NearestEigenvalues:
     """The eigenvalues of a sparse derivative in the unknowns next to the imaginary axis."""
-    found: Near = curve.once("near axis", z, lambda z: _near(flow(curve, z)))
+    found: NearestEigenvalues = curve.once("near axis", z, lambda z: _near(flow(curve, z)))
     return found
 
 
@@ -70,20 +70,20 @@ def flow(curve: Curve, z: Array) -> Matrix:
     return scaled(curve.jacobian(z)[:, : curve.size], 1 / scales, scales)
 
 
-def _near(matrix: Matrix) -> Near:
+def _near(matrix: Matrix) -> NearestEigenvalues:
     norm = float(abs(matrix).sum(axis=0).max())
     highest = float(abs(matrix - matrix.T).sum(axis=0).max()) / 2
     rounding = _SPLIT * math.sqrt(np.finfo(float).eps * norm)
     values, reach = np.empty(0, dtype=complex), 0.0
     for _ in range(_DISKS):
         if reach >= highest - rounding:
-            return Near(values, math.inf, rounding)
+            return NearestEigenvalues(values, math.inf, rounding)
         inside, radius = _disk(matrix, reach)
         apart = abs(inside[:, None] - values).min(axis=1, initial=math.inf)
         fresh = inside[apart > rounding]
         values = np.concatenate([values, fresh, fresh[fresh.imag > rounding].conj()])
         reach += radius
-    return Near(values, reach, rounding)
+    return NearestEigenvalues(values, reach, rounding)
 
 
 def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
@@ -111,7 +111,7 @@ def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class InvariantPlane:
     """The plane that belongs to two eigenvalues: vectors that span it, those of the transposed
     matrix with ``left.T right = 1``, and the matrix within it."""
 
@@ -120,7 +120,7 @@ class Plane:
     within: Array
 
 
-def plane_at(matrix: Matrix, square: float) -> Plane:
+def plane_at(matrix: Matrix, square: float) -> InvariantPlane:
     """The plane of the two eigenvalues whose squares are closest to ``-square``.
 
     By subspace iteration with the inverse of ``A^2 + square``, through a system of twice the size
@@ -133,7 +133,7 @@ def plane_at(matrix: Matrix, square: float) -> Plane:
     )
     left = _iterated(lambda x: factors.transposed(np.append(x, 0 * x))[n:], matrix.T, square)
     left = np.asarray(np.linalg.solve(left.T @ right, left.T).T)  # now left^T right = 1
-    return Plane(right, left, left.T @ (matrix @ right))
+    return InvariantPlane(right, left, left.T @ (matrix @ right))
 
 
 def _squared(matrix: Matrix, square: float) -> Factors:
@@ -193,8 +193,8 @@ def pair_locus(square: float) -> Locus:
     return Locus({"omega2": square}, _conditions, _slopes)
 
 
-def _plane(curve: Curve, z: Array, square: float) -> Plane:
-    planes: dict[float, Plane] = curve.once("planes", z, lambda z: {})
+def _plane(curve: Curve, z: Array, square: float) -> InvariantPlane:
+    planes: dict[float, InvariantPlane] = curve.once("planes", z, lambda z: {})
     if square not in planes:
         planes[square] = plane_at(flow(curve, z), square)
     return planes[square]

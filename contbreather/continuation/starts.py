@@ -14,11 +14,11 @@ from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
+from .interpolant import LEVEL, closest, tangent_at
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
 from .point import Event, Point
 from .problem import Problem
-from .segment import LEVEL, closest, tangent_at
 from .sparse import is_sparse, scaled
 
 Within = Mapping[str, tuple[float, float]]

@@ -118,7 +118,7 @@ def steps(
         status, residual = FAILED, 0.0
         while status < 0 and size >= rules.smallest:
             state[SIZE] = size
-            status, residual = attempt(eq, rules, here, state)
+            status, residual = try_step(eq, rules, here, state)
             size = 0.5 * size
         if status != TAKEN:
             state[SIZE] = wanted if status < 0 else state[SIZE]
@@ -131,7 +131,7 @@ def steps(
 
 
 @inlined
-def attempt(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[int, float]:
+def try_step(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[int, float]:
     """One step of the size in the state, which is taken if it comes off; and its residual."""
     size = state[SIZE]
     guess = predicted(here, size, here.there)

@@ -16,10 +16,10 @@ from .branch import Stop
 from .branch_points import crossing
 from .compiled_steps import ManySteps
 from .curve import Curve
+from .interpolant import LEVEL, StepInterpolant, tangent_at
 from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
-from .segment import LEVEL, Segment, tangent_at
 from .starts import Bound, rounding
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, next_size
 from .steps import Steps
@@ -163,7 +163,7 @@ class Stepper:
         before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
             return False
-        segment = Segment(point, last, self.steps.tolerance)
+        segment = StepInterpolant(point, last, self.steps.tolerance)
         guess, slope = segment.guess(before / (before - after))
         gap = guess - start.z
         if self.curve.length(gap) > 0.1 * segment.length:
@@ -224,7 +224,7 @@ class Stepper:
         branch_point = None
         if end.side * side < 0:
             branch_point = self._branch_point(
-                Segment(point, last, self.steps.tolerance), size, side
+                StepInterpolant(point, last, self.steps.tolerance), size, side
             )
         if self._leaves(point, last, end.length):
             raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
@@ -296,7 +296,7 @@ class Stepper:
             raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
         return replace(found, z=z)
 
-    def _branch_point(self, segment: Segment, size: float, before: int) -> Point | None:
+    def _branch_point(self, segment: StepInterpolant, size: float, before: int) -> Point | None:
         """The branch point at which the determinant changed sign; without any the step ended on
         another curve, unless it is too short to tell."""
         found = self._crossing_on(segment, before)
@@ -304,7 +304,7 @@ class Stepper:
             raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
         return found
 
-    def _crossing_on(self, segment: Segment, before: int) -> Point | None:
+    def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Where the determinant changes its sign: by halving, and then by a system of its own."""
         low, high = 0.0, 1.0
         for _ in range(6):
@@ -328,7 +328,7 @@ class Stepper:
             d0, d1 = length * slopes[0], length * slopes[1]
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
-            value = bound.value(Segment(point, last, self.steps.tolerance).at(u).z)
+            value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
             slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
             if not bound.low - slack <= value <= bound.high + slack:
                 return True

@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import kind_of
-from ..errors import BadInput, NotConverged, keeping, taking
+from ..errors import BadInput, NotConverged, add_partial_result, partial_result
 from ..progress import Counter
+from .active_events import walls_are_lifted
 from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
@@ -25,7 +26,6 @@ from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN, Array, Undefined, newton
 from .point import Event, Point
 from .problem import Problem
-from .scope import walls_are_lifted
 from .starts import Within, all_of
 from .steps import Steps
 from .trace import trace
@@ -261,12 +261,12 @@ def switch(
         )
     given = all_of(events)
     arms: list[Branch] = []
-    with checkpoint(save, "arm") as kept, keeping(lambda: tuple(arms) or None):
+    with checkpoint(save, "arm") as kept, partial_result(lambda: tuple(arms) or None):
         inner = Inner(kept, lambda arm: (*arms, arm))
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):
                 continue
-            with taking(arms.append):
+            with add_partial_result(arms.append):
                 arm = follow(
                     point, seed, within=within, events=given, steps=steps, progress=progress,
                     save=inner,

@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import one_of
-from ..errors import BadInput, keeping
+from ..errors import BadInput, partial_result
 from ..progress import Counter, line_of
+from .active_events import active_events, having
 from .branch import Branch, Settings, Stop, labelled
 from .checkpoint import Save, checkpoint
 from .curve import Curve
 from .defining_systems import Singular
-from .event_detection import Ends, Found, calm, find
+from .event_detection import Ends, Found, find, without_candidate
+from .interpolant import StepInterpolant
 from .newton import Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, counted, measure
-from .scope import having, scope
-from .segment import Segment
 from .starts import (
     Within,
     all_of,
@@ -149,8 +149,8 @@ def trace(
         return found and replace(found, settings=settings, origin=origin)
 
     line = line_of(progress, lambda own: Counter(own, free))
-    with checkpoint(save, "branch") as kept, line as shown, keeping(so_far):
-        problem, wanted = scope(start, events, inadmissible=inadmissible)
+    with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
+        problem, wanted = active_events(start, events, inadmissible=inadmissible)
         first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
         for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
             halves.append(Half(iterator))
@@ -233,7 +233,9 @@ def walk(
     >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
     [0.0, 0.007]
     """
-    problem, wanted = scope(having(problem_in(start), free), events, inadmissible=inadmissible)
+    problem, wanted = active_events(
+        having(problem_in(start), free), events, inadmissible=inadmissible
+    )
     chosen = steps_of(steps)
     return ContinuationIterator(problem, free, within, towards, wanted, chosen, along).run()
 
@@ -360,7 +362,7 @@ class ContinuationIterator:
         after = self._tests_at(last)
         pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
         values = self.earlier[1], self.tests, after
-        if len(calm(self.events, pace, *values, (point, last))) < len(self.events):
+        if len(without_candidate(self.events, pace, *values, (point, last))) < len(self.events):
             return False
         self.curve.passes(last.z)
         self.earlier, self.tests = (point.arclength, self.tests), after
@@ -389,7 +391,7 @@ class ContinuationIterator:
     def _locate(self, step: Step) -> Found:
         if not self.events:
             return Found((), (), ())
-        segment = Segment(self.point, step.point, self.steps.tolerance)
+        segment = StepInterpolant(self.point, step.point, self.steps.tolerance)
         ends = Ends(self.count == 0, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
         try:
             earlier, self.earlier = self.earlier, (self.point.arclength, self.tests)

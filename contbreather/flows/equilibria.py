@@ -11,10 +11,10 @@ import numpy as np
 
 from ..continuation.curve import Curve
 from ..continuation.equilibria import branch_point, fold, hopf
+from ..continuation.interpolant import tangent_at
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
-from ..continuation.segment import tangent_at
 from ..continuation.switching import Lift
 from .collocation import Collocation, fitted
 from .constructors import named_state, problem_at

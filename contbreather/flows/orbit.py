@@ -18,7 +18,7 @@ from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.sparse import Matrix
 from ..continuation.switching import Lift
-from ..display import Shown
+from ..display import HtmlRepr
 from ..errors import BadInput
 from ..tables import Sheet
 from .collocation import Flight
@@ -31,7 +31,7 @@ COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 
 
 @dataclass(frozen=True, eq=False)
-class Cycle(Shown):
+class Cycle(HtmlRepr):
     """A periodic orbit: where it is at any time, its period and its multipliers.
 
     What ``point.solution`` is on the branches of `contbreather.cycle`.

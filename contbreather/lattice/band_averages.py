@@ -85,7 +85,7 @@ class _Series(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def means(sites: int | None, spring: float = 0.0) -> dict[str, _Series]:
+def band_averages(sites: int | None, spring: float = 0.0) -> dict[str, _Series]:
     """Expansions of the means; ``sites=None`` is the infinite chain."""
     return {name: _series(raw, sites, spring) for name, raw in _functions().items()}
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice, check_gamma, means, q_moments
+from contbreather.lattice.band_averages import Lattice, band_averages, check_gamma, q_moments
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ class InfiniteChain(Lattice):
         spring = number("spring", self.spring, 0.0, 1.0, wanted)
         check_gamma(0.0, spring)
         object.__setattr__(self, "spring", spring)
-        object.__setattr__(self, "_expansions", means(None, spring))
+        object.__setattr__(self, "_expansions", band_averages(None, spring))
         object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
 
     @property
@@ -199,7 +199,7 @@ class Ring(Lattice):
                 f"sites = {self.sites}: a ring has at most {LONGEST}; one that long is the "
                 "infinite chain, InfiniteChain()."
             )
-        object.__setattr__(self, "_expansions", means(self.sites))
+        object.__setattr__(self, "_expansions", band_averages(self.sites))
         object.__setattr__(self, "_limit", 0.25)
 
     @property

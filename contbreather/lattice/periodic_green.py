@@ -128,7 +128,7 @@ def _mode_by_mode(modes: ModeSums, y: Any) -> Four:
 
 
 @lru_cache(maxsize=4096)
-def wave(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
+def periodic_green(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
     """The periodic Green's function between two sites, without its static part.
 
     Parameters
@@ -152,7 +152,7 @@ def wave(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wav
     An impulse changes the velocity of its own site by 1, and of no other:
 
     >>> from contbreather.lattice.chain import InfiniteChain
-    >>> after = [wave(InfiniteChain(), 0.12, d).at(0.0)[1] for d in (0, 1)]
+    >>> after = [periodic_green(InfiniteChain(), 0.12, d).at(0.0)[1] for d in (0, 1)]
     >>> [abs(round(2 * slope, 12)) for slope in after]
     [1.0, 0.0]
     """
@@ -161,13 +161,13 @@ def wave(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wav
 
 @lru_cache(maxsize=4096)
 def wave_slope(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
-    """Derivative of `wave` with respect to gamma: again a `Wave`; parameters and errors alike.
+    """Derivative of `periodic_green` in gamma: again a `Wave`; parameters and errors as there.
 
     Examples
     --------
     >>> from contbreather.lattice.chain import InfiniteChain
     >>> chain, h = InfiniteChain(), 1e-5
-    >>> low, high = (wave(chain, 0.12 + x, 2).at(1.0)[0] for x in (-h, h))
+    >>> low, high = (periodic_green(chain, 0.12 + x, 2).at(1.0)[0] for x in (-h, h))
     >>> round((high - low) / (2 * h) - wave_slope(chain, 0.12, 2).at(1.0)[0], 6) + 0.0
     0.0
     """
@@ -234,7 +234,7 @@ def _bernoulli() -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tuple[Wave, Wave]:
-    """`wave` and `wave_slope` of a ring whose band reaches over a harmonic."""
+    """`periodic_green` and `wave_slope` of a ring whose band reaches over a harmonic."""
     theta, weight, w = lattice.nodes(gamma)
     W, amplitude = periods * w, weight * np.cos(distance * theta)  # in units of n
     off = np.abs(W - np.round(W))
@@ -285,7 +285,7 @@ def wave_table(
     *,
     slope: bool = False,
 ) -> FloatArray | None:
-    """The coefficients of `wave`, or `wave_slope`, for several distances at once: rows to multiply
+    """Coefficients of `periodic_green`, or `wave_slope`, for several distances: rows to multiply
     `wave_basis` with.
 
     None on a ring whose modes are summed one by one.
@@ -326,7 +326,7 @@ def responses(
     *,
     slope: bool = False,
 ) -> Responses:
-    """`wave` of sites to impacts at others, or `wave_slope`, as kernels take them."""
+    """`periodic_green` of sites to impacts at others, or `wave_slope`, as kernels take them."""
     apart = [[lattice.distance(site - hit) for hit in hits] for site in sites]
     distances, places = np.unique(apart, return_inverse=True)
     which = places.reshape(len(sites), len(hits))

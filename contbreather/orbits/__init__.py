@@ -19,7 +19,7 @@ from contbreather.orbits.orbit_events import (
     saddle_node,
 )
 from contbreather.orbits.regions import Region
-from contbreather.orbits.search import find_event, find_symmetric
+from contbreather.orbits.start_search import find_event, find_symmetric
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import restitution_ratio
-from contbreather.lattice.periodic_green import sinc, wave, wave_slope
+from contbreather.lattice.periodic_green import periodic_green, sinc, wave_slope
 from contbreather.orbits.green_equations import forcing_at
 
 FloatArray = NDArray[np.float64]
@@ -129,7 +129,7 @@ class _Place:
         f = self.forcing = forcing_at(forcing, params)
         self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
         self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
-        answer = wave(lattice, self.gamma, 0)
+        answer = periodic_green(lattice, self.gamma, 0)
         value, self.h_slope, _, _ = answer.about(self.delta)
         self.h = value - answer.about(math.pi)[0]
         self.pull, self.pull_slope = answer.slope_ratio(self.delta)

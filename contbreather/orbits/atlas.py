@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of
-from contbreather.errors import BadInput, keeping, taking
+from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice import Forcing, Lattice
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.orbits.zones_many import Slice, drawn, slices_of
@@ -94,8 +94,8 @@ def atlas(
     )
     done: list[Zones | Failed] = []
     with (
-        keeping(lambda: surfaces(slices, done) if done else None),
-        taking(lambda piece: done.extend(piece[len(done) :])),
+        partial_result(lambda: surfaces(slices, done) if done else None),
+        add_partial_result(lambda piece: done.extend(piece[len(done) :])),
     ):
         for one in each(draw, slices, executor=executor, progress=progress, unit="diagrams"):
             done.append(one)

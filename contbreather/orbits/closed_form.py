@@ -78,7 +78,7 @@ class ClosedForm(SymmetricBreather):
         return closed_slopes.locus(of, point, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        return closed_slopes.crest(self, site)
+        return closed_slopes.local_maximum(self, site)
 
     def speed_slope(self, j: int) -> None:
         """(11) has no root with p = 0."""

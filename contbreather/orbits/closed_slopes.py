@@ -212,7 +212,7 @@ def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def crest(breather: SymmetricBreather, site: int) -> GrazingSite:
+def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
     loops = partial(_with_contact, breather.lattice, breather.lattice.distance(site))
     return GrazingSite(site, partial(_slopes, site), loops=loops)
 

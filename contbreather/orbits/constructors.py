@@ -12,7 +12,7 @@ import numpy as np
 
 from contbreather.checks import flag, kind_of, number, one_of, real
 from contbreather.continuation import Point, Problem, trace
-from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
+from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice import (
     Forcing,
     InfiniteChain,
@@ -160,7 +160,7 @@ def symmetric_roots(
     return closed_forms(a, gamma, k, drive, chain)
 
 
-@keeping()
+@partial_result()
 def asymmetric(
     a: float,
     gamma: float,

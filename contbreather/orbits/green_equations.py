@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.periodic_green import responses, wave
+from contbreather.lattice.periodic_green import periodic_green, responses
 from contbreather.lattice.response import MEETINGS
 from contbreather.orbits.closure import forcing_with
 from contbreather.orbits.section import (
@@ -154,7 +154,7 @@ class OrbitEquations:
             own, late = a * f.df(times[i] + since), times[j] - times[i]
             for time, J, (site, _) in zip(times, impulses, self.section.impacts, strict=True):
                 apart = self.lattice.distance(site - self.section.impacts[i][0])
-                answer = wave(self.lattice, gamma, apart, self.section.turns)
+                answer = periodic_green(self.lattice, gamma, apart, self.section.turns)
                 own = own + J * np.array(answer.at(times[i] + since - time)[1])
             return np.asarray(own + (impulses[i] - impulses[j] if late < 0.0 else 0.0))
 

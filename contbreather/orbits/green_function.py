@@ -20,7 +20,7 @@ from contbreather.continuation.point import Always
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
-from contbreather.lattice.periodic_green import Wave, check_coupling, wave, wave_slope
+from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green, wave_slope
 from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
 from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
@@ -156,11 +156,13 @@ class GreensFunction:
             for m in np.unique(np.abs(n - impact.site)):
                 at = np.abs(n - impact.site) == m
                 distance = on.lattice.distance(int(m))
-                answer = wave(on.lattice, on.gamma, distance, self.section.turns)
+                answer = periodic_green(on.lattice, on.gamma, distance, self.section.turns)
                 total[at] += impact.impulse * answer.at(since[at])[order]
         return total
 
-    def answers(self, site: int, t: float, make: Callable[..., Wave] = wave) -> FloatArray:
+    def answers(
+        self, site: int, t: float, make: Callable[..., Wave] = periodic_green
+    ) -> FloatArray:
         """What a unit impulse of each impact does to a site: value, slope, curvature."""
         on, rows = self.conditions, []
         for impact in self.impacts:

@@ -25,10 +25,10 @@ from contbreather.orbits.motion import (
     TIME,
     WALL,
     Motion,
-    at,
     bound,
     on_grid,
     points_of,
+    site_state,
     state,
 )
 
@@ -104,7 +104,7 @@ def polished(
     for _ in range(60):
         if bisected == 9:  # it falls up to an end, which has a value of its own
             break
-        u, v, w = at(motion, q.site, q.origin + s)
+        u, v, w = site_state(motion, q.site, q.origin + s)
         n, n1, n2, d, d1, d2 = terms(q, motion.k, s, u, v, w)
         if n / d <= best + ROUNDING / abs(d):  # the later, the more exact is s
             best, where = min(best, n / d), s
@@ -188,7 +188,7 @@ def flight(
             s = part * length
             if contact >= 0.0 and abs(s - contact) <= CONTACT:
                 continue
-            u, v, w = at(motion, site, start + s)
+            u, v, w = site_state(motion, site, start + s)
             n, _, _, d, _, _ = terms(q, k, s, u, v, w)
             work[PLACE, size], work[RATIO, size] = s, n / d
             size += 1

@@ -62,7 +62,7 @@ class Motion(NamedTuple):
 
 
 @inlined
-def at(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
+def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
     """Displacement, velocity and acceleration; at an impact just after it."""
     forced, responses = motion.forced, motion.responses
     row = site if forced.cosines.shape[0] > 1 else 0
@@ -86,8 +86,8 @@ def at(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
 
 
 def state(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
-    """The same, for whoever asks once: `at` is written out in loops."""
-    return at(motion, site, t)
+    """The same, for whoever asks once: `site_state` is written out in loops."""
+    return site_state(motion, site, t)
 
 
 def free(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
@@ -134,7 +134,7 @@ def on_grid(motion: Motion, site: int, p: int, points: int) -> float:
     if motion.modes.z.size > 0:
         flip = motion.sign if (p // points) % 2 != 0 else 1.0
         return float(flip * motion.modes.profiles[site - motion.busy, p % points])
-    return at(motion, site, motion.start + motion.length / points * p)[0]
+    return site_state(motion, site, motion.start + motion.length / points * p)[0]
 
 
 def bound(motion: Motion, site: int) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 
 from contbreather.continuation import Branch, Point, Stop, fold, trace
 from contbreather.continuation.curve import Curve
-from contbreather.errors import BadInput, NoSolution, NotConverged, keeping
+from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
@@ -248,7 +248,7 @@ def multibreathers(
     at, drive = Walls.given(walls), forcing_of(forcing)
     on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
     found: list[Multibreather] = []
-    with keeping(lambda: tuple(found)):
+    with partial_result(lambda: tuple(found)):
         for count in range(1, most + 1):
             for sites, copies in _classes(lattice, count):
                 found.append(_entry(sites, copies, on))

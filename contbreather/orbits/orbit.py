@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, flag, number, numbers, row, shown
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
@@ -44,7 +44,7 @@ ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
 
 @dataclass(frozen=True, repr=False)
-class Orbit(PeriodicMotion, Shown):
+class Orbit(PeriodicMotion, HtmlRepr):
     """A periodic orbit with impacts: what a point of its branch is physically.
 
     Built by `symmetric`, `asymmetric`, `shooting`, `multibreather`, or from values, `orbit_of`.

@@ -329,7 +329,7 @@ WHY: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, repr=False)
-class OfProblem(Event):
+class DeferredEvent(Event):
     """An event that is known by its kind; `choose` finds that of a problem."""
 
     test: Any = field(default=None, init=False)
@@ -357,7 +357,7 @@ class OfProblem(Event):
 
 
 def _own(kind: str) -> Event:
-    return OfProblem(kind, choose=partial(_of_kind, kind))
+    return DeferredEvent(kind, choose=partial(_of_kind, kind))
 
 
 def _of_kind(kind: str, problem: Problem) -> Event:
@@ -443,7 +443,7 @@ def neimark_sacker(
     if not (on is None or isinstance(on, InfiniteChain)):
         check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
         check_threshold(modulus)
-    return OfProblem("NS", choose=partial(_pair_leaves, on, modulus, form), form=form)
+    return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, form), form=form)
 
 
 serialised("NS")(neimark_sacker)

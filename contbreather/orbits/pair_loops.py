@@ -128,7 +128,7 @@ def flight(data: Any) -> None:
         data[OWN + 1 + i], data[SLOPE + 1 + i] = value, slope
 
 
-def moved(data: Any, first: int, y: float, to: int) -> None:
+def oscillator_state(data: Any, first: int, y: float, to: int) -> None:
     """Displacement, velocity and acceleration by some amplitudes."""
     z, c, s = y * y, data[first] * math.cos(y), data[first] * math.sin(y)
     total = slope = bend = 0.0  # of a polynomial in z, with half its second derivative
@@ -146,8 +146,8 @@ def motion(z: Any, data: Any) -> float:
     halves = math.floor((z[2] - z[1]) / math.pi)
     y = z[2] - z[1] - (halves + 0.5) * math.pi
     flight(data)
-    moved(data, OWN, y, MOTION)
-    moved(data, SLOPE, y, MOTION + 3)
+    oscillator_state(data, OWN, y, MOTION)
+    oscillator_state(data, SLOPE, y, MOTION + 3)
     drive(data, z[2])
     return 1.0 - 2.0 * (halves % 2)
 

@@ -58,7 +58,7 @@ class Arrival(NamedTuple):
     acceleration: float
 
 
-class Leg(NamedTuple):
+class ShootingInterval(NamedTuple):
     """One free flight, between two of the times t; the section starts and ends with ``t[0]``."""
 
     start: int  # index of the time it starts at
@@ -151,17 +151,17 @@ class SectionFlight:
         return self.shapes * masses[[n for n, _ in self.section.impacts], None]
 
     @cached_property
-    def legs(self) -> tuple[Leg, ...]:
+    def legs(self) -> tuple[ShootingInterval, ...]:
         """The free flights, one more than there are impacts."""
         start = float(self.t[0])
         lags = [(float(self.t[j]) - start, j) for j in in_turn(self.section, self.t)]
-        legs: list[Leg] = []
+        legs: list[ShootingInterval] = []
         at, now, q, r = 0, 0.0, self.q, self.r
         for lag, j in [*lags, (self.section.length, 0)]:
             fly = propagator(self.z, lag - now, self.conditions.damping)
             end = fly(q, r)
             one = self._arrival(j, start + lag, *end) if len(legs) < len(lags) else None
-            legs.append(Leg(at, j, start + now, lag - now, fly, q, r, *end, one))
+            legs.append(ShootingInterval(at, j, start + now, lag - now, fly, q, r, *end, one))
             if one is not None:
                 loss = (1.0 + self.conditions.k) * one.velocity
                 at, now, q, r = j, lag, end[0], end[1] - loss * self.kicks[j]  # u' -> -k u'
@@ -276,14 +276,18 @@ class SectionFlight:
         ahead = np.maximum(since - (starts - first)[flight], 0.0)
         return flight, ahead, np.where(sections % 2.0 == 0.0, 1, self.section.sign)
 
-    def _cut(self, t: float) -> tuple[int, Leg, int]:
+    def _cut(self, t: float) -> tuple[int, ShootingInterval, int]:
         """The same at one time: which leg it falls on, that leg up to there, and its sign."""
         flight, ahead, sign = self._places(np.array(t))
         i, time = int(flight) + 1, float(ahead)
         leg = self.legs[i]
         fly = propagator(self.z, time, self.conditions.damping)
         q, r = fly(leg.q, leg.r)
-        return i, Leg(leg.start, NOWHERE, leg.since, time, fly, leg.q, leg.r, q, r, None), int(sign)
+        return (
+            i,
+            ShootingInterval(leg.start, NOWHERE, leg.since, time, fly, leg.q, leg.r, q, r, None),
+            int(sign),
+        )
 
     @cached_property
     def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -363,7 +367,9 @@ class SectionFlight:
             R = R - np.multiply.outer(self.kicks[one.which], loss)
         return Tangents(walls, speeds, starts, Y, R)
 
-    def _carried(self, leg: Leg, Y: Array, R: Array, names: Sequence[str]) -> tuple[Array, Array]:
+    def _carried(
+        self, leg: ShootingInterval, Y: Array, R: Array, names: Sequence[str]
+    ) -> tuple[Array, Array]:
         """Derivatives at the end of a leg from those at its start; its ends in time move."""
         if not leg.flight and leg.start == leg.stop:  # from the first impact to itself
             return Y, R

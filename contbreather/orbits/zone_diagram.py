@@ -15,7 +15,7 @@ from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.point import CodimensionTwo
 from contbreather.continuation.starts import windows
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Forcing
 from contbreather.orbits.clearance import least_margin
@@ -36,7 +36,7 @@ JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule o
 
 
 @dataclass(frozen=True, eq=False)
-class Zones(Columns, Shown):
+class Zones(Columns, HtmlRepr):
     """The curves that bound existence and stability of the symmetric breather in one plane.
 
     Attributes

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo
-from contbreather.errors import BadInput, taking
+from contbreather.errors import BadInput, add_partial_result
 from contbreather.lattice import Forcing, Lattice
 from contbreather.orbits.closed_form import events_on, symmetric_problem
 from contbreather.orbits.closure import folds
@@ -175,7 +175,7 @@ class Search:
             if point["p"] < VANISHED or self._known(point, but=since):
                 continue
             curves = self.curves[_followed(point)]
-            with taking(curves.append):
+            with add_partial_result(curves.append):
                 branch = boundary(
                     point, self.pair, within=self.within, events=self.events, steps=STEPS,
                     progress=False,

@@ -10,7 +10,7 @@ import numpy as np
 from contbreather.checks import flag
 from contbreather.continuation.checkpoint import Inner, Save, checkpoint
 from contbreather.continuation.starts import windows
-from contbreather.errors import BadInput, keeping, taking
+from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zone_search import Search
@@ -134,7 +134,11 @@ def zones(
         name, value, drive, chain, windows(within), threshold, flag("past_folds", past_folds)
     )
     line = line_of(progress, lambda own: Counter(own, search.pair[0]))
-    with checkpoint(save, "zones") as search.kept, line as shown, keeping(search.so_far):
+    with (
+        checkpoint(save, "zones") as search.kept,
+        line as shown,
+        partial_result(search.so_far),
+    ):
         search.run(shown)
         search.kept.finish(search.zones())
     return search.zones()
@@ -147,8 +151,8 @@ def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, 
     done: list[Zones] = []
     with (
         checkpoint(save, "zones") as kept,
-        keeping(lambda: tuple(done) or None),
-        taking(done.append),
+        partial_result(lambda: tuple(done) or None),
+        add_partial_result(done.append),
     ):
         for value in values:
             inner = Inner(kept, lambda piece: (*done, piece))

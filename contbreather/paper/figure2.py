@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from contbreather.checks import row
 from contbreather.continuation import trace
-from contbreather.errors import keeping
+from contbreather.errors import partial_result
 from contbreather.orbits import neimark_sacker as exact_event
 from contbreather.orbits import symmetric
 from contbreather.orbits.zone_diagram import Zones
@@ -96,7 +96,7 @@ def _arrow(ax: Axes, name: str, start: float, end: float, a: float) -> tuple[flo
     return max(start, end), a, name
 
 
-@keeping()
+@partial_result()
 def figure2(
     restitutions: Sequence[float] = RESTITUTIONS,
     *,
@@ -140,7 +140,7 @@ def figure2(
     return Figure2(exact, tuple(lines))
 
 
-@keeping()
+@partial_result()
 def chain_lengths(
     a: float = 0.2,
     k: float = 0.8,

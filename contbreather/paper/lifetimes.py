@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
 from contbreather.continuation import fold, trace
-from contbreather.errors import NotConverged, keeping
+from contbreather.errors import NotConverged, partial_result
 from contbreather.orbits import Orbit
 from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic
 from contbreather.simulation.classify import BROAD
@@ -124,7 +124,7 @@ def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> Pe
         return None
 
 
-@keeping()
+@partial_result()
 def softest(breather: Orbit, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.chunks import RunStop
@@ -96,7 +96,7 @@ class Axis:
 
 
 @dataclass(frozen=True, eq=False)
-class Basin(Columns, Shown):
+class Basin(Columns, HtmlRepr):
     """The outcomes of all starts over a plane.
 
     Attributes

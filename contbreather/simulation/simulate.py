@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import MOST, number, one_of, whole
 from contbreather.columns import Columns
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NEEDED
@@ -64,7 +64,7 @@ class Record(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class States(Columns, Shown):
+class States(Columns, HtmlRepr):
     """What runs between walls of either kind leave behind; attributes as in `Run`."""
 
     times: Array

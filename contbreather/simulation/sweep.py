@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation.chunks import RunStop
@@ -30,7 +30,7 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep(Columns, Shown):
+class Sweep(Columns, HtmlRepr):
     """What a sweep saw, one row for each value of the parameter, in the order of time.
 
     Attributes

@@ -34,7 +34,7 @@ FOUND = VALUES + GRID + 1  # three samples of angle, equation and b; then bend, 
 SIZE = FOUND + 12
 
 
-def means(data: Any, table: Any, out: Any) -> None:
+def band_averages(data: Any, table: Any, out: Any) -> None:
     """<w^2j> over the band, ``w^2 = spring + w_0^2`` with w_0 of the chain without springs, and
     their slopes in gamma and the spring."""
     x = 4.0 * data[GAMMA]
@@ -59,7 +59,7 @@ def means(data: Any, table: Any, out: Any) -> None:
 
 def tails(data: Any, table: Any, out: Any) -> None:
     """Of R/nu, B, C at this coupling, and their slopes in gamma and the spring."""
-    means(data, table, out)
+    band_averages(data, table, out)
     for row in range(3 * POWERS):
         for which in range(3):
             total = 0.0
@@ -227,7 +227,7 @@ def window(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
             roots += bracketed(data, out, found, roots, i * step, i * step + step,
                                out[VALUES + i], out[VALUES + i + 1])  # fmt: skip
     else:
-        crest(data, out, top)
+        local_maximum(data, out, top)
         middle = out[FOUND + 3]
         if out[FOUND + 4] > 0.0:  # a pair of roots between two nodes
             i = int(middle / step)
@@ -245,7 +245,7 @@ def window(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
             found[2], found[3] = found[3], found[2]
     else:
         found[2] = found[3] = 0.0
-        crest(data, out, top)
+        local_maximum(data, out, top)
         unopened(out, found)
     return 0
 
@@ -279,7 +279,7 @@ def bracketed(
     return 1
 
 
-def crest(data: Any, out: Any, top: int) -> None:
+def local_maximum(data: Any, out: Any, top: int) -> None:
     """Three samples around the one crest of the equation, closer and closer to it."""
     step = 0.5 * math.pi / GRID
     i = min(max(top, 1), GRID - 1)

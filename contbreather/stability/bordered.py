@@ -66,7 +66,7 @@ class Impacts(NamedTuple):
     phases: Cube  # by pairs: exp(i a s)
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """To work in."""
 
     sums: Vector
@@ -100,7 +100,7 @@ def expand(orbit: Impacts, series: Series, sums: Vector) -> None:
             pair, s = i * m + j, orbit.times[i] - orbit.times[j]
             if i == j and i > 0:  # the same for each impact with itself
                 for n in range(3 * POWERS):
-                    put(orbit.tails, pair, n, at(orbit.tails, 0, n))
+                    put(orbit.tails, pair, n, entry(orbit.tails, 0, n))
             else:
                 far_sums(series, s, sums)
                 far_powers(orbit, series, sums, pair, abs(orbit.sites[i] - orbit.sites[j]))
@@ -153,7 +153,7 @@ def far_powers(orbit: Impacts, series: Series, sums: Vector, pair: int, distance
 # --- F --------------------------------------------------------------------------------------------
 
 
-def at(values: Cube, i: int, j: int) -> complex:
+def entry(values: Cube, i: int, j: int) -> complex:
     return complex(values[i, j, 0], values[i, j, 1])
 
 
@@ -188,7 +188,7 @@ def power(z: complex, n: int) -> complex:
     return product
 
 
-def bordered(orbit: Impacts, room: Room, kappa: complex) -> complex:
+def bordered(orbit: Impacts, room: Workspace, kappa: complex) -> complex:
     """F at ``mu = exp(2 pi i kappa)``, Im kappa <= 0; on the band the limit from |mu| > 1."""
     m = orbit.times.size
     for a in range(-NEAR, NEAR + 1):
@@ -222,21 +222,21 @@ def bordered(orbit: Impacts, room: Room, kappa: complex) -> complex:
 
 
 def propagators(
-    orbit: Impacts, room: Room, kappa: complex, i: int, j: int
+    orbit: Impacts, room: Workspace, kappa: complex, i: int, j: int
 ) -> tuple[complex, complex, complex]:
     """Turn, reach and pull from impact j to impact i, over 2 pi, without what the border brings."""
     pair = i * orbit.times.size + j
     distance = abs(orbit.sites[i] - orbit.sites[j])
     turn = reach = pull = complex(0.0, 0.0)
     for p in range(POWERS - 1, -1, -1):
-        turn = turn * kappa + at(orbit.tails, pair, p)
-        reach = reach * kappa + at(orbit.tails, pair, POWERS + p)
-        pull = pull * kappa + at(orbit.tails, pair, 2 * POWERS + p)
+        turn = turn * kappa + entry(orbit.tails, pair, p)
+        reach = reach * kappa + entry(orbit.tails, pair, POWERS + p)
+        pull = pull * kappa + entry(orbit.tails, pair, 2 * POWERS + p)
     for a in range(-NEAR, NEAR + 1):
-        phase = at(orbit.phases, pair, a + NEAR)
+        phase = entry(orbit.phases, pair, a + NEAR)
         if abs(a) > BORDER:
             here = kappa + a
-            answer = at(room.answers, a + NEAR, distance) * phase
+            answer = entry(room.answers, a + NEAR, distance) * phase
             turn += complex(-here.imag, here.real) * answer
             reach += answer
             pull -= here * here * answer
@@ -246,7 +246,7 @@ def propagators(
 
 
 def kicked(
-    orbit: Impacts, room: Room, i: int, j: int, turn: complex, reach: complex, pull: complex
+    orbit: Impacts, room: Workspace, i: int, j: int, turn: complex, reach: complex, pull: complex
 ) -> None:
     """Enter ``-X_ij (S_j - 1)``."""
     if orbit.sites[i] == orbit.sites[j] and orbit.times[i] == orbit.times[j]:
@@ -258,7 +258,7 @@ def kicked(
     put(room.matrix, 2 * i + 1, 2 * j + 1, loss * turn)
 
 
-def border(orbit: Impacts, room: Room, kappa: complex, alias: int, last: int) -> None:
+def border(orbit: Impacts, room: Workspace, kappa: complex, alias: int, last: int) -> None:
     """The column, the row and the corner of an alias that may lie in the band.
 
     With several sites its part stays infinite at the band's ends between the first of them and
@@ -291,7 +291,7 @@ def border(orbit: Impacts, room: Room, kappa: complex, alias: int, last: int) ->
 
 
 def answer_held(
-    orbit: Impacts, room: Room, speed: complex, square: complex, alias: int, i: int, j: int
+    orbit: Impacts, room: Workspace, speed: complex, square: complex, alias: int, i: int, j: int
 ) -> None:
     """Less what impact j does to impact i by one alias, on a chain that is held. As ``g (1/r - r) =
     1/gamma``, that is a short sum of powers of r, bounded at the ends of the band."""
@@ -305,9 +305,9 @@ def answer_held(
     total = wave * (-4.0 / TWO_PI) * (total * square)
     first, second = total * (speed * orbit.loss + orbit.entries[j]), total * orbit.loss
     for row in range(2):
-        value = at(room.matrix, 2 * i + row, 2 * j) - first
+        value = entry(room.matrix, 2 * i + row, 2 * j) - first
         put(room.matrix, 2 * i + row, 2 * j, value)
-        value = at(room.matrix, 2 * i + row, 2 * j + 1) - second
+        value = entry(room.matrix, 2 * i + row, 2 * j + 1) - second
         put(room.matrix, 2 * i + row, 2 * j + 1, value)
         first, second = first * speed, second * speed
 
@@ -324,21 +324,23 @@ def determinant(matrix: Cube, rows: int) -> complex:
         if pivot != c:
             product = -product
             for j in range(c, rows):
-                value = at(matrix, c, j)
-                put(matrix, c, j, at(matrix, pivot, j))
+                value = entry(matrix, c, j)
+                put(matrix, c, j, entry(matrix, pivot, j))
                 put(matrix, pivot, j, value)
-        product = product * at(matrix, c, c)
+        product = product * entry(matrix, c, c)
         if not best > 0.0:
             break
-        inverse = over(at(matrix, c, c))
+        inverse = over(entry(matrix, c, c))
         for r in range(c + 1, rows):
-            factor = at(matrix, r, c) * inverse
+            factor = entry(matrix, r, c) * inverse
             for j in range(c + 1, rows):
-                put(matrix, r, j, at(matrix, r, j) - factor * at(matrix, c, j))
+                put(matrix, r, j, entry(matrix, r, j) - factor * entry(matrix, c, j))
     return product
 
 
-def everywhere(orbit: Impacts, series: Series, room: Room, kappa: Matrix, values: Matrix) -> None:
+def everywhere(
+    orbit: Impacts, series: Series, room: Workspace, kappa: Matrix, values: Matrix
+) -> None:
     """F at many places."""
     expand(orbit, series, room.sums)
     for i in range(kappa.shape[0]):
@@ -349,7 +351,9 @@ def everywhere(orbit: Impacts, series: Series, room: Room, kappa: Matrix, values
 # --- along the circle -------------------------------------------------------------------------
 
 
-def around(orbit: Impacts, series: Series, room: Room, terms: float, told: CircleSamples) -> None:
+def around(
+    orbit: Impacts, series: Series, room: Workspace, terms: float, told: CircleSamples
+) -> None:
     """Samples of F on half the circle, cut where an edge of the band lies, and what they tell.
 
     Closer wherever F moves by much of its modulus, unless that is nothing but rounding of terms of
@@ -369,7 +373,7 @@ def around(orbit: Impacts, series: Series, room: Room, terms: float, told: Circl
 
 
 def piece(
-    orbit: Impacts, room: Room, terms: float, told: CircleSamples, low: float, high: float
+    orbit: Impacts, room: Workspace, terms: float, told: CircleSamples, low: float, high: float
 ) -> None:
     """One of them."""
     here, there, count = room.here, room.there, GRID + 1
@@ -402,7 +406,7 @@ def piece(
 
 
 def sample(
-    orbit: Impacts, room: Room, to: Matrix, i: int, x: float, low: float, high: float
+    orbit: Impacts, room: Workspace, to: Matrix, i: int, x: float, low: float, high: float
 ) -> None:
     """F at a place of a piece; a square root at either end is smooth in x."""
     kappa = 0.5 * (low + high) - 0.5 * (high - low) * math.cos(math.pi * x)

@@ -55,7 +55,7 @@ from contbreather.stability.bordered import (
     WHERE,
     CircleSamples,
     Impacts,
-    Room,
+    Workspace,
 )
 from contbreather.stability.counting import Count
 from contbreather.stability.propagators import DEEP, deep, inverse, moments, series
@@ -155,10 +155,12 @@ class OrbitMap:
             np.empty((m * m, 2 * NEAR + 1, 2)),
         )
 
-    def _room(self, most: int) -> Room:
+    def _room(self, most: int) -> Workspace:
         rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
         answers, matrix = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
-        return Room(np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4)))
+        return Workspace(
+            np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4))
+        )
 
     def _deep(self, kappa: Array) -> Array:
         """``det(1 - X (S - 1))`` far off the circle."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
-from contbreather.errors import BadInput, keeping
+from contbreather.errors import BadInput, partial_result
 from contbreather.files import named
 from contbreather.studies.figures import drawn
 from contbreather.studies.report import Report
@@ -71,7 +71,7 @@ def run(
     tasks, report = tasks_of(study), Report(place)
     _made(place)
     _check(tasks, place, again)
-    with keeping(report.so_far):
+    with partial_result(report.so_far):
         for level in sorted({task.level for task in tasks}):
             todo = _left([task for task in tasks if task.level == level], report, again)
             _do(todo, report, executor, progress)

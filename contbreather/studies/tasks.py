@@ -14,7 +14,7 @@ from contbreather.continuation import Branch, Point, Steps, boundary, trace
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.files import write_whole
-from contbreather.orbits.search import find_symmetric, problem_with
+from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.orbits.zones_many import Slice, drawn
 from contbreather.parameters import window_of
 from contbreather.runs import load, save

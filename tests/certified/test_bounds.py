@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_poly
 
-from contbreather.certified import balls, means, points, walls, winding
+from contbreather.certified import averages, balls, inside_walls, points, winding
 from contbreather.stability.characteristic import D, regular
 from tests.lattice.by_hand import MEANS, ring_mean
 
@@ -22,8 +22,8 @@ COUPLINGS = (0.0, 0.03, 0.2, 0.2499)
 @pytest.fixture(params=[2, 6, 40], ids="J={}".format)
 def kept(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """So many powers of w^2: with few, what is cut off is seen."""
-    caches = (means._coefficients, means._weights, winding._weights)
-    monkeypatch.setattr(means, "J", request.param)
+    caches = (averages._coefficients, averages._weights, winding._weights)
+    monkeypatch.setattr(averages, "J", request.param)
     monkeypatch.setattr(winding, "ALIASES", request.param)
     monkeypatch.setattr(winding, "_POWERS", range(request.param + 1))
     monkeypatch.setattr(winding, "CUT", 2.0 ** (1 - 2 * request.param) + 5 * 9.0**-request.param)
@@ -49,13 +49,13 @@ def mean(h: Any, gamma: Any, n: int = 0) -> Any:
 @pytest.mark.parametrize("name", MEANS)
 def test_means_hold_their_exact_values(name: str, kept: int) -> None:
     for gamma in COUPLINGS[:3]:
-        assert holds(getattr(means, name)(arb(gamma)), mean(MEANS[name], mpmath.mpf(gamma)))
+        assert holds(getattr(averages, name)(arb(gamma)), mean(MEANS[name], mpmath.mpf(gamma)))
 
 
 @pytest.mark.parametrize("name", ["chi", "sigma"])
 def test_slopes_of_means_hold_their_exact_values(name: str, kept: int) -> None:
     gamma, step = 0.1, mpmath.mpf(2) ** -40
-    found = getattr(means, name)(balls.Jet([arb(gamma), 1], prec=2))[1]
+    found = getattr(averages, name)(balls.Jet([arb(gamma), 1], prec=2))[1]
     ends = [mean(MEANS[name], mpmath.mpf(gamma) + side * step) for side in (1, -1)]
     assert found.overlaps(arb(mpmath.nstr((ends[0] - ends[1]) / (2 * step), 25), 1e-18))
     assert found.rad() < 1e-25 or kept < 40
@@ -79,7 +79,7 @@ def unit_motion(gamma: float, n: int, y: float, order: int) -> Any:
 @pytest.mark.parametrize("n", [0, 1, 4])
 def test_motions_hold_their_exact_values(n: int, kept: int) -> None:
     values = {name: arb(x) for name, x in {"p": 1, "phi": 0, "a": 0, "gamma": 0.2, "k": 1}.items()}
-    path = walls.motion(values, n)
+    path = inside_walls.motion(values, n)
     for y in (-1.5, 0.4, 1.57):
         for order in range(3):
             assert holds(path.at(arb(y), order), unit_motion(0.2, n, y, order))
@@ -90,10 +90,10 @@ def test_no_site_beyond_moves_farther_than_the_reach_says() -> None:
     with balls.working():
         for gamma in (0.01, 0.2, 0.249):
             for n in (1, 3, 9):
-                reach = float(means.reach(arb(gamma), n))
+                reach = float(averages.reach(arb(gamma), n))
                 tops = []
                 for site in (n, n + 1, n + 4):
-                    s, P, _ = means.flight(arb(gamma), site)
+                    s, P, _ = averages.flight(arb(gamma), site)
                     tops.append(max(abs(float(-s * arb(x).sin() + P(arb(x)))) for x in y))
                 assert max(tops) <= reach < 1.5 * tops[0]
 
@@ -126,7 +126,10 @@ def test_a_ball_of_times_or_angles_holds_all_that_happens_in_it() -> None:
     values = {"p": 0.8, "phi": -2.9, "a": 0.5, "gamma": 0.15, "k": 0.7, "c1": -1.0, "s3": 2.0}
     with balls.working():
         own = {name: arb(x) for name, x in values.items()}
-        path, circle = walls.motion(own, 1), winding.Circle.of(arb(0.15), arb(0.7), arb(0.2))
+        path, circle = (
+            inside_walls.motion(own, 1),
+            winding.Circle.of(arb(0.15), arb(0.7), arb(0.2)),
+        )
         for _ in range(20):
             middle, radius = rng.uniform(-1, 1), rng.uniform(0.01, 0.4)
             wide = path.over(middle, radius)
@@ -150,7 +153,7 @@ def test_balls_cover_all_times() -> None:
         seen.append((middle - radius, middle + radius))
         return True
 
-    assert walls.everywhere(settled, 3) == (True, 0.0)
+    assert inside_walls.everywhere(settled, 3) == (True, 0.0)
     ends = sorted(seen)
     assert ends[0][0] <= -0.5 * np.pi
     assert max(high for _, high in ends) >= 0.5 * np.pi
@@ -207,28 +210,28 @@ def test_floats_are_rounded_outwards() -> None:
 def test_what_is_cut_off_from_means_is_bounded_closely() -> None:
     """The sums of the docstring, with mpmath: bounds that are far too wide say nothing."""
     with balls.working(), mpmath.workdps(30):
-        at = means.J + 1
+        at = averages.J + 1
         value, slope = (
-            float(means._cut(balls.Jet([arb(0.1), 1], prec=2))[i].rad()) for i in (0, 1)
+            float(averages._cut(balls.Jet([arb(0.1), 1], prec=2))[i].rad()) for i in (0, 1)
         )
         powers = [mpmath.mpf(9) ** -j for j in range(at, at + 60)]
         tail = [12 / mpmath.pi * sum(j**r * x for j, x in enumerate(powers, at)) for r in (0, 1)]
         assert tail[0] <= value < 1.2 * tail[0]
         assert 4 * tail[1] <= slope < 1.08 * 4 * tail[1]
-        assert float(means._cut(arb(0.1)).rad()) == value
+        assert float(averages._cut(arb(0.1)).rad()) == value
 
 
 def test_what_is_cut_off_from_motions_and_aliases_is_bounded_closely() -> None:
-    assert 0.5 * np.pi <= means.REACH < 1.02 * 0.5 * np.pi
-    gamma, first = 0.2, 2 * means.POWERS + 1
+    assert 0.5 * np.pi <= averages.REACH < 1.02 * 0.5 * np.pi
+    gamma, first = 0.2, 2 * averages.POWERS + 1
     with balls.working():
-        errors = [float(one.rad()) for one in means.flight(arb(gamma), 3)[2]]
+        errors = [float(one.rad()) for one in averages.flight(arb(gamma), 3)[2]]
     size = 4 / np.pi / (1 - 4 * gamma) ** 0.5
     for r, error in enumerate(errors):
-        term = size * means.REACH ** (first - r) / float(mpmath.factorial(first - r))
-        powers = 3.0**r * 9.0 ** -(means.J + 1) / np.pi
+        term = size * averages.REACH ** (first - r) / float(mpmath.factorial(first - r))
+        powers = 3.0**r * 9.0 ** -(averages.J + 1) / np.pi
         assert abs(error / (2 * term + powers) - 1) < 1e-8
-    least = 2.0 ** (-2 * winding.ALIASES) + 5 * 9.0 ** -(means.J + 1)
+    least = 2.0 ** (-2 * winding.ALIASES) + 5 * 9.0 ** -(averages.J + 1)
     assert least < winding.CUT < 2.1 * least
 
 
@@ -266,6 +269,9 @@ def test_a_site_that_rises_through_a_wall_late_in_its_flight_is_not_inside() -> 
         path = arb_poly([-0.5, 1]) ** 2 * (-2.5 / end**2) + 1.5
         assert abs(path(arb.pi() / 2) + 1) < 1e-12
         polynomials = path, path.derivative(), path.derivative().derivative()
-        motion = walls.Motion(((1, arb(0), arb(0)),), polynomials, 3 * (arb(0),))
-        assert walls.inside(motion, 2)[0] is False
-        assert [walls.below(motion, arb(high), 8)[0] for high in (8, 7.5)] == [True, False]
+        motion = inside_walls.Motion(((1, arb(0), arb(0)),), polynomials, 3 * (arb(0),))
+        assert inside_walls.inside(motion, 2)[0] is False
+        assert [inside_walls.below(motion, arb(high), 8)[0] for high in (8, 7.5)] == [
+            True,
+            False,
+        ]

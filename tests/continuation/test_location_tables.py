@@ -19,7 +19,7 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.duplicates import lies_on, placed
-from contbreather.continuation.event_detection import calm
+from contbreather.continuation.event_detection import without_candidate
 from contbreather.errors import BadInput, NotConverged
 from contbreather.storage import netcdf
 
@@ -40,7 +40,9 @@ def test_a_test_is_calm_where_its_parabola_stays_far_from_zero() -> None:
             (values > 0).all() | (values < 0).all()
             and middle > 0.6 * high and low > 0.35 * max(high, middle)
         )  # fmt: skip
-        assert calm([event], pace, *values[:, None], ends) == ({0} if wanted else set())
+        assert without_candidate([event], pace, *values[:, None], ends) == (
+            {0} if wanted else set()
+        )
         seen.add(wanted)
     assert seen == {True, False}
     tally = Event("N", None, count=lambda point: 0)
@@ -52,7 +54,9 @@ def test_a_test_is_calm_where_its_parabola_stays_far_from_zero() -> None:
         (counted[0], 1.0, 1.0, True), (counted[1], 1.0, 1.0, True), (counted[2], 1.0, 1.0, False),
         (counted[2], nan, nan, False), (counted[1], nan, nan, True),
     ):  # fmt: skip
-        assert calm([one], 1.0, [start], [start], [end], ends) == ({0} if quiet else set())
+        assert without_candidate([one], 1.0, [start], [start], [end], ends) == (
+            {0} if quiet else set()
+        )
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import contbreather as cb
 from contbreather.continuation import derivatives
+from contbreather.continuation.interpolant import closest
 from contbreather.continuation.newton import Dense, Undefined, approach, newton, solve
-from contbreather.continuation.segment import closest
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]

@@ -18,7 +18,7 @@ _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the 
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 
 
-class Segment:
+class StepInterpolant:
     """The curve between two neighbouring points of a walk: u = 0 at the first, 1 at the last."""
 
     def __init__(self, first: Point, last: Point, tolerance: float) -> None:

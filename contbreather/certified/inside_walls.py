@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from flint import arb, arb_poly
 
-from contbreather.certified import means
+from contbreather.certified import averages
 from contbreather.certified.balls import Ball, about, spread
 from contbreather.certified.closure import response
 
@@ -77,7 +77,7 @@ def far_field(values: Mapping[str, Ball]) -> Motion:
 def motion(values: Mapping[str, Ball], n: int) -> Motion:
     """Site n of the breather."""
     drive, p = far_field(values), values["p"]
-    own, powers, errors = means.flight(values["gamma"], n)
+    own, powers, errors = averages.flight(values["gamma"], n)
     harmonics = {m: (c, s) for m, c, s in drive.harmonics}
     cosine, sine = harmonics.get(1, (arb(0), arb(0)))
     harmonics[1] = (cosine, sine - p * own)
@@ -162,7 +162,7 @@ def admissible(values: Mapping[str, Ball]) -> Verdict:
         return _verdict(far, "the far field", when)
     ceiling = _ceiling(drive)
     for n in range(1, FARTHEST):
-        room = 1 - values["p"] * means.reach(values["gamma"], n)
+        room = 1 - values["p"] * averages.reach(values["gamma"], n)
         if room > ceiling and below(drive, room, pieces)[0]:
             return Verdict(True)
         found, when = below(motion(values, n), arb(1), pieces)

@@ -1,4 +1,4 @@
-"""The scope of a walk: the events asked for, the walls of the problem, and the columns of both."""
+"""The events asked for on a curve, the walls of its problem, and the columns of both."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MARGIN = "margin"  # the column that tells, where walls are lifted, how far off 
 _LIFTED = ", walls lifted"
 
 
-def scope(
+def active_events(
     problem: Problem, events: Event | Iterable[Event] | None, *, inadmissible: bool = False
 ) -> tuple[Problem, tuple[Event, ...]]:
     """The problem with its columns, and all events to look for on its curve.
