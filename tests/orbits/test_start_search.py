@@ -10,7 +10,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import progress
-from contbreather.orbits import find_event, find_symmetric, search, smallest_amplitude
+from contbreather.orbits import find_event, find_symmetric, smallest_amplitude, start_search
 from contbreather.parameters import window_of
 
 WHERE = {"gamma": (0.0, 0.24), "a": (0.86, 0.95)}
@@ -61,7 +61,7 @@ def test_breather_that_is_found_is_admissible_and_inside_of_the_window(free: str
 
 
 def looked(free: str, within: tuple[float, float], **given: Any) -> list[float]:
-    return list(search._places(free, within, given))
+    return list(start_search._places(free, within, given))
 
 
 def test_where_nothing_is_said_all_values_are_looked_at() -> None:
@@ -118,34 +118,34 @@ def test_amplitudes_are_looked_for_next_to_the_fold_and_up_to_the_wall(within, m
 
 
 def test_a_first_point_is_looked_for_in_the_middle_then_all_over_the_window() -> None:
-    found = list(search._combed("gamma", None, (0.0, 0.2)))
+    found = list(start_search._combed("gamma", None, (0.0, 0.2)))
     assert found[0] == 0.1
     assert sorted(np.round(np.array(found) / 0.2, 12)) == [
         0.02, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 0.98,
     ]  # fmt: skip
     for name, high in (("a", 1.0), ("c3", 10.0)):
-        assert next(search._combed(name, None, (0.0, math.inf))) == 0.5 * high
-    assert next(search._combed("c3", None, (-math.inf, 4.0))) == -3.0
-    assert list(search._combed("spring", None, (0.0, math.inf)))[:2] == [0.0, 0.5]
-    assert list(search._combed("spring", None, (0.0, 3.0)))[:2] == [0.0, 1.5]
+        assert next(start_search._combed(name, None, (0.0, math.inf))) == 0.5 * high
+    assert next(start_search._combed("c3", None, (-math.inf, 4.0))) == -3.0
+    assert list(start_search._combed("spring", None, (0.0, math.inf)))[:2] == [0.0, 0.5]
+    assert list(start_search._combed("spring", None, (0.0, 3.0)))[:2] == [0.0, 1.5]
     for name in ("a", "damping"):  # all beyond where one would look otherwise
-        assert min(search._combed(name, None, (2.0, 3.0))) > 2.0
-        assert max(search._combed(name, None, (2.0, 3.0))) < 3.0
+        assert min(start_search._combed(name, None, (2.0, 3.0))) > 2.0
+        assert max(start_search._combed(name, None, (2.0, 3.0))) < 3.0
     for end in (0.0, 0.2, 0.07):
-        assert list(search._combed("gamma", end, (0.0, 0.2))) == [end]
+        assert list(start_search._combed("gamma", end, (0.0, 0.2))) == [end]
     for beyond in (-1e-9, 0.2 + 1e-9):
         with pytest.raises(cb.BadInput, match=r"outside of the window 0 to 0\.2"):
-            list(search._combed("gamma", beyond, (0.0, 0.2)))
+            list(start_search._combed("gamma", beyond, (0.0, 0.2)))
 
 
 def test_solutions_are_chosen_by_number_from_one() -> None:
     both = cb.orbits.symmetric_roots(0.5, 0.1, 0.8)
-    assert [search.rooted(both, i) for i in (1, 2)] == list(both)
+    assert [start_search.rooted(both, i) for i in (1, 2)] == list(both)
     for root in (0, 3, -1):
         with pytest.raises(
             cb.BadInput, match=rf"root {root}: .* 1: p = 0\.767381929, 2: p = 0\.25"
         ):
-            search.rooted(both, root)
+            start_search.rooted(both, root)
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8, root=2).p == both[1].p
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8).p == both[0].p
 
@@ -182,9 +182,9 @@ def test_out_of_range_everywhere_or_in_a_part_of_the_window_are_two_things() -> 
 @pytest.mark.parametrize("lattice", [None, cb.Ring(8)])
 def test_on_a_ring_damping_and_springs_are_where_orbits_are_shot(lattice) -> None:
     orbit = cb.symmetric(0.5, 0.1, 0.8, lattice=lattice)
-    plain = search.problem_with(orbit, "a", "gamma")
+    plain = start_search.problem_with(orbit, "a", "gamma")
     assert "p" in plain.start
-    freed = search.problem_with(orbit, "gamma", "spring")
+    freed = start_search.problem_with(orbit, "gamma", "spring")
     assert ("p" in freed.start) == (lattice is None)
     assert "spring" in freed.params
 
