@@ -100,6 +100,8 @@ class Kernel:
         A letter p for each argument, where all are pointers to floats, as of functions to `call`;
         it returns an int. Unless given, arguments are those of the annotations, and it returns
         nothing.
+    long : bool, optional
+        A call takes so long that other threads have the interpreter in the meantime.
 
     Examples
     --------
@@ -108,8 +110,8 @@ class Kernel:
     True
     """
 
-    def __init__(self, function: Function, kinds: str = "") -> None:
-        self.function, self.kinds = function, kinds
+    def __init__(self, function: Function, kinds: str = "", *, long: bool = False) -> None:
+        self.function, self.kinds, self.long = function, kinds, long
         KERNELS.append(self)
 
     def __repr__(self) -> str:
@@ -127,7 +129,7 @@ class Kernel:
     @cached_property
     def _code(self) -> Function | None:
         try:
-            return callable_at(_address(self), self.kinds or FRAME)
+            return callable_at(_address(self), self.kinds or FRAME, self.long)
         except NotCompiled as reason:
             _say(str(reason))
             return None
@@ -348,11 +350,12 @@ def address(function: Function, kinds: str) -> int:
     return _address(kernel_of(function, kinds))
 
 
-def callable_at(address: int, kinds: str) -> Callable[..., int]:
+def callable_at(address: int, kinds: str, long: bool = False) -> Callable[..., int]:
     """Machine code, to be called with addresses."""
     pointers = len(kinds) * [ctypes.c_void_p]
-    # not CFUNCTYPE: such a call is too short to be worth handing the interpreter to other threads
-    return ctypes.PYFUNCTYPE(ctypes.c_int64, *pointers)(address)
+    # most calls are too short to be worth handing the interpreter to other threads
+    kind = ctypes.CFUNCTYPE if long else ctypes.PYFUNCTYPE
+    return kind(ctypes.c_int64, *pointers)(address)
 
 
 def kernel_of(function: Function, kinds: str) -> Kernel:

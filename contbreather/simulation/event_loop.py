@@ -410,4 +410,4 @@ def event_loop(
             strobe_v[j, n] = v[n]
 
 
-EVENT_LOOP = Kernel(event_loop)
+EVENT_LOOP = Kernel(event_loop, long=True)
