@@ -180,6 +180,11 @@ def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         one, other = given
         u, v = np.array(one, dtype=float), np.array(other, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
+        if callable(getattr(given, "state", None)):
+            raise BadInput(
+                f"a state is a pair (u, v) of rows of numbers, as an object of type "
+                f"{type(given).__name__} has: give its state(), on the infinite chain state(sites)."
+            ) from error
         raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
     if u.ndim != 1 or u.shape != v.shape or not u.size:
         raise BadInput(

@@ -60,6 +60,7 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"state": ([0.0, 0.2], [0.0])}, r"a pair \(u, v\) of rows of equal length"),
         ("simulate", {"state": ([], [])}, "a pair"),
         ("simulate", {"state": 3.0}, "a state is a pair"),
+        ("simulate", {"state": cb.symmetric(0.5, 0.08, 0.8)}, r"give its state\(\), on the inf"),
         ("simulate", {"state": ([0.0], [math.nan])}, r"v\[0\] = nan of the state is not finite"),
         ("simulate", {"state": ([0.0], [1e9])}, "blow up the energy"),
         ("simulate", {"damping": -0.1}, "^damping = -0.1: .* 0 <= damping <= 1e4"),
