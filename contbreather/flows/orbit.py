@@ -213,6 +213,9 @@ class CycleProblem(Problem):
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)
 
+    def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
+        return self.residual.closing(matrix, mu)
+
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None
 
