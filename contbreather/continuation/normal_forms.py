@@ -82,24 +82,34 @@ class Forms:
     def __init__(self, point: Point) -> None:
         ground = point.ground
         self.curve, self.z = ground.curve, ground.z
-        self.n = self.curve.size
-        self.scales = self.curve.scales[: self.n]
+        problem = self.curve.problem
+        self.closing = problem.closing
+        self.moved = np.arange(self.curve.size) if problem.moved is None else problem.moved
+        self.n = self.moved.size
+        self.scales = self.curve.scales[self.moved]
+        self.x = self.z[self.moved] / self.scales
         self.A = self._matrix(self.z)
         self.T = self.closed(1.0) - self.closed(2.0)
-        # where a cycle begins its scale is that of one orbit, by which no length should be told
-        self.units = 1.0 if self.curve.problem.closing is None else self.scales
-        self.reach = max(1.0, float(abs(self.z[: self.n] / self.scales).max()))
+        # of a cycle the scale is that of one orbit, by which no length should be told
+        self.units = 1.0 if self.closing is None else self.scales
+        self.reach = max(1.0, float(abs(self.x).max()))
         # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
         self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
 
     def _matrix(self, z: Array) -> Matrix:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
-        return scaled(self.curve.in_unknowns(z), 1 / self.scales, self.scales)
+        return self._scaled(self.curve.in_unknowns(z))
+
+    def _scaled(self, matrix: Matrix) -> Matrix:
+        if self.n < self.curve.size:
+            matrix = matrix[self.moved][:, self.moved]
+        return scaled(matrix, 1 / self.scales, self.scales)
 
     def closed(self, mu: complex) -> Matrix:
         """What maps a perturbation to zero that has grown by mu when it comes back."""
-        closing = self.curve.problem.closing
-        return shifted(self.A, 1 - mu) if closing is None else closing(self.A, mu)
+        if self.closing is None:
+            return shifted(self.A, 1 - mu)
+        return self._scaled(self.closing(self.curve.in_unknowns(self.z), mu))
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
         """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
@@ -117,7 +127,7 @@ class Forms:
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
         # relative to the entries that v moves: an idle one of size 100 says nothing of the step
-        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.z[: self.n] / self.scales)))
+        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.x)))
         reach = 1 / max(float(moved), 1e-300)
         best, doubt, before = None, math.inf, None
         for jet, rough in self._jets(v, reach):
@@ -139,7 +149,7 @@ class Forms:
             yield zero, zero
             return
         direction = np.zeros(self.z.size)
-        direction[: self.n] = v * self.scales
+        direction[self.moved] = v * self.scales
         for step in _STEPS:
             h = step * reach
             try:

@@ -216,6 +216,10 @@ class CycleProblem(Problem):
     def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
         return self.residual.closing(matrix, mu)
 
+    @property
+    def moved(self) -> NDArray[np.intp]:  # type: ignore[override]
+        return np.delete(np.arange(self.residual.size), np.concatenate(self.residual.knots))
+
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None
 
