@@ -84,7 +84,8 @@ class Forms:
         self.curve, self.z = ground.curve, ground.z
         problem = self.curve.problem
         self.closing = problem.closing
-        self.moved = np.arange(self.curve.size) if problem.moved is None else problem.moved
+        every = np.arange(self.curve.size)
+        self.moved = every if problem.perturbed is None else problem.perturbed
         self.n = self.moved.size
         self.scales = self.curve.scales[self.moved]
         self.x = self.z[self.moved] / self.scales

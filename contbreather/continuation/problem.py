@@ -107,11 +107,11 @@ class Problem:
 
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
-    # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after one
+    # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
     # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
     closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None
     # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
-    moved: ClassVar[NDArray[np.intp] | None] = None
+    perturbed: ClassVar[Any] = None
     # ``(names, params) -> Loops or None``: the equations, these parameters free, to be compiled
     loops: ClassVar[Callable[..., Loops | None] | None] = None
     # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -15,7 +16,7 @@ from ..continuation.branch_points import crossing_event
 from ..continuation.curve import Curve
 from ..continuation.equilibria import fold
 from ..continuation.linear_algebra import least_singular
-from ..continuation.newton import Array, Undefined
+from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
 from ..continuation.sparse import factorised, null_vectors
 from .equations import Equations
@@ -285,8 +286,17 @@ def _examine(event: Event, point: Point) -> Examined:
     return coarse or (event.examine(point) if event.examine else {})
 
 
+def _examine_fold(point: Point) -> Examined:
+    found = _examine(_PLAIN, point)
+    if isinstance(found, str) and found:
+        return found
+    with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
+        found = {**(found or {}), "b": abs(normal_forms.cubic_at_cusp(point)[0].value)}
+    return found
+
+
 _PLAIN = fold()
-FOLD = replace(_PLAIN, locus=_fold_locus, examine=partial(_examine, _PLAIN))
+FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CROSSING = crossing_event({})
 BRANCH_POINT = replace(_CROSSING, count=None, examine=partial(_examine, _CROSSING))
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)

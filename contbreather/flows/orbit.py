@@ -217,7 +217,7 @@ class CycleProblem(Problem):
         return self.residual.closing(matrix, mu)
 
     @property
-    def moved(self) -> NDArray[np.intp]:  # type: ignore[override]
+    def perturbed(self) -> NDArray[np.intp]:  # type: ignore[override]
         return np.delete(np.arange(self.residual.size), np.concatenate(self.residual.knots))
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:

@@ -84,6 +84,12 @@ def test_the_coefficient_of_a_torus_is_that_of_its_amplitude(k: float) -> None:
     assert point["criticality"] == ("supercritical" if k < 0 else "subcritical")
 
 
+def test_the_coefficient_of_a_fold_is_that_of_its_amplitude() -> None:
+    """y' = -sqrt(3) y^2 for a turn."""
+    branch = cb.trace(forced(fork, {"y": 1.0}, {"h": 0.0, "m": 1.0}), "h", within={"h": (-1, 1)})
+    assert branch.first("LP")["b"] == pytest.approx(TAU * math.sqrt(3), rel=1e-7)
+
+
 def test_a_cycle_without_forcing_has_the_same_coefficient() -> None:
     """Its period depends on the amplitude, and a perturbation along it is none."""
     assert CASES["moebius"].branch().first("PD")["c"] == pytest.approx(TAU, rel=1e-8)
