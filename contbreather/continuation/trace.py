@@ -437,7 +437,10 @@ class ContinuationIterator:
         return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
 
     def _edge(self, point: Point, stop: Stop) -> str:
-        """Where a branch ended at a bound that is not of the window but of the domain."""
+        """What there is to say of the end of a branch: by its event, or that a bound is not of the
+        window but of the domain."""
+        if stop is Stop.EVENT:
+            return str(point.detail.get("said", ""))
         for bound in self.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):

@@ -20,6 +20,7 @@ from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
 from ..continuation.sparse import factorised, null_vectors
 from .equations import Equations
+from .homoclinic import HOMOCLINIC
 from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
 
@@ -320,6 +321,8 @@ def events_of(equations: Equations) -> tuple[Event, ...]:
     found = [FOLD, BRANCH_POINT, FLIP, ROTATION]
     if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
         found.append(SHRUNK)
+    if equations.autonomous and equations.smooth:
+        found.append(HOMOCLINIC)
     if any(flow.until for flow in equations.flows):
         found.append(IMPACT)
     if any(flow.until or flow.walls for flow in equations.flows):
