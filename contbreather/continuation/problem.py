@@ -140,6 +140,11 @@ class Problem:
         problem that has them. `switch` follows them."""
         return None
 
+    def finer(self, point: Any, along: Any) -> tuple[Problem, Any] | None:
+        """Where a point shows that these unknowns do not resolve a solution, the problem from its
+        present start in more of them, and a direction in these: its branch is walked anew."""
+        return None
+
     def wider(self, names: tuple[str, ...]) -> Problem:
         """The problem from its present start with parameters that it lacks, as far as it can have
         them: `trace` and `boundary` ask for what is to be free."""

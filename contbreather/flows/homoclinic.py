@@ -8,6 +8,7 @@ and followed in two parameters at the period it has there.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +21,9 @@ from .equations import Equations
 from .flow import Flow, Params, slopes, values
 from .orbit import Cycle, equations_of
 
-_REST = 1e-5  # of its largest speed: an orbit that is as slow as this somewhere comes to rest there
+_REST = 1e-6  # of its largest speed: an orbit that is as slow as this somewhere comes to rest there
 _CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
+_LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
 
 
@@ -45,31 +47,39 @@ def _examine(point: Point) -> Examined:
     if orbit.coarse:
         return orbit.coarse
     _, slow = _slowest(orbit)
-    flow, sizes = orbit.equations.flows[0], orbit.equations.sizes[0]
-    try:
-        rest, eigenvalues = _equilibrium(flow, slow, orbit.params)
-    except Undefined as error:
-        return f"it is slow without an equilibrium there: {error}"
-    if np.linalg.norm((rest - slow) / sizes) > _CLOSE:
-        return "it is slow without an equilibrium close to it"
+    sizes = orbit.equations.sizes[0]
+    with suppress(Undefined):
+        rest, eigenvalues = _equilibrium(orbit.equations.flows[0], slow, orbit.params)
+        if np.linalg.norm((rest - slow) / sizes) < _CLOSE:
+            return _saddle(orbit, rest, eigenvalues)
+    states = orbit.flights[0].at(np.linspace(0.0, 1.0, _LOOKS))
+    there = np.linalg.norm((states - slow[:, None]) / sizes[:, None], axis=0) < _CLOSE
+    if there.mean() < _MOSTLY:
+        return "it is slow without an equilibrium"
+    what = f"an equilibrium is about to appear on it, at {_named(orbit, slow)}"
+    return {"equilibrium": slow, "said": f"the period grows without bound: {what}"}
+
+
+def _saddle(orbit: Cycle, rest: Array, eigenvalues: Any) -> Examined:
     inwards, outwards = eigenvalues[eigenvalues.real < 0], eigenvalues[eigenvalues.real > 0]
     if not (inwards.size and outwards.size):
         return "the equilibrium that it is slow at is no saddle"
     leading = inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]
     quantity = float(sum(leading).real)
-    where = ", ".join(f"{n} = {v:.6g}" for n, v in zip(orbit.equations.states, rest, strict=False))
     kind = "saddle-focus" if any(value.imag for value in leading) else "saddle"
+    shown = " and ".join(
+        f"{v.real:.6g}" + (f" +- {abs(v.imag):.6g}i" if v.imag else "") for v in leading
+    )
     return {
         "equilibrium": rest,
         "saddle_quantity": quantity,
-        "said": f"the period grows without bound, to an orbit homoclinic to the {kind} {where}; "
-        f"leading eigenvalues {_shown(leading[0])} and {_shown(leading[1])}, saddle quantity "
-        f"{quantity:.6g}",
+        "said": "the period grows without bound, to an orbit homoclinic to the "
+        f"{kind} {_named(orbit, rest)}; leading eigenvalues {shown}, saddle quantity {quantity:.6g}",
     }
 
 
-def _shown(value: complex) -> str:
-    return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")
+def _named(orbit: Cycle, state: Array) -> str:
+    return ", ".join(f"{n} = {v:.6g}" for n, v in zip(orbit.equations.states, state, strict=False))
 
 
 def _equilibrium(flow: Flow, x: Array, p: Params) -> tuple[Array, Any]:
@@ -85,7 +95,7 @@ def _equilibrium(flow: Flow, x: Array, p: Params) -> tuple[Array, Any]:
             break
         x = x - step
         if abs(step).max() <= _SOLVED * (1 + abs(x).max()):
-            return x, np.linalg.eigvals(matrix)
+            return np.where(abs(x) > _SOLVED, x, 0.0), np.linalg.eigvals(matrix)
     raise Undefined("Newton's iteration finds none")
 
 

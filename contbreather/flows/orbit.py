@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
@@ -16,6 +16,7 @@ from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
+from ..continuation.segment import tangent_at
 from ..continuation.sparse import Matrix
 from ..continuation.switching import Lift
 from ..display import HtmlRepr
@@ -27,7 +28,11 @@ from .flow import Params
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
+_MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
+_STEP = 1e-5  # along a direction, relative
+_ALIKE = 0.99  # cosine of two directions that are one but for the mesh
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
+_LEFT = 5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +146,15 @@ class Cycle(HtmlRepr):
     def coarse(self) -> str:
         """What the mesh does not resolve, empty if it resolves the orbit."""
         off = abs(self.trivial - 1)
-        if not off > COARSE:
+        left = [flight.unresolved() for flight in self.flights]
+        i = max(range(len(left)), key=lambda i: left[i][0])
+        if not (off > COARSE or (math.isnan(off) and left[i][0] > _LEFT)):
             return ""
-        i = int(np.argmax([flight.unresolved()[0] for flight in self.flights]))
-        where = self.times[i] + self.flights[i].unresolved()[1] * self.flights[i].duration
+        where = self.times[i] + left[i][1] * self.flights[i].duration
+        why = f"the trivial multiplier is {off:.1g} off 1, t"
         return (
-            f"the trivial multiplier is {off:.1g} off 1, the mesh is too coarse near t = "
-            f"{where:.4g}: collocation=Collocation(intervals=...)"
+            f"{'T' if math.isnan(off) else why}he mesh is too coarse near t = {where:.4g}: "
+            "collocation=Collocation(intervals=...)"
         )
 
     def table(self) -> Sheet:
@@ -219,6 +226,33 @@ class CycleProblem(Problem):
     @property
     def perturbed(self) -> NDArray[np.intp]:  # type: ignore[override]
         return np.delete(np.arange(self.residual.size), np.concatenate(self.residual.knots))
+
+    def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
+        """Twice as many intervals where the mesh is too coarse at a point."""
+        if not point.solution.coarse or len(self.start["mesh"]) > _MOST_INTERVALS:
+            return None
+        finer = self._halved(self.x, self.params)
+        if along is None:
+            return finer, None
+        # a direction moves the polynomials between the nodes, too
+        (free,), step = point.curve.free, _STEP * (1 + np.linalg.norm(self.x))
+        ahead, behind = (
+            self._halved(self.x + way[:-1], {**self.params, free: self.params[free] + way[-1]}).x
+            for way in (step * along, -step * along)
+        )
+        curve = Curve(finer, (free,))
+        way = curve.normalised(np.append((ahead - behind) / (2 * step), along[-1]))
+        solution = curve.newton(curve.start, curve.dual(way))
+        tangent, _ = tangent_at(curve, solution.z, way)
+        # where branches cross a tangent may be that of either
+        alike = tangent @ curve.dual(way) > _ALIKE
+        return Point(curve, solution.z).problem, tangent if alike else way
+
+    def _halved(self, x: Array, params: Params) -> CycleProblem:
+        """The problem from an orbit on a mesh of half the intervals."""
+        flights = tuple(flight.halved() for flight in self.residual.flights(x, params))
+        equations = replace(self.residual, start=flights)
+        return problem_of(equations, params, self.events, self.label)
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None

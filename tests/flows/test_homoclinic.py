@@ -1,0 +1,116 @@
+"""Cycles that come to rest at an equilibrium, and meshes that are made finer on the way there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.flows import Collocation
+
+from .zoo import lorenz
+
+
+def leaf(t, x, p):
+    """The curve u^2 (1 - u) = v^2 is an orbit homoclinic to the origin where mu = 0, whatever a and
+    b are; eigenvalues a +- b (B. Sandstede; Yu. A. Kuznetsov, example 6.1, at a = -1, b = 2)."""
+    u, v = x[0], x[1]
+    a, b, mu = p["a"], p["b"], p["mu"]
+    return [
+        a * u + b * v - a * u**2 + mu * u * (2 - 3 * u),
+        b * u + a * v - 1.5 * b * u**2 - 1.5 * a * u * v - 2 * mu * v,
+    ]
+
+
+def born(f, start, params, free: str, window, **more) -> cb.Branch:
+    """The cycles that leave the Hopf point of an equilibrium."""
+    rest = cb.equilibrium(f, start, params, **more)
+    hopf = cb.trace(rest, free, within={free: window}).first("HB")
+    (cycles,) = cb.switch(hopf, within={free: window})
+    return cycles
+
+
+@pytest.fixture(scope="module")
+def planar() -> cb.Branch:
+    params = {"a": -1.0, "b": 2.0, "mu": 0.1}
+    return born(leaf, {"u": 0.654, "v": 0.112}, params, "mu", (-1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def butterfly() -> cb.Branch:
+    """Cycles of the Lorenz equations on a mesh that is too coarse for the long ones."""
+    params, few = {"r": 28.0, "s": 10.0, "b": 8 / 3}, Collocation(intervals=8, points=4)
+    start = {"x": 8.0, "y": 8.0, "z": 27.0}
+    return born(lorenz, start, params, "r", (1.0, 30.0), collocation=few)
+
+
+def test_a_period_that_grows_without_bound_ends_a_branch_at_its_homoclinic_orbit(planar) -> None:
+    end = planar.first("HOM")
+    assert planar[-1] is end
+    assert end["mu"] == pytest.approx(0, abs=1e-7)
+    assert end["equilibrium"] == pytest.approx([0, 0], abs=1e-12)
+    assert end["saddle_quantity"] == pytest.approx(-2, abs=1e-10)
+    for words in ("without bound", "saddle u = 0, v = 0", "-3 and 1", "saddle quantity -2"):
+        assert words in planar.reason
+
+
+def test_a_homoclinic_orbit_is_followed_in_two_parameters(planar) -> None:
+    """At mu = 0 for all a, but for the exponential of minus a + b times the period, which stays."""
+    end, window = planar.first("HOM"), {"a": (-1.1, -0.5)}
+    line = cb.boundary(end, ("a", "mu"), within=window)
+    assert [at.kind for at in line.special] == ["EP", "EP"]
+    assert line["period"] == pytest.approx(end["period"], rel=1e-12)
+    assert line["mu"] == pytest.approx(0, abs=2e-8)
+
+
+def test_lorenz_s_homoclinic_orbit_is_where_it_is_known_to_be(butterfly) -> None:
+    end = butterfly.first("HOM")
+    assert end["r"] == pytest.approx(13.926557, abs=2e-5)
+    # the eigenvalues of the origin
+    outwards = (-11 + math.sqrt(121 + 40 * (end["r"] - 1))) / 2
+    assert end["saddle_quantity"] == pytest.approx(outwards - 8 / 3, abs=1e-9)
+
+
+def test_a_mesh_that_is_too_coarse_is_made_finer_and_no_false_event_is_seen(butterfly) -> None:
+    assert [at.kind for at in butterfly.special] == ["EP", "HOM"]
+    assert not butterfly.doubtful
+    assert butterfly["trivial"].max() < 1e-4
+    assert butterfly["mesh"].shape[1] > 8
+    assert set(butterfly["unstable"][1:]) == {1}
+
+
+def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
+    assert butterfly[0].parent["r"] == pytest.approx(24.736842, abs=1e-6)
+    assert butterfly[0]["r"] == pytest.approx(24.736842, abs=1e-2)
+
+
+def test_an_equilibrium_that_appears_on_a_cycle_ends_it() -> None:
+    """The angle turns by a - cos, once in 2 pi / sqrt(a^2 - 1)."""
+
+    def pausing(t, x, p):
+        growth, turn = 1 - x[0] ** 2 - x[1] ** 2, p["a"] - x[0]
+        return [growth * x[0] - turn * x[1], growth * x[1] + turn * x[0]]
+
+    ring = cb.cycle(pausing, {"x": 1.0, "y": 0.0}, {"a": 1.2}, settle=20)
+    branch = cb.trace(ring, "a", within={"a": (0.5, 1.5)}, towards="down")
+    end = branch.first("HOM")
+    assert "an equilibrium is about to appear on it, at x = 1" in branch.reason
+    # slow by the square of what is still missing, relative to the fastest, 2
+    assert end["a"] - 1 == pytest.approx(2e-6, rel=1e-3)
+    assert end["period"] == pytest.approx(2 * math.pi / math.sqrt(end["a"] ** 2 - 1), rel=1e-6)
+
+
+def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
+    """All around a circle, a thousandth of the way a million times slower."""
+
+    def dragging(t, x, p):
+        growth = 1 - x[0] ** 2 - x[1] ** 2
+        turn = np.exp(-p["k"] * (1 + x[0]) / 2)
+        return [growth * x[0] - turn * x[1], growth * x[1] + turn * x[0]]
+
+    ring = cb.cycle(dragging, {"x": 1.0, "y": 0.0}, {"k": 2.0}, settle=60)
+    branch = cb.trace(ring, "k", within={"k": (1, 16)}, towards="up")
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    assert branch[-1]["k"] == 16
