@@ -166,7 +166,8 @@ class Flight:
 
     def halved(self) -> Flight:
         """The same flight on twice as many intervals."""
-        knots = np.insert(self.knots, range(1, self.knots.size), 0.5 * (self.knots[1:] + self.knots[:-1]))
+        between = 0.5 * (self.knots[1:] + self.knots[:-1])
+        knots = np.insert(self.knots, range(1, self.knots.size), between)
         scheme = replace(self.scheme, intervals=2 * self.scheme.intervals)
         return replace(self.on(knots), scheme=scheme)
 

@@ -74,7 +74,8 @@ def _saddle(orbit: Cycle, rest: Array, eigenvalues: Any) -> Examined:
         "equilibrium": rest,
         "saddle_quantity": quantity,
         "said": "the period grows without bound, to an orbit homoclinic to the "
-        f"{kind} {_named(orbit, rest)}; leading eigenvalues {shown}, saddle quantity {quantity:.6g}",
+        f"{kind} {_named(orbit, rest)}; leading eigenvalues {shown}, saddle quantity "
+        f"{quantity:.6g}",
     }
 
 
@@ -103,7 +104,7 @@ def _long(point: Point) -> Locus:
     """Cycles of the period that the one has that is as good as homoclinic."""
     equations, period = equations_of(point.ground), point.ground.solution.period
     held = _Held(equations, period)
-    nothing = {kind: () for kind in ("LP", "BP", "PD", "NS")}  # multipliers are 0 or without bound
+    nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
     return Locus({}, held.condition, held.derivative, meets=nothing)
 
 

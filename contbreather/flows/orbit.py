@@ -224,7 +224,7 @@ class CycleProblem(Problem):
         return self.residual.closing(matrix, mu)
 
     @property
-    def perturbed(self) -> NDArray[np.intp]:  # type: ignore[override]
+    def perturbed(self) -> NDArray[np.intp]:
         return np.delete(np.arange(self.residual.size), np.concatenate(self.residual.knots))
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
