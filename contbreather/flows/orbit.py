@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
@@ -13,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation.curve import Curve
-from ..continuation.newton import Array
+from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
-from ..continuation.segment import tangent_at
 from ..continuation.sparse import Matrix
 from ..continuation.switching import Lift
+from ..continuation.trace import trace
 from ..display import HtmlRepr
-from ..errors import BadInput
+from ..errors import BadInput, NotConverged
 from ..tables import Sheet
 from .collocation import Flight
 from .equations import Equations
@@ -29,8 +30,7 @@ from .flow import Params
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
 _MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
-_STEP = 1e-5  # along a direction, relative
-_ALIKE = 0.99  # cosine of two directions that are one but for the mesh
+_NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 _LEFT = 5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
 
@@ -216,6 +216,8 @@ class CycleProblem(Problem):
     """A cycle of flows."""
 
     residual: Equations
+    # of an arm: where it sets out, with twice the intervals
+    again: Callable[[], Lift] | None = field(default=None, kw_only=True)
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)
@@ -231,28 +233,18 @@ class CycleProblem(Problem):
         """Twice as many intervals where the mesh is too coarse at a point."""
         if not point.solution.coarse or len(self.start["mesh"]) > _MOST_INTERVALS:
             return None
-        finer = self._halved(self.x, self.params)
         if along is None:
-            return finer, None
-        # a direction moves the polynomials between the nodes, too
-        (free,), step = point.curve.free, _STEP * (1 + np.linalg.norm(self.x))
-        ahead, behind = (
-            self._halved(self.x + way[:-1], {**self.params, free: self.params[free] + way[-1]}).x
-            for way in (step * along, -step * along)
-        )
-        curve = Curve(finer, (free,))
-        way = curve.normalised(np.append((ahead - behind) / (2 * step), along[-1]))
-        solution = curve.newton(curve.start, curve.dual(way))
-        tangent, _ = tangent_at(curve, solution.z, way)
-        # where branches cross a tangent may be that of either
-        alike = tangent @ curve.dual(way) > _ALIKE
-        return Point(curve, solution.z).problem, tangent if alike else way
+            return self.halved(), None
+        with suppress(Undefined, BadInput, NotConverged):
+            lift = self.again() if self.again else None
+            return lift and (lift.problem, lift.seeds()[0].tangent)
+        return None
 
-    def _halved(self, x: Array, params: Params) -> CycleProblem:
-        """The problem from an orbit on a mesh of half the intervals."""
-        flights = tuple(flight.halved() for flight in self.residual.flights(x, params))
-        equations = replace(self.residual, start=flights)
-        return problem_of(equations, params, self.events, self.label)
+    def halved(self) -> CycleProblem:
+        """The same from its start on a mesh of half the intervals."""
+        flights = self.residual.flights(self.x, self.params)
+        finer = replace(self.residual, start=tuple(flight.halved() for flight in flights))
+        return problem_of(finer, self.params, self.events, self.label)
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None
@@ -263,7 +255,16 @@ def _doubled(point: Point) -> Lift:
     problem = point.curve.problem
     twice = equations_of(point).doubled(np.array(point.x), point.params)
     arm = problem_of(twice, point.params, problem.events, problem.label)
-    return Lift(arm, point.curve.free[0], both=False)
+    return Lift(replace(arm, again=partial(_again, point)), point.curve.free[0], both=False)
+
+
+def _again(point: Point) -> Lift:
+    """The same where the doubling is on a finer mesh."""
+    (free,), problem = point.curve.free, point.problem
+    assert isinstance(problem, CycleProblem)
+    near = _NEAR * (1 + abs(point[free]))
+    window = {free: (point[free] - near, point[free] + near)}
+    return _doubled(trace(problem.halved(), free, within=window).first(point.kind))
 
 
 def problem_of(

@@ -194,3 +194,19 @@ def test_where_there_is_no_normal_form_the_reason_is_given() -> None:
     problem = forced(wheel, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 1 / 3, "k": -1.0})
     point = cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up").first("NS")
     assert point["criticality"].startswith("unknown: a strong resonance")
+
+
+def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> None:
+    """Example adaptx of MatCont's manual: Hopf point, doubling with its period, supercritical."""
+
+    def adapt(t, x, p):
+        return [x[1], x[2], -p["alpha"] * x[2] - p["beta"] * x[1] - x[0] + x[0] ** 2]
+
+    rest = cb.equilibrium(adapt, {"x": 0.0, "y": 0.0, "z": 0.0}, {"alpha": 1.2, "beta": 1.0})
+    hopf = cb.trace(rest, "alpha", within={"alpha": (0.5, 1.5)}).first("HB")
+    assert (hopf["alpha"], hopf["l1"]) == (pytest.approx(1, abs=1e-9), pytest.approx(-0.3, abs=1e-8))
+    (cycles,) = cb.switch(hopf, within={"alpha": (0.6, 1.5)})
+    point = cycles.first("PD")
+    assert point["alpha"] == pytest.approx(0.6303020, abs=5e-8)
+    assert point["period"] == pytest.approx(6.364071, abs=5e-7)
+    assert point["criticality"] == "supercritical"
