@@ -88,6 +88,22 @@ def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
     assert butterfly[0]["r"] == pytest.approx(24.736842, abs=1e-2)
 
 
+def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
+    """Roessler's band: the doubling of the doubled cycle is at 3.8373581."""
+
+    def roessler(t, x, p):
+        return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
+
+    few, params = Collocation(intervals=14, points=3), {"a": 0.2, "b": 0.2, "c": 2.8}
+    ring = cb.cycle(roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, params, settle=200, collocation=few)
+    single = cb.trace(ring, "c", within={"c": (2.8, 2.9)}, towards="up")
+    (double,) = cb.switch(single.first("PD"), within={"c": (2.8, 6.5)})
+    assert double["mesh"].shape[1] > 2 * single["mesh"].shape[1]
+    assert double["trivial"].max() < 1e-4
+    assert double[0]["period"] == pytest.approx(2 * single.first("PD")["period"], rel=1e-5)
+    assert double.first("PD")["c"] == pytest.approx(3.8373581, abs=2e-5)
+
+
 def test_an_equilibrium_that_appears_on_a_cycle_ends_it() -> None:
     """The angle turns by a - cos, once in 2 pi / sqrt(a^2 - 1)."""
 
@@ -96,7 +112,7 @@ def test_an_equilibrium_that_appears_on_a_cycle_ends_it() -> None:
         return [growth * x[0] - turn * x[1], growth * x[1] + turn * x[0]]
 
     fine = Collocation(intervals=80)
-    ring = cb.cycle(pausing, {"x": -1.0, "y": 0.0}, {"a": 1.02}, collocation=fine)
+    ring = cb.cycle(pausing, {"x": -1.0, "y": 0.0}, {"a": 1.005}, collocation=fine)
     branch = cb.trace(ring, "a", within={"a": (0.5, 1.5)}, towards="down", steps=LONG)
     end = branch.first("HOM")
     assert "an equilibrium is about to appear on it, at x = 1" in branch.reason
@@ -115,8 +131,8 @@ def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
 
     fine = Collocation(intervals=40)
     ring = cb.cycle(dragging, {"x": -1.0, "y": 0.0}, {"k": 5.0}, collocation=fine)
-    branch = cb.trace(ring, "k", within={"k": (5.0, 14.2)}, towards="up", steps=LONG)
+    branch = cb.trace(ring, "k", within={"k": (5.0, 13.9)}, towards="up", steps=LONG)
     assert [at.kind for at in branch.special] == ["EP", "EP"]
-    assert branch[-1]["k"] == 14.2
+    assert branch[-1]["k"] == 13.9
     assert [at.kind for at in branch.doubtful] == ["HOM"]
     assert "slow without an equilibrium" in branch.doubtful[0].detail["reason"]

@@ -170,8 +170,8 @@ def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -
 
 @pytest.mark.parametrize(("made", "on", "kind"), [(doubling, "PD", "GPD"), (rotation, "NS", "CH")])
 def test_where_a_coefficient_vanishes_its_curve_says_so(made, on: str, kind: str) -> None:
-    window = {"k": (-0.5, 0.3), "mu": (-0.5, 0.5)}
-    line = cb.boundary(made(-0.4).first(on), ("k", "mu"), within=window)
+    window = {"k": (-0.5, 0.2), "mu": (-0.5, 0.5)}
+    line = cb.boundary(made(-0.2).first(on), ("k", "mu"), within=window, towards="up")
     assert [at.kind for at in line.special] == ["EP", kind, "EP"]
     assert line.first(kind)["k"] == pytest.approx(0, abs=1e-8)
     assert line["mu"] == pytest.approx(0, abs=1e-9)
@@ -179,8 +179,9 @@ def test_where_a_coefficient_vanishes_its_curve_says_so(made, on: str, kind: str
 
 def test_folds_of_cycles_meet_in_a_cusp() -> None:
     """4 m^3 = 27 h^2."""
-    branch = cb.trace(forced(fork, {"y": 1.0}, {"h": 0.0, "m": 1.0}), "h", within={"h": (-1, 1)})
-    line = cb.boundary(branch.first("LP"), ("m", "h"), within={"m": (-1, 1.1), "h": (-1, 1)})
+    problem = forced(fork, {"y": 0.6}, {"h": 0.0, "m": 0.3})
+    fold = cb.trace(problem, "h", within={"h": (-1, 0.1)}).first("LP")
+    line = cb.boundary(fold, ("m", "h"), within={"m": (-1, 0.35)}, towards="down")
     assert [at.kind for at in line.special] == ["EP", "CP", "EP"]
     assert line.first("CP")["m"] == pytest.approx(0, abs=1e-7)
     assert line.first("CP")["c"] == pytest.approx(-TAU, rel=1e-6)
@@ -205,7 +206,7 @@ def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> No
     rest = cb.equilibrium(adapt, {"x": 0.0, "y": 0.0, "z": 0.0}, {"alpha": 1.2, "beta": 1.0})
     hopf = cb.trace(rest, "alpha", within={"alpha": (0.5, 1.5)}).first("HB")
     assert (hopf["alpha"], hopf["l1"]) == (pytest.approx(1, abs=1e-9), pytest.approx(-0.3, abs=1e-8))
-    (cycles,) = cb.switch(hopf, within={"alpha": (0.6, 1.5)})
+    (cycles,) = cb.switch(hopf, within={"alpha": (0.625, 1.1)})
     point = cycles.first("PD")
     assert point["alpha"] == pytest.approx(0.6303020, abs=5e-8)
     assert point["period"] == pytest.approx(6.364071, abs=5e-7)
