@@ -237,7 +237,7 @@ class CycleProblem(Problem):
             return self.halved(), None
         with suppress(Undefined, BadInput, NotConverged):
             lift = self.again() if self.again else None
-            return lift and (lift.problem, lift.seeds()[0].tangent)
+            return None if lift is None else (lift.problem, lift.seeds()[0].tangent)
         return None
 
     def halved(self) -> CycleProblem:
