@@ -90,9 +90,10 @@ class Forms:
         self.scales = self.curve.scales[self.moved]
         self.x = self.z[self.moved] / self.scales
         self.A = self._matrix(self.z)
-        self.T = self.closed(1.0) - self.closed(2.0)
-        # of a cycle the scale is that of one orbit, by which no length should be told
-        self.units = 1.0 if self.closing is None else self.scales
+        if self.closing is None:
+            self.T, self.units = shifted(0 * self.A, 1.0), np.ones(self.n)
+        else:  # the scale of a cycle is that of one orbit, by which no length should be told
+            self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
         self.reach = max(1.0, float(abs(self.x).max()))
         # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
         self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)

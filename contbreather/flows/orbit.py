@@ -151,11 +151,8 @@ class Cycle(HtmlRepr):
         if not (off > COARSE or (math.isnan(off) and left[i][0] > _LEFT)):
             return ""
         where = self.times[i] + left[i][1] * self.flights[i].duration
-        why = f"the trivial multiplier is {off:.1g} off 1, t"
-        return (
-            f"{'T' if math.isnan(off) else why}he mesh is too coarse near t = {where:.4g}: "
-            "collocation=Collocation(intervals=...)"
-        )
+        mesh = f"the mesh is too coarse near t = {where:.4g}: collocation=Collocation(intervals=...)"
+        return mesh if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, {mesh}"
 
     def table(self) -> Sheet:
         """Its numbers, as text for people."""
@@ -244,7 +241,7 @@ class CycleProblem(Problem):
         """The same from its start on a mesh of half the intervals."""
         flights = self.residual.flights(self.x, self.params)
         finer = replace(self.residual, start=tuple(flight.halved() for flight in flights))
-        return problem_of(finer, self.params, self.events, self.label)
+        return replace(self, residual=finer, start=finer.unknowns(finer.start))
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None
