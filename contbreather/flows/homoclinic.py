@@ -1,27 +1,31 @@
 """HOM: the period grows without bound, for the cycle comes to rest at an equilibrium.
 
-A cycle of a long period is as good as the homoclinic orbit: the parameter is off by about the
-exponential of minus the period times the leading eigenvalue. So it is found where a branch ends,
-and followed in two parameters at the period it has there.
+A cycle of a long period T is as good as the homoclinic orbit. The parameter is off by about
+``exp(-a T)`` with a the smaller one, in size, of the leading eigenvalues +-a and -+b, one to each
+side, while the orbit slows down by ``d = exp(-a b T / (a + b))``: so by ``d^(1 + a / b)``. Beyond
+rounding and the mesh decide where it folds. So it is found where a branch ends, and followed in two
+parameters at the period it has there.
 """
 
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..continuation.curve import Curve
-from ..continuation.newton import Array, Undefined
+from ..continuation.newton import Array
 from ..continuation.point import Event, Examined, Locus, Point
 from .equations import Equations
-from .flow import Flow, Params, slopes, values
+from .flow import slopes, values
 from .orbit import Cycle, equations_of
 
-_REST = 1e-6  # of its largest speed: an orbit that is as slow as this somewhere comes to rest there
+_OFF = 1e-8  # how far off the parameter is, relative: an orbit as slow as that says comes to rest
+_SLOW = 1e-3  # of its largest speed: an equilibrium is looked for
+_UNKNOWN = 0.5  # a / b where there is none, as before a saddle-node
 _CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
@@ -37,8 +41,13 @@ def _slowest(orbit: Cycle) -> tuple[float, Array]:
 
 
 def _pace(point: Point) -> float:
-    slow, _ = _slowest(point.ground.solution)
-    return math.log(max(slow, 1e-300) / _REST)
+    orbit: Cycle = point.ground.solution
+    pace, slow = _slowest(orbit)
+    ratio, near = _UNKNOWN, _saddle(orbit, slow) if pace < _SLOW else None
+    if near is not None:
+        sizes = abs(near.leading.real)
+        ratio = sizes.min() / sizes.max()
+    return (1 + ratio) * math.log(max(pace, 1e-300)) - math.log(_OFF)
 
 
 def _examine(point: Point) -> Examined:
@@ -47,11 +56,10 @@ def _examine(point: Point) -> Examined:
     if orbit.coarse:
         return orbit.coarse
     _, slow = _slowest(orbit)
+    near = _saddle(orbit, slow)
+    if near is not None:
+        return near.told(orbit)
     sizes = orbit.equations.sizes[0]
-    with suppress(Undefined):
-        rest, eigenvalues = _equilibrium(orbit.equations.flows[0], slow, orbit.params)
-        if np.linalg.norm((rest - slow) / sizes) < _CLOSE:
-            return _saddle(orbit, rest, eigenvalues)
     states = orbit.flights[0].at(np.linspace(0.0, 1.0, _LOOKS))
     there = np.linalg.norm((states - slow[:, None]) / sizes[:, None], axis=0) < _CLOSE
     if there.mean() < _MOSTLY:
@@ -60,44 +68,53 @@ def _examine(point: Point) -> Examined:
     return {"equilibrium": slow, "said": f"the period grows without bound: {what}"}
 
 
-def _saddle(orbit: Cycle, rest: Array, eigenvalues: Any) -> Examined:
-    inwards, outwards = eigenvalues[eigenvalues.real < 0], eigenvalues[eigenvalues.real > 0]
-    if not (inwards.size and outwards.size):
-        return "the equilibrium that it is slow at is no saddle"
-    leading = inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]
-    quantity = float(sum(leading).real)
-    kind = "saddle-focus" if any(value.imag for value in leading) else "saddle"
-    shown = " and ".join(
-        f"{v.real:.6g}" + (f" +- {abs(v.imag):.6g}i" if v.imag else "") for v in leading
-    )
-    return {
-        "equilibrium": rest,
-        "saddle_quantity": quantity,
-        "said": "the period grows without bound, to an orbit homoclinic to the "
-        f"{kind} {_named(orbit, rest)}; leading eigenvalues {shown}, saddle quantity "
-        f"{quantity:.6g}",
-    }
+@dataclass(frozen=True, eq=False)
+class _Saddle:
+    """A saddle, and its eigenvalues next to the imaginary axis on either side."""
+
+    state: Array
+    leading: NDArray[np.complex128]
+
+    def told(self, orbit: Cycle) -> dict[str, Any]:
+        quantity = float(self.leading.sum().real)
+        kind = "saddle-focus" if self.leading.imag.any() else "saddle"
+        shown = " and ".join(
+            f"{v.real:.6g}" + (f" +- {abs(v.imag):.6g}i" if v.imag else "") for v in self.leading
+        )
+        return {
+            "equilibrium": self.state,
+            "saddle_quantity": quantity,
+            "said": "the period grows without bound, to an orbit homoclinic to the "
+            f"{kind} {_named(orbit, self.state)}; leading eigenvalues {shown}, saddle quantity "
+            f"{quantity:.6g}",
+        }
 
 
 def _named(orbit: Cycle, state: Array) -> str:
     return ", ".join(f"{n} = {v:.6g}" for n, v in zip(orbit.equations.states, state, strict=False))
 
 
-def _equilibrium(flow: Flow, x: Array, p: Params) -> tuple[Array, Any]:
-    """The equilibrium by Newton's iteration from a state beside it, and its eigenvalues."""
+def _saddle(orbit: Cycle, x: Array) -> _Saddle | None:
+    """The saddle close to a state, by Newton's iteration from there; None if there is none."""
+    flow, sizes, start = orbit.equations.flows[0], orbit.equations.sizes[0], x
     for _ in range(_ITERATIONS):
-        found, derivative = slopes(flow.f, 0.0, x[:, None], p)
+        found, derivative = slopes(flow.f, 0.0, x[:, None], orbit.params)
         matrix = derivative[:, : x.size, 0]
         try:
             step = np.linalg.solve(matrix, found[:, 0])
-        except np.linalg.LinAlgError as error:
-            raise Undefined("its derivative is singular") from error
-        if not np.isfinite(step).all():
-            break
+        except np.linalg.LinAlgError:
+            return None
         x = x - step
+        if not np.linalg.norm((x - start) / sizes) < _CLOSE:
+            return None
         if abs(step).max() <= _SOLVED * (1 + abs(x).max()):
-            return np.where(abs(x) > _SOLVED, x, 0.0), np.linalg.eigvals(matrix)
-    raise Undefined("Newton's iteration finds none")
+            break
+    eigenvalues = np.linalg.eigvals(matrix)
+    inwards, outwards = eigenvalues[eigenvalues.real < 0], eigenvalues[eigenvalues.real > 0]
+    if not (inwards.size and outwards.size):
+        return None
+    leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
+    return _Saddle(np.where(abs(x) > _SOLVED, x, 0.0), leading)
 
 
 def _long(point: Point) -> Locus:
