@@ -121,9 +121,8 @@ class Forms:
             left, _, right = np.linalg.svd(matrix)
             q, p = right[-1].conj(), left[:, -1]
         began = self.T @ q
-        small = (
-            _DEFECTIVE if self.closing is None else _DEFECTIVE**2
-        )  # q and p have peaks elsewhere
+        # on the way around a cycle they may be far larger than where it begins
+        small = _DEFECTIVE if self.closing is None else _DEFECTIVE**2
         if abs(np.vdot(p, began)) < small * float(np.linalg.norm(began)):
             raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
         size = sense(q) * np.linalg.norm(self.units * began)

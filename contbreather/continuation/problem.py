@@ -69,8 +69,8 @@ class Problem:
     -----
     What else there may be to know of equations is said by a class derived from this one: `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
-    `finer`, the same in more unknowns, `wider`, parameters that are there when asked for, and ``serialised``, what files make the
-    problem of again.
+    `finer`, the same in more unknowns, `wider`, parameters that are there when asked for, and
+    ``serialised``, what files make the problem of again.
 
     Raises
     ------

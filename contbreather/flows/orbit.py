@@ -151,10 +151,11 @@ class Cycle(HtmlRepr):
         if not (off > COARSE or (math.isnan(off) and left[i][0] > _LEFT)):
             return ""
         where = self.times[i] + left[i][1] * self.flights[i].duration
-        mesh = (
-            f"the mesh is too coarse near t = {where:.4g}: collocation=Collocation(intervals=...)"
+        why = "" if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, "
+        return (
+            f"{why}the mesh is too coarse near t = {where:.4g}: "
+            "collocation=Collocation(intervals=...)"
         )
-        return mesh if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, {mesh}"
 
     def table(self) -> Sheet:
         """Its numbers, as text for people."""
