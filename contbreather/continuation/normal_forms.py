@@ -79,8 +79,8 @@ class Coefficient:
 class Forms:
     """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
-    def __init__(self, point: Point) -> None:
-        ground = point.ground
+    def __init__(self, point: Point, agreed: float = _AGREED) -> None:
+        ground, self.agreed = point.ground, agreed
         self.curve, self.z = ground.curve, ground.z
         problem = self.curve.problem
         self.closing = problem.closing
@@ -139,7 +139,7 @@ class Forms:
             worse = apart > doubt and doubt < _FAIR
             if apart < doubt:
                 best, doubt = jet, apart
-            if doubt < _AGREED or worse:
+            if doubt < self.agreed or worse:
                 break
             before = jet
         if best is None:
@@ -314,24 +314,24 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
 # --- maps: F(x) = G(x) - x with the multipliers of F_x + 1, or the equations of a cycle ----------
 
 
-def flip(point: Point) -> Coefficient:
+def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
     appears (supercritical)."""
-    forms = Forms(point)
+    forms = Forms(point, agreed)
     q, p = forms.eigenvectors(forms.closed(-1.0))
     jet = forms.jet(q)
     h = solve(-forms.A, jet.B @ q)
     return _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
 
 
-def rotation(point: Point, angle: float) -> Coefficient:
+def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
     """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
 
     Its real part negative: a stable closed curve appears (supercritical).
 
     Raises `Undefined` at the strong resonances 1:1 to 1:3, where the normal form is another.
     """
-    mu, forms = np.exp(1j * angle), Forms(point)
+    mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
     return _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)

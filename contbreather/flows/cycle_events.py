@@ -28,6 +28,7 @@ _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
 _BORDERINGS = 2  # far from where a curve began its borders are no null vectors any more
+_ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
 
@@ -254,13 +255,13 @@ def _fold_locus(point: Point) -> Locus:
 
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
-    c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
+    c = normal_forms.value_or_nan(lambda: normal_forms.flip(point, _ROUGHLY))
     return c * math.prod(_pole(-1.0, wanted, point) for wanted in (-1.0, 1.0))
 
 
 def _rotation_coefficient(point: Point) -> float:
     """Re d without its pole where it meets a fold; no value at R1, R2 and R3."""
-    d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, point["angle"]))
+    d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, point["angle"], _ROUGHLY))
     return d * _pole(None, 1.0, point)
 
 

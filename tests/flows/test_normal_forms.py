@@ -207,8 +207,9 @@ def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> No
     hopf = cb.trace(rest, "alpha", within={"alpha": (0.5, 1.5)}).first("HB")
     assert hopf["alpha"] == pytest.approx(1, abs=1e-9)
     assert hopf["l1"] == pytest.approx(-0.3, abs=1e-8)
-    (cycles,) = cb.switch(hopf, within={"alpha": (0.625, 1.1)})
-    point = cycles.first("PD")
+    start, params = {"x": 0.3, "y": 0.0, "z": 0.0}, {"alpha": 0.66, "beta": 1.0}
+    cycles = cb.cycle(adapt, start, params, settle=200)
+    point = cb.trace(cycles, "alpha", within={"alpha": (0.62, 0.7)}, towards="down").first("PD")
     assert point["alpha"] == pytest.approx(0.6303020, abs=5e-8)
     assert point["period"] == pytest.approx(6.364071, abs=5e-7)
     assert point["criticality"] == "supercritical"
