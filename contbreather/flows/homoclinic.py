@@ -23,7 +23,7 @@ from .equations import Equations
 from .flow import slopes, values
 from .orbit import Cycle, equations_of
 
-_OFF = 1e-8  # how far off the parameter is, relative: an orbit as slow as that says comes to rest
+_OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit has come to rest
 _SLOW = 1e-3  # of its largest speed: an equilibrium is looked for
 _UNKNOWN = 0.5  # a / b where there is none, as before a saddle-node
 _CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
