@@ -6,7 +6,14 @@ Theory, chapters 5, 8 and 9. B and C are needed along critical directions only, 
 differences of the Jacobian; so a coefficient costs some fifty Jacobians, whatever the size.
 
 With ``q`` the right and ``p`` the left eigenvector throughout, ``|q| = 1`` and ``<p, q> = 1``, with
-``<p, q> = conj(p) . q``. Lengths are measured in the units of the problem's `scales`.
+``<p, q> = conj(p) . q``. Lengths are measured in the units of the problem's `scales`, those
+of cycles of flows as they are.
+
+A map may be given by more equations than it has unknowns, as the return map of a cycle is by all
+that happens on the way around. Then A and the eigenvectors are those of all these equations, and
+``1 - mu``, which stands on the diagonal of a map's, in the few rows where the cycle is closed:
+the matrix T below, the identity otherwise. In place of q and <p, q> it is T q, of length 1, and
+<p, T q> = 1; all else is the same, for what is on the way follows from where it began.
 """
 
 from __future__ import annotations
@@ -72,24 +79,59 @@ class Coefficient:
 class Forms:
     """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
-    def __init__(self, point: Point) -> None:
-        ground = point.ground
+    def __init__(self, point: Point, agreed: float = _AGREED) -> None:
+        ground, self.agreed = point.ground, agreed
         self.curve, self.z = ground.curve, ground.z
-        self.n = self.curve.size
-        self.scales = self.curve.scales[: self.n]
+        problem = self.curve.problem
+        self.closing = problem.closing
+        every = np.arange(self.curve.size)
+        self.moved = every if problem.perturbed is None else problem.perturbed
+        self.n = self.moved.size
+        self.scales = self.curve.scales[self.moved]
+        self.x = self.z[self.moved] / self.scales
         self.A = self._matrix(self.z)
-        self.reach = max(1.0, float(abs(self.z[: self.n] / self.scales).max()))
+        if self.closing is None:
+            self.T, self.units = shifted(0 * self.A, 1.0), np.ones(self.n)
+        else:  # the scale of a cycle is that of one orbit, by which no length should be told
+            self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
+        self.reach = max(1.0, float(abs(self.x).max()))
         # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
         self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
 
     def _matrix(self, z: Array) -> Matrix:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
-        return scaled(self.curve.in_unknowns(z), 1 / self.scales, self.scales)
+        return self._scaled(self.curve.in_unknowns(z))
+
+    def _scaled(self, matrix: Matrix) -> Matrix:
+        if self.n < self.curve.size:
+            matrix = matrix[self.moved][:, self.moved]
+        return scaled(matrix, 1 / self.scales, self.scales)
+
+    def closed(self, mu: complex) -> Matrix:
+        """What maps a perturbation to zero that has grown by mu when it comes back."""
+        if self.closing is None:
+            return shifted(self.A, 1 - mu)
+        return self._scaled(self.closing(self.curve.in_unknowns(self.z), mu))
+
+    def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
+        """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
+        if is_sparse(matrix):
+            q, p = null_vectors(matrix)
+        else:
+            left, _, right = np.linalg.svd(matrix)
+            q, p = right[-1].conj(), left[:, -1]
+        began = self.T @ q
+        # on the way around a cycle they may be far larger than where it begins
+        small = _DEFECTIVE if self.closing is None else _DEFECTIVE**2
+        if abs(np.vdot(p, began)) < small * float(np.linalg.norm(began)):
+            raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
+        size = sense(q) * np.linalg.norm(self.units * began)
+        return q / size, p / np.conj(np.vdot(p, began) / size)
 
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
         # relative to the entries that v moves: an idle one of size 100 says nothing of the step
-        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.z[: self.n] / self.scales)))
+        moved = np.linalg.norm(v / np.maximum(1.0, abs(self.x)))
         reach = 1 / max(float(moved), 1e-300)
         best, doubt, before = None, math.inf, None
         for jet, rough in self._jets(v, reach):
@@ -97,7 +139,7 @@ class Forms:
             worse = apart > doubt and doubt < _FAIR
             if apart < doubt:
                 best, doubt = jet, apart
-            if doubt < _AGREED or worse:
+            if doubt < self.agreed or worse:
                 break
             before = jet
         if best is None:
@@ -111,7 +153,7 @@ class Forms:
             yield zero, zero
             return
         direction = np.zeros(self.z.size)
-        direction[: self.n] = v * self.scales
+        direction[self.moved] = v * self.scales
         for step in _STEPS:
             h = step * reach
             try:
@@ -144,20 +186,6 @@ def combined(weights: Array, matrices: Sequence[Matrix]) -> Iterable[Matrix]:
 
 def _largest(matrix: Matrix) -> float:
     return float(abs(matrix).max())
-
-
-def eigenvectors(matrix: Matrix) -> tuple[Any, Any]:
-    """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
-    if is_sparse(matrix):
-        q, p = null_vectors(matrix)
-    else:
-        left, _, right = np.linalg.svd(matrix)
-        q, p = right[-1].conj(), left[:, -1]
-    q = q / sense(q)
-    overlap = np.vdot(p, q)
-    if abs(overlap) < _DEFECTIVE:
-        raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
-    return q, p / np.conj(overlap)
 
 
 solve = partial(solved, why="a second resonance: no normal form of this kind")
@@ -207,21 +235,22 @@ def lyapunov(point: Point, omega: float) -> Coefficient:
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
-    found = _of_pair(point, 1j * omega, 2j * omega, 2 * omega)
+    forms = Forms(point)
+    critical, double = (shifted(forms.A, -1j * k * omega) for k in (1, 2))
+    found = _of_pair(forms, critical, double, 2 * omega)
     return replace(found, value=found.value.real)
 
 
-def _of_pair(point: Point, value: complex, second: complex, unit: complex) -> Coefficient:
-    """The cubic coefficient of a pair of eigenvalues; `second` is what the square of its amplitude
-    turns by."""
-    forms = Forms(point)
-    q, p = eigenvectors(shifted(forms.A, -value))
+def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> Coefficient:
+    """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude and of the
+    square of that, which turns twice as fast."""
+    q, p = forms.eigenvectors(critical)
     real, imaginary = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
     B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
     # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
     h11 = solve(-forms.A, B @ q.conj())
-    h20 = solve(shifted(-forms.A, second), B @ q)
+    h20 = solve(-double, B @ q)
     terms = (C, 2 * B @ h11, B.conj() @ h20)
     parts = [complex(np.vdot(p, term)) / unit for term in terms]
     return Coefficient(sum(parts), sum(abs(part) for part in parts))
@@ -233,12 +262,12 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     At a cusp the first vanishes and the second does not.
     """
     forms = Forms(point)
-    q, p = eigenvectors(forms.A)
-    jet = forms.jet(q)
+    q, p = forms.eigenvectors(forms.A)
+    jet, began = forms.jet(q), forms.T @ q
     bent = jet.B @ q
     quadratic = 0.5 * float(p @ bent)
-    # A h = <p, B> q - B with <p, h> = 0, by bordering
-    h = _bordered(forms.A, q, p, 2 * quadratic * q - bent)
+    # A h = <p, B> T q - B with <p, T h> = 0, by bordering
+    h = _bordered(forms.A, began, p @ forms.T, 2 * quadratic * began - bent)
     size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
     cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
     # all its terms may vanish at once: then they are small against one of order one
@@ -246,7 +275,7 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
 
 
 def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:
-    """``M h = right`` but for a multiple of q, with ``<p, h> = 0``."""
+    """``M h = right`` but for a multiple of q, with ``p h = 0``."""
     wider, row, both = beside(matrix, q[:, None]), np.append(p, 0.0)[None, :], np.append(right, 0.0)
     if is_sparse(matrix):
         return Factors(wider).solve(both, row)[:-1]
@@ -282,27 +311,27 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
 
 
-# --- maps: the equations are F(x) = G(x) - x, the multipliers those of F_x + 1 ------------------
+# --- maps: F(x) = G(x) - x with the multipliers of F_x + 1, or the equations of a cycle ----------
 
 
-def flip(point: Point) -> Coefficient:
+def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
     appears (supercritical)."""
-    forms = Forms(point)
-    q, p = eigenvectors(shifted(forms.A, 2))
+    forms = Forms(point, agreed)
+    q, p = forms.eigenvectors(forms.closed(-1.0))
     jet = forms.jet(q)
     h = solve(-forms.A, jet.B @ q)
     return _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
 
 
-def rotation(point: Point, angle: float) -> Coefficient:
+def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
     """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
 
     Its real part negative: a stable closed curve appears (supercritical).
 
     Raises `Undefined` at the strong resonances 1:1 to 1:3, where the normal form is another.
     """
-    mu = np.exp(1j * angle)
+    mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    return _of_pair(point, mu - 1, mu**2 - 1, 2 * mu)
+    return _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)

@@ -69,8 +69,8 @@ class Problem:
     -----
     What else there may be to know of equations is said by a class derived from this one: `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
-    `wider`, parameters that are there when asked for, and ``serialised``, what files make the
-    problem of again.
+    `finer`, the same in more unknowns, `wider`, parameters that are there when asked for, and
+    ``serialised``, what files make the problem of again.
 
     Raises
     ------
@@ -107,6 +107,11 @@ class Problem:
 
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
+    # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
+    closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None
+    # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
+    perturbed: ClassVar[Any] = None
     # ``(names, params) -> Loops or None``: the equations, these parameters free, to be compiled
     loops: ClassVar[Callable[..., Loops | None] | None] = None
     # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
@@ -133,6 +138,11 @@ class Problem:
     def lift(self, kind: str) -> Callable[[Any], Any] | None:
         """Where other curves leave events of a kind, what makes a `Lift` of such a point: the
         problem that has them. `switch` follows them."""
+        return None
+
+    def finer(self, point: Any, along: Any) -> tuple[Problem, Any] | None:
+        """Where a point shows that these unknowns do not resolve a solution, the problem from its
+        present start in more of them, and a direction in these: its branch is walked anew."""
         return None
 
     def wider(self, names: tuple[str, ...]) -> Problem:

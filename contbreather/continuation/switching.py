@@ -364,9 +364,9 @@ def _with_parent(arm: Branch, point: Point) -> Branch:
 
 def _leave(arm: Branch, seed: Seed, point: Point) -> None:
     """Refuse an arm whose first step goes along the branch it was to leave."""
-    if seed.parent is None or len(arm) < 2:
-        return
     curve = arm.curve
+    if seed.parent is None or len(arm) < 2 or curve.start.shape != np.shape(seed.z):
+        return  # a finer problem has other unknowns
     chord = curve.normalised(arm[1].z - arm[0].z)
     away, parent = (curve.normalised(np.asarray(t, dtype=float)) for t in seed[2:4])
     if _aside(curve, chord, parent) < _aside(curve, chord, away):

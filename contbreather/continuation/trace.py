@@ -8,7 +8,8 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +43,7 @@ from .steps import Steps, steps_of
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
+Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
@@ -150,13 +152,18 @@ def trace(
 
     line = line_of(progress, lambda own: Counter(own, free))
     with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
-        problem, wanted = active_events(start, events, inadmissible=inadmissible)
-        first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
-        for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
-            halves.append(Half(iterator))
-            halves[-1].walk(shown, lambda special: kept.look(special, so_far))
-            if iterator.end.stop is Stop.CLOSED:
-                break
+        finer: Finer | None = start, along
+        while finer is not None:
+            start, along = finer
+            halves.clear()
+            problem, wanted = active_events(start, events, inadmissible=inadmissible)
+            first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
+            for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
+                halves.append(Half(iterator))
+                look = partial(start.finer, along=along)
+                finer = halves[-1].walk(shown, lambda special: kept.look(special, so_far), look)
+                if finer is not None or iterator.end.stop is Stop.CLOSED:
+                    break
         whole = replace(_whole(halves), settings=settings, origin=origin)
         kept.finish(whole)
     return whole
@@ -169,12 +176,21 @@ class Half:
     iterator: ContinuationIterator
     pieces: list[Piece] = field(default_factory=list)
 
-    def walk(self, shown: Counter, keep: Callable[[bool], None]) -> None:
-        """Walk to its end."""
+    def walk(
+        self,
+        shown: Counter,
+        keep: Callable[[bool], None],
+        look: Callable[[Point], Finer | None],
+    ) -> Finer | None:
+        """Walk to its end, or to where the problem asks for a finer one."""
         for piece in self.iterator.pieces():
             self.pieces.append(piece)
             shown.advance(piece[-1], len(piece))
             keep(isinstance(piece, list) and any(point.kind for point in piece))
+            finer = look(piece[-1])
+            if finer is not None:
+                return finer
+        return None
 
     def branch(self) -> Branch:
         points, end = labelled(Points.joined(self.pieces)), self.iterator.end
@@ -437,7 +453,10 @@ class ContinuationIterator:
         return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
 
     def _edge(self, point: Point, stop: Stop) -> str:
-        """Where a branch ended at a bound that is not of the window but of the domain."""
+        """What there is to say of the end of a branch: by its event, or that a bound is not of the
+        window but of the domain."""
+        if stop is Stop.EVENT:
+            return str(point.detail.get("said", ""))
         for bound in self.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):

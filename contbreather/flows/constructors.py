@@ -70,8 +70,9 @@ def cycle(
     collocation : Collocation, optional
         Intervals and points, ``Collocation(intervals=20, points=6)`` by default.
     events : iterable of Event, optional
-        What a walk looks for by default: LP, BP, PD and NS, and where flows have conditions or
-        walls VI (an impact loses its velocity) and GR (a wall is touched in between).
+        What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
+        to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
+        impact loses its velocity) and GR (a wall is touched in between).
     label : str, optional
         Shown in tables.
 

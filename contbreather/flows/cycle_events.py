@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,15 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..continuation import defining_systems
+from ..continuation import defining_systems, normal_forms
 from ..continuation.branch_points import crossing_event
 from ..continuation.curve import Curve
 from ..continuation.equilibria import fold
 from ..continuation.linear_algebra import least_singular
-from ..continuation.newton import Array, Undefined
+from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
 from ..continuation.sparse import factorised, null_vectors
 from .equations import Equations
+from .homoclinic import HOMOCLINIC
 from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
 
@@ -26,6 +28,7 @@ _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
 _BORDERINGS = 2  # far from where a curve began its borders are no null vectors any more
+_ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
 
@@ -46,12 +49,12 @@ def _examine_flip(point: Point) -> Examined:
         return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
     if np.count_nonzero(off < _NEAR) > 1:
         return "two multipliers are -1: not a simple period doubling"
-    return {}
+    return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
 def _flip_locus(point: Point) -> Locus:
     flip = _Flip(equations_of(point.ground))
-    ends = (_beside("R2", -1.0, -1.0, ROTATION),)
+    ends = (_GENERALISED_FLIP, _beside("R2", -1.0, -1.0, ROTATION))
     return Locus({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
 
 
@@ -100,7 +103,10 @@ def _examine_pair(point: Point) -> Examined:
     mu = complex(one[nearest])
     if abs(mu.imag) < _REAL:
         return f"a neutral saddle: the multipliers {mu.real:.4g} and {other[nearest].real:.4g}"
-    return {"angle": abs(math.atan2(mu.imag, mu.real))}
+    angle = abs(math.atan2(mu.imag, mu.real))
+    return {"angle": angle} | normal_forms.criticality(
+        "d", lambda: normal_forms.rotation(point, angle), stable_if_negative=True
+    )
 
 
 def _pair_locus(point: Point) -> Locus:
@@ -121,6 +127,7 @@ def _pair_locus(point: Point) -> Locus:
         Event("R2", partial(_angle_from, math.pi, -1.0), ends="branch"),
         Event("R3", partial(_angle_from, 2 * math.pi / 3, 1.0)),
         Event("R4", partial(_angle_from, math.pi / 2, 1.0)),
+        Event("CH", _rotation_coefficient, examine=_examine_chenciner),
     )
     locus = Locus({"angle": angle}, rotation.conditions, rotation.derivative)
     return replace(locus, events=ends, meets=MEETINGS["NS"])
@@ -243,6 +250,35 @@ def _fold_locus(point: Point) -> Locus:
     return replace(own, events=ends, meets=MEETINGS["LP"])
 
 
+# --- where normal forms degenerate ---------------------------------------------------------------
+
+
+def _flip_coefficient(point: Point) -> float:
+    """c without its poles, at R2 and fold-flips."""
+    c = normal_forms.value_or_nan(lambda: normal_forms.flip(point, _ROUGHLY))
+    return c * math.prod(_pole(-1.0, wanted, point) for wanted in (-1.0, 1.0))
+
+
+def _rotation_coefficient(point: Point) -> float:
+    """Re d without its pole where it meets a fold; no value at R1, R2 and R3."""
+    d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, point["angle"], _ROUGHLY))
+    return d * _pole(None, 1.0, point)
+
+
+def _pole(known: float | None, wanted: float, point: Point) -> float:
+    """Zero where another multiplier is there, 1 where there is no other."""
+    return _rest(known, wanted, point) if _without(known, point).size else 1.0
+
+
+def _examine_generalised_flip(point: Point) -> str:
+    return normal_forms.not_zero("the coefficient c =", normal_forms.flip(point), point)
+
+
+def _examine_chenciner(point: Point) -> str:
+    d = normal_forms.rotation(point, point["angle"])
+    return normal_forms.not_zero("Re d =", d, point)
+
+
 # --- the events -----------------------------------------------------------------------------
 
 
@@ -252,10 +288,20 @@ def _examine(event: Event, point: Point) -> Examined:
     return coarse or (event.examine(point) if event.examine else {})
 
 
+def _examine_fold(point: Point) -> Examined:
+    found = _examine(_PLAIN, point)
+    if isinstance(found, str) and found:
+        return found
+    with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
+        found = {**(found or {}), "b": abs(normal_forms.cubic_at_cusp(point)[0].value)}
+    return found
+
+
 _PLAIN = fold()
-FOLD = replace(_PLAIN, locus=_fold_locus, examine=partial(_examine, _PLAIN))
+FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CROSSING = crossing_event({})
 BRANCH_POINT = replace(_CROSSING, count=None, examine=partial(_examine, _CROSSING))
+_GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
 ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
 SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
@@ -276,6 +322,8 @@ def events_of(equations: Equations) -> tuple[Event, ...]:
     found = [FOLD, BRANCH_POINT, FLIP, ROTATION]
     if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
         found.append(SHRUNK)
+    if equations.autonomous and equations.smooth:
+        found.append(HOMOCLINIC)
     if any(flow.until for flow in equations.flows):
         found.append(IMPACT)
     if any(flow.until or flow.walls for flow in equations.flows):

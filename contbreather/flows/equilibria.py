@@ -22,6 +22,7 @@ from .equations import Equations, sizes_of
 from .flow import Flow, Function, Params, slopes, values
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
+_ORIGIN = 1e-12  # an equilibrium no larger than this is the origin, but for rounding
 
 
 def equilibrium(
@@ -123,7 +124,8 @@ def _born(point: Point) -> Lift:
     omega = float(point["omega"])
     eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
     q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
-    size = float(np.sqrt(np.mean(rest**2))) or 1.0
+    size = float(np.sqrt(np.mean(rest**2)))
+    size = size if size > _ORIGIN else 1.0
     period = 2 * math.pi / omega
 
     def wave(amplitude: float, t: Array) -> Array:
@@ -143,5 +145,14 @@ def _born(point: Point) -> Lift:
         if found.converged:
             here = Point(curve, found.z)
             made = replace(made, start=made.flights(here.x, here.params))
-            return _Born(problem_at(made, here.params), free, both=False)
+            cycle = replace(problem_at(made, here.params), again=partial(_again, point))
+            return _Born(cycle, free, both=False)
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")
+
+
+def _again(point: Point) -> Lift:
+    """The same on a finer mesh."""
+    problem, own = point.curve.problem, point.curve.problem.residual
+    twice = replace(own.collocation, intervals=2 * own.collocation.intervals)
+    finer = replace(problem, residual=replace(own, collocation=twice))
+    return _born(replace(point, curve=Curve(finer, point.curve.free)))

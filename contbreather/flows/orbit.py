@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
@@ -13,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation.curve import Curve
-from ..continuation.newton import Array
+from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.sparse import Matrix
 from ..continuation.switching import Lift
+from ..continuation.trace import trace
 from ..display import HtmlRepr
-from ..errors import BadInput
+from ..errors import BadInput, NotConverged
 from ..tables import Sheet
 from .collocation import Flight
 from .equations import Equations
@@ -27,7 +29,10 @@ from .flow import Params
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
+_MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
+_NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
+_LEFT = 5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +146,15 @@ class Cycle(HtmlRepr):
     def coarse(self) -> str:
         """What the mesh does not resolve, empty if it resolves the orbit."""
         off = abs(self.trivial - 1)
-        if not off > COARSE:
+        left = [flight.unresolved() for flight in self.flights]
+        i = max(range(len(left)), key=lambda i: left[i][0])
+        if not (off > COARSE or (math.isnan(off) and left[i][0] > _LEFT)):
             return ""
-        i = int(np.argmax([flight.unresolved()[0] for flight in self.flights]))
-        where = self.times[i] + self.flights[i].unresolved()[1] * self.flights[i].duration
+        where = self.times[i] + left[i][1] * self.flights[i].duration
+        why = "" if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, "
         return (
-            f"the trivial multiplier is {off:.1g} off 1, the mesh is too coarse near t = "
-            f"{where:.4g}: collocation=Collocation(intervals=...)"
+            f"{why}the mesh is too coarse near t = {where:.4g}: "
+            "collocation=Collocation(intervals=...)"
         )
 
     def table(self) -> Sheet:
@@ -209,9 +216,35 @@ class CycleProblem(Problem):
     """A cycle of flows."""
 
     residual: Equations
+    # of an arm: where it sets out, with twice the intervals
+    again: Callable[[], Lift] | None = field(default=None, kw_only=True)
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)
+
+    def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
+        return self.residual.closing(matrix, mu)
+
+    @property
+    def perturbed(self) -> NDArray[np.intp]:
+        return np.delete(np.arange(self.residual.size), np.concatenate(self.residual.knots))
+
+    def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
+        """Twice as many intervals where the mesh is too coarse at a point."""
+        if not point.solution.coarse or len(self.start["mesh"]) > _MOST_INTERVALS:
+            return None
+        if along is None:
+            return self.halved(), None
+        with suppress(Undefined, BadInput, NotConverged):
+            lift = self.again() if self.again else None
+            return None if lift is None else (lift.problem, lift.seeds()[0].tangent)
+        return None
+
+    def halved(self) -> CycleProblem:
+        """The same from its start on a mesh of half the intervals."""
+        flights = self.residual.flights(self.x, self.params)
+        finer = replace(self.residual, start=tuple(flight.halved() for flight in flights))
+        return replace(self, residual=finer, start=finer.unknowns(finer.start))
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None
@@ -222,7 +255,16 @@ def _doubled(point: Point) -> Lift:
     problem = point.curve.problem
     twice = equations_of(point).doubled(np.array(point.x), point.params)
     arm = problem_of(twice, point.params, problem.events, problem.label)
-    return Lift(arm, point.curve.free[0], both=False)
+    return Lift(replace(arm, again=partial(_again, point)), point.curve.free[0], both=False)
+
+
+def _again(point: Point) -> Lift:
+    """The same where the doubling is on a finer mesh."""
+    (free,), problem = point.curve.free, point.problem
+    assert isinstance(problem, CycleProblem)
+    near = _NEAR * (1 + abs(point[free]))
+    window = {free: (point[free] - near, point[free] + near)}
+    return _doubled(trace(problem.halved(), free, within=window).first(point.kind))
 
 
 def problem_of(

@@ -1,0 +1,158 @@
+"""Cycles that come to rest at an equilibrium, and meshes that are made finer on the way there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.flows import Collocation
+
+from .zoo import lorenz
+
+LONG = cb.Steps(largest=1e5)  # where the period grows by thousands
+
+
+def leaf(t, x, p):
+    """The curve u^2 (1 - u) = v^2 is an orbit homoclinic to the origin where mu = 0, whatever a and
+    b are; eigenvalues a +- b (B. Sandstede; Yu. A. Kuznetsov, example 6.1, at a = -1, b = 2)."""
+    u, v = x[0], x[1]
+    a, b, mu = p["a"], p["b"], p["mu"]
+    return [
+        a * u + b * v - a * u**2 + mu * u * (2 - 3 * u),
+        b * u + a * v - 1.5 * b * u**2 - 1.5 * a * u * v - 2 * mu * v,
+    ]
+
+
+def born(f, start, params, free: str, window, **more) -> cb.Branch:
+    """The cycles that leave the Hopf point of an equilibrium."""
+    rest = cb.equilibrium(f, start, params, **more)
+    hopf = cb.trace(rest, free, within={free: window}).first("HB")
+    (cycles,) = cb.switch(hopf, within={free: window})
+    return cycles
+
+
+@pytest.fixture(scope="module")
+def planar() -> cb.Branch:
+    params = {"a": -1.0, "b": 2.0, "mu": 0.1}
+    return born(leaf, {"u": 0.654, "v": 0.112}, params, "mu", (-1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def butterfly() -> cb.Branch:
+    """Cycles of the Lorenz equations on a mesh that is too coarse for the long ones."""
+    params, few = {"r": 28.0, "s": 10.0, "b": 8 / 3}, Collocation(intervals=8, points=4)
+    start = {"x": 8.0, "y": 8.0, "z": 27.0}
+    return born(lorenz, start, params, "r", (1.0, 30.0), collocation=few)
+
+
+def test_a_period_that_grows_without_bound_ends_a_branch_at_its_homoclinic_orbit(planar) -> None:
+    end = planar.first("HOM")
+    assert planar[-1] is end
+    assert end["mu"] == pytest.approx(0, abs=1e-7)
+    assert end["equilibrium"] == pytest.approx([0, 0], abs=1e-12)
+    assert end["saddle_quantity"] == pytest.approx(-2, abs=1e-10)
+    for words in ("without bound", "saddle u = 0, v = 0", "-3 and 1", "saddle quantity -2"):
+        assert words in planar.reason
+
+
+def test_a_homoclinic_orbit_is_followed_in_two_parameters(planar) -> None:
+    """At mu = 0 for all a, but for the exponential of minus a + b times the period, which stays."""
+    end, window = planar.first("HOM"), {"a": (-1.1, -0.5)}
+    line = cb.boundary(end, ("a", "mu"), within=window)
+    assert [at.kind for at in line.special] == ["EP", "EP"]
+    assert line["period"] == pytest.approx(end["period"], rel=1e-12)
+    assert line["mu"] == pytest.approx(0, abs=2e-8)
+
+
+def test_lorenz_s_homoclinic_orbit_is_where_it_is_known_to_be(butterfly) -> None:
+    end = butterfly.first("HOM")
+    assert end["r"] == pytest.approx(13.926557, abs=2e-5)
+    # the eigenvalues of the origin
+    outwards = (-11 + math.sqrt(121 + 40 * (end["r"] - 1))) / 2
+    assert end["saddle_quantity"] == pytest.approx(outwards - 8 / 3, abs=1e-9)
+
+
+def test_a_mesh_that_is_too_coarse_is_made_finer_and_no_false_event_is_seen(butterfly) -> None:
+    assert [at.kind for at in butterfly.special] == ["EP", "HOM"]
+    assert not butterfly.doubtful
+    assert butterfly["trivial"].max() < 1e-4
+    assert butterfly["mesh"].shape[1] > 8
+    assert set(butterfly["unstable"][1:]) == {1}
+
+
+def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
+    """To a saddle-focus of negative saddle quantity it grows monotonously (Shilnikov). Beyond 37
+    the parameter is as close to its limit as this mesh is exact: there it would fold."""
+
+    def feedback(t, x, p):
+        return [x[1], x[2], -x[2] - p["beta"] * x[1] - x[0] + x[0] ** 2]
+
+    start = {"x": 0.9, "y": 0.0, "z": 0.0}
+    mesh = Collocation(intervals=30, points=4)
+    ring = cb.cycle(feedback, start, {"beta": 0.53}, settle=150, collocation=mesh)
+    branch = cb.trace(ring, "beta", within={"beta": (0.5, 0.54)}, towards="down")
+    end = branch.first("HOM")
+    assert [at.kind for at in branch.special] == ["EP", "HOM"]
+    assert not branch.doubtful
+    assert (np.diff(branch["period"]) > 0).all()
+    # the equilibrium x = 1: y^3 + y^2 + beta y - 1 = 0
+    roots = np.roots([1, 1, end["beta"], -1])
+    assert end["saddle_quantity"] == pytest.approx(roots[roots.imag >= 0].real.sum(), abs=1e-9)
+    assert "saddle-focus x = 1, y = 0, z = 0" in branch.reason
+
+
+def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
+    assert butterfly[0].parent["r"] == pytest.approx(24.736842, abs=1e-6)
+    assert butterfly[0]["r"] == pytest.approx(24.736842, abs=1e-2)
+
+
+def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
+    """Roessler's band: the doubling of the doubled cycle is at 3.8373581."""
+
+    def roessler(t, x, p):
+        return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
+
+    few, params = Collocation(intervals=14, points=3), {"a": 0.2, "b": 0.2, "c": 2.8}
+    ring = cb.cycle(roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, params, settle=200, collocation=few)
+    single = cb.trace(ring, "c", within={"c": (2.8, 2.9)}, towards="up")
+    (double,) = cb.switch(single.first("PD"), within={"c": (2.8, 6.5)})
+    assert double["mesh"].shape[1] > 2 * single["mesh"].shape[1]
+    assert double["trivial"].max() < 1e-4
+    assert double[0]["period"] == pytest.approx(2 * single.first("PD")["period"], rel=1e-5)
+    assert double.first("PD")["c"] == pytest.approx(3.8373581, abs=2e-5)
+
+
+def test_an_equilibrium_that_appears_on_a_cycle_ends_it() -> None:
+    """The angle turns by a - cos, once in 2 pi / sqrt(a^2 - 1)."""
+
+    def pausing(t, x, p):
+        growth, turn = 0.02 * (1 - x[0] ** 2 - x[1] ** 2), p["a"] - x[0]
+        return [growth * x[0] - turn * x[1], growth * x[1] + turn * x[0]]
+
+    fine = Collocation(intervals=80)
+    ring = cb.cycle(pausing, {"x": -1.0, "y": 0.0}, {"a": 1.005}, collocation=fine)
+    branch = cb.trace(ring, "a", within={"a": (0.5, 1.5)}, towards="down", steps=LONG)
+    end = branch.first("HOM")
+    assert "an equilibrium is about to appear on it, at x = 1" in branch.reason
+    assert 0 < end["a"] - 1 < 1e-5
+    assert end["period"] == pytest.approx(2 * math.pi / math.sqrt(end["a"] ** 2 - 1), rel=1e-6)
+
+
+def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
+    """Around a circle, in the end on one side of it 200,000 times slower than on the other."""
+
+    def dragging(t, x, p):
+        growth = 1 - x[0] ** 2 - x[1] ** 2
+        pace = np.exp(-p["k"] * (1 + x[0]) / 2)
+        return [pace * (growth * x[0] - x[1]), pace * (growth * x[1] + x[0])]
+
+    fine = Collocation(intervals=40)
+    ring = cb.cycle(dragging, {"x": -1.0, "y": 0.0}, {"k": 5.0}, collocation=fine)
+    branch = cb.trace(ring, "k", within={"k": (5.0, 12.5)}, towards="up", steps=LONG)
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    assert branch[-1]["k"] == 12.5
+    assert [at.kind for at in branch.doubtful] == ["HOM"]
+    assert "slow without an equilibrium" in branch.doubtful[0].detail["reason"]

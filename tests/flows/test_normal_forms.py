@@ -1,0 +1,215 @@
+"""Normal forms of cycles: coefficients in closed form, and on which side something is born."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.flows import Collocation
+
+from .zoo import CASES, RADIUS, half_turned
+
+TAU = 2 * math.pi
+FEW = Collocation(intervals=8)
+
+
+def strip(t, x, p):
+    """Around (cos t, 0) a Moebius strip whose soft direction is q' = mu q + k q^3 - q^5."""
+    u, v = x[0] - np.cos(t), x[1]
+    du, dv = half_turned(p["mu"], np.cos(t), np.sin(t), u, v)
+    square = u**2 + v**2
+    more = (1 + p["k"]) * square - square**2
+    return [du + more * u - np.sin(t), dv + more * v]
+
+
+def wheel(t, x, p):
+    """z' = (mu + i w) z + k |z|^2 z - |z|^4 z around (cos t, 0)."""
+    u, v = x[0] - np.cos(t), x[1]
+    square = u**2 + v**2
+    growth = p["mu"] + p["k"] * square - square**2
+    return [growth * u - p["w"] * v - np.sin(t), p["w"] * u + growth * v]
+
+
+def fork(t, x, p):
+    """y' = h + m y - y^3 around sin t."""
+    y = x[0] - np.sin(t)
+    return [np.cos(t) + p["h"] + p["m"] * y - y**3]
+
+
+def forced(f, start, params, **more):
+    return cb.cycle(f, start, params, period=TAU, settle=40, collocation=FEW, **more)
+
+
+def doubling(k: float) -> cb.Branch:
+    """The PD of a strip, which is at mu = 0."""
+    problem = forced(strip, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "k": k})
+    return cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up")
+
+
+def rotation(k: float) -> cb.Branch:
+    problem = forced(wheel, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 0.3, "k": k})
+    return cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up")
+
+
+def again(image, names: str) -> cb.Flow:
+    """A clock, and a map each time it has run down: its return map is the map."""
+    clock = len(names)
+    return cb.Flow(
+        lambda t, x, p: [0.0 * x[0]] * clock + [-1.0],
+        until=lambda t, x, p: x[clock],
+        reset=lambda t, x, p: [*image(x, p), 1.0],
+    )
+
+
+# --- coefficients -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", [-1.0, 0.5])
+def test_the_coefficient_of_a_doubling_is_that_of_its_amplitude(k: float) -> None:
+    """q' = k q^3 for a turn: q(1 + 2 pi k q^2), on a strip with the other sign."""
+    point = doubling(k).first("PD")
+    assert point["mu"] == pytest.approx(0, abs=1e-9)
+    assert point["c"] == pytest.approx(-TAU * k, rel=1e-8)
+    assert point["criticality"] == ("supercritical" if k < 0 else "subcritical")
+
+
+@pytest.mark.parametrize("k", [-1.0, 0.5])
+def test_the_coefficient_of_a_torus_is_that_of_its_amplitude(k: float) -> None:
+    """z is sqrt 2 times the amplitude of an eigenvector of length 1."""
+    point = rotation(k).first("NS")
+    assert point["d"] == pytest.approx(2 * TAU * k, abs=1e-8)
+    assert point["criticality"] == ("supercritical" if k < 0 else "subcritical")
+
+
+def test_the_coefficient_of_a_fold_is_that_of_its_amplitude() -> None:
+    """y' = -sqrt(3) y^2 for a turn."""
+    branch = cb.trace(forced(fork, {"y": 1.0}, {"h": 0.0, "m": 1.0}), "h", within={"h": (-1, 1)})
+    assert branch.first("LP")["b"] == pytest.approx(TAU * math.sqrt(3), rel=1e-7)
+
+
+def test_a_cycle_without_forcing_has_the_same_coefficient() -> None:
+    """Its period depends on the amplitude, and a perturbation along it is none."""
+    assert CASES["moebius"].branch().first("PD")["c"] == pytest.approx(TAU, rel=1e-8)
+
+
+def test_a_torus_around_a_cycle_has_the_lyapunov_coefficient_of_the_hopf_point_it_turns() -> None:
+    """Langford's equations in (r, z): Re d = l1 omega times the period of the turn."""
+
+    def plane(t, x, p):
+        return [(x[1] - 0.7) * x[0], 0.6 + x[1] - x[1] ** 3 / 3 - x[0] ** 2 * (1 + p["rho"] * x[1])]
+
+    start = {"r": math.sqrt(RADIUS / 1.42), "z": 0.7}
+    rest = cb.trace(cb.equilibrium(plane, start, {"rho": 0.6}), "rho", within={"rho": (0.5, 1)})
+    hopf, torus = rest.first("HB"), CASES["langford"].branch().first("NS")
+    assert torus["rho"] == pytest.approx(hopf["rho"], abs=1e-9)
+    assert torus["d"].real == pytest.approx(hopf["l1"] * hopf["omega"] * TAU / 3.5, rel=1e-7)
+
+
+def test_a_hybrid_flow_has_the_coefficients_of_its_return_map() -> None:
+    """The logistic map doubles at r = 3, with c = f''^2/4 + f'''/6 = 9."""
+    flow = again(lambda x, p: [p["r"] * x[0] * (1 - x[0])], "u")
+    start, window = {"u": 0.6, "s": 1.0}, {"r": (2, 3.2)}
+    clock = cb.cycle([flow], start, {"r": 2.5}, settle=30.5, collocation=FEW)
+    point = cb.trace(clock, "r", within=window, towards="up").first("PD")
+    assert (point["r"], point["c"]) == (pytest.approx(3, abs=1e-10), pytest.approx(9, rel=1e-8))
+
+
+def test_a_hybrid_flow_has_the_torus_of_its_return_map() -> None:
+    """The delayed logistic map turns by 60 degrees at r = 2."""
+
+    def image(x, p):
+        return [p["r"] * x[0] * (1 - x[1]), x[0]]
+
+    flow, start = again(image, "uv"), {"u": 0.47, "v": 0.47}
+    clock = cb.cycle([flow], {**start, "s": 1.0}, {"r": 1.9}, settle=80.5, collocation=FEW)
+    point = cb.trace(clock, "r", within={"r": (1.8, 2.1)}, towards="up").first("NS")
+    plain = cb.FixedPoint(lambda x, p: np.array(image(x, p)), start, {"r": 1.9})
+    known = cb.trace(plain, "r", within={"r": (1.8, 2.1)}, towards="up").first("NS")
+    assert point["angle"] == pytest.approx(math.pi / 3, abs=1e-8)
+    assert point["d"] == pytest.approx(known["d"], rel=1e-7)
+    assert point["criticality"] == known["criticality"] == "supercritical"
+
+
+# --- sides ------------------------------------------------------------------------------------
+
+
+def bounced(A: float, t: float, v: float, e: float = 0.8) -> tuple[float, float]:
+    """The next impact on A sin t and the velocity after it: Newton's iteration for the flight."""
+    flight = TAU
+    for _ in range(8):
+        gap = A * math.sin(t) + v * flight - flight**2 / 2 - A * math.sin(t + flight)
+        flight -= gap / (v - flight - A * math.cos(t + flight))
+    return t + flight, -e * (v - flight) + (1 + e) * A * math.cos(t + flight)
+
+
+def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -> None:
+    """Simulated: its two phases part by 2 u with c u^2 = s where a multiplier is -1 - s.
+
+    Its trace is 1 + e^2 - (1 + e)^2 sqrt(A^2 - gamma^2), its determinant e^2. Lengths are those of
+    the height, the velocity and the phase."""
+    point = CASES["bouncing ball"].branch().first("PD")
+    assert point["criticality"] == "supercritical"
+    critical, squares = point["A"], []
+    for beyond in (1e-3, 2e-3):
+        A, impacts = critical + beyond, [(float(point["phase"]), math.pi)]
+        for _ in range(8000):
+            impacts = [*impacts[-1:], bounced(A, *impacts[-1])]
+        (t, v), (later, other) = impacts
+        apart = (A * (math.sin(later) - math.sin(t)), other - v, later - t - TAU)
+        squares.append(np.dot(apart, apart) / 4 / beyond)
+    gamma = math.pi * 0.2 / 1.8
+    slope = 1.8**2 * critical / math.sqrt(critical**2 - gamma**2) / (1 - 0.64)
+    assert 2 * squares[0] - squares[1] == pytest.approx(slope / point["c"], rel=1e-3)
+
+
+# --- curves -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("made", "on", "kind"), [(doubling, "PD", "GPD"), (rotation, "NS", "CH")])
+def test_where_a_coefficient_vanishes_its_curve_says_so(made, on: str, kind: str) -> None:
+    window = {"k": (-0.5, 0.2), "mu": (-0.5, 0.5)}
+    line = cb.boundary(made(-0.2).first(on), ("k", "mu"), within=window, towards="up")
+    assert [at.kind for at in line.special] == ["EP", kind, "EP"]
+    assert line.first(kind)["k"] == pytest.approx(0, abs=1e-8)
+    assert line["mu"] == pytest.approx(0, abs=1e-9)
+
+
+def test_folds_of_cycles_meet_in_a_cusp() -> None:
+    """4 m^3 = 27 h^2."""
+    problem = forced(fork, {"y": 0.6}, {"h": 0.0, "m": 0.3})
+    fold = cb.trace(problem, "h", within={"h": (-1, 0.1)}).first("LP")
+    line = cb.boundary(fold, ("m", "h"), within={"m": (-1, 0.35)}, towards="down")
+    assert [at.kind for at in line.special] == ["EP", "CP", "EP"]
+    assert line.first("CP")["m"] == pytest.approx(0, abs=1e-7)
+    assert line.first("CP")["c"] == pytest.approx(-TAU, rel=1e-6)
+
+
+# --- what has none ----------------------------------------------------------------------------
+
+
+def test_where_there_is_no_normal_form_the_reason_is_given() -> None:
+    """At a third of a turn the normal form is another."""
+    problem = forced(wheel, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 1 / 3, "k": -1.0})
+    point = cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up").first("NS")
+    assert point["criticality"].startswith("unknown: a strong resonance")
+
+
+def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> None:
+    """Example adaptx of MatCont's manual: Hopf point, doubling with its period, supercritical."""
+
+    def adapt(t, x, p):
+        return [x[1], x[2], -p["alpha"] * x[2] - p["beta"] * x[1] - x[0] + x[0] ** 2]
+
+    rest = cb.equilibrium(adapt, {"x": 0.0, "y": 0.0, "z": 0.0}, {"alpha": 1.2, "beta": 1.0})
+    hopf = cb.trace(rest, "alpha", within={"alpha": (0.5, 1.5)}).first("HB")
+    assert hopf["alpha"] == pytest.approx(1, abs=1e-9)
+    assert hopf["l1"] == pytest.approx(-0.3, abs=1e-8)
+    start, params = {"x": 0.3, "y": 0.0, "z": 0.0}, {"alpha": 0.66, "beta": 1.0}
+    cycles = cb.cycle(adapt, start, params, settle=200)
+    point = cb.trace(cycles, "alpha", within={"alpha": (0.62, 0.7)}, towards="down").first("PD")
+    assert point["alpha"] == pytest.approx(0.6303020, abs=5e-8)
+    assert point["period"] == pytest.approx(6.364071, abs=5e-7)
+    assert point["criticality"] == "supercritical"
