@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ import contbreather as cb
 from contbreather.cli.interrupts import computing, end
 from contbreather.cli.options import ModelOptions, ModelParameters, SavedRun, Whole
 from contbreather.cli.output import (
+    Table,
     note,
     printed,
     say,
@@ -188,7 +189,10 @@ def simulate(
     summary = judged(summary)
     aside = printed(into.csv, asked.impacts, asked.final)
     if into.json:
-        to_json({**_content(summary, where, asked), "written": made})
+        given = where.need(*NEEDED)
+        begun = asked.start is None and summary.by_site is not None  # as a breather that impacts
+        lost = {"lost_after": summary.lost} if begun else {}
+        to_json({**content(summary, given, asked.smooth), **lost, "written": made})
     else:
         rigid = asked.smooth is None
         walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
@@ -212,12 +216,17 @@ def _files(summary: RunSummary, asked: RunOptions, into: SavedRun) -> Iterator[A
         cb.save(into.save, run=summary.run)
         yield into.save
     if into.csv is not None:
-        names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
-        yield to_csv(into.csv, _strobes(summary), ["period", "time", *names])
+        yield to_csv(into.csv, *strobe_table(summary))
     if asked.impacts is not None:
         yield to_csv(asked.impacts, _impacts(summary), IMPACTS)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
+
+
+def strobe_table(summary: RunSummary) -> Table:
+    """A row for each stroboscopic state, and the columns."""
+    names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
+    return _strobes(summary), ["period", "time", *names]
 
 
 def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
@@ -272,13 +281,14 @@ def _window(run: Any, site: int) -> Any:
     return completed(let_go(state, run.conditions, **window)).record
 
 
-def _content(summary: RunSummary, where: ModelOptions, asked: RunOptions) -> dict[str, Any]:
+def content(summary: RunSummary, given: Mapping[str, Any], m: float | None) -> dict[str, Any]:
+    """A run for JSON: its parameters, how it ended, and the verdict."""
     run, c = summary.run, summary.run.conditions
-    content: dict[str, Any] = {
-        **where.need(*NEEDED),
+    found: dict[str, Any] = {
+        **given,
         "damping": c.damping,
         "forcing": c.forcing.describe(),
-        "m": asked.smooth,
+        "m": m,
         "lattice": c.lattice.describe(),
         "sites": run.sites,
         "periods": summary.periods,
@@ -288,10 +298,8 @@ def _content(summary: RunSummary, where: ModelOptions, asked: RunOptions) -> dic
         "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
     }
     if summary.by_site is not None:
-        content["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
-        if asked.start is None:
-            content["lost_after"] = summary.lost
-    return content
+        found["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
+    return found
 
 
 WORDS = {

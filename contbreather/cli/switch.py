@@ -57,7 +57,7 @@ def switch(
 
     def content() -> dict[str, Any]:
         about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
-        return {**about, "arms": [_entry(arm) for arm in arms]}
+        return {**about, "arms": [arm_entry(arm) for arm in arms]}
 
     into.leave(
         content,
@@ -146,7 +146,7 @@ def _ends(arm: cb.Branch) -> Iterator[str]:
         yield f"the mirror image of arm {arm.image_of + 1}"
 
 
-def _entry(arm: cb.Branch) -> dict[str, Any]:
+def arm_entry(arm: cb.Branch) -> dict[str, Any]:
     """An arm for JSON."""
     image = arm.image_of
     return {

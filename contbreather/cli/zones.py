@@ -57,9 +57,9 @@ def zones(
             "(see contbreather point); widen the window"
         )
     into.leave(
-        lambda: {**on.entry(), "zones": [_entry(one) for one in found]},
+        lambda: {**on.entry(), "zones": [diagram_entry(one) for one in found]},
         _lines(found),
-        lambda: _table(found),
+        lambda: curves_table(found),
         lambda: cb.plotting.plot_zones(found, within=windows)[0],
         cut=cut,
     )
@@ -96,7 +96,7 @@ def _fixed(
     return next(iter(given.items()))
 
 
-def _table(found: Sequence[cb.orbits.Zones]) -> Table:
+def curves_table(found: Sequence[cb.orbits.Zones]) -> Table:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
     from contbreather.columns import stacked
 
@@ -110,7 +110,7 @@ def _columns(branch: cb.Branch) -> dict[str, Any]:
     return {name: branch[name] for name in COLUMNS if name in slots}
 
 
-def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
+def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     curves = [
         {"curve": kind, **_columns(branch), "labels": [point.label for point in branch]}
         for kind, branches in diagram.curves.items()
