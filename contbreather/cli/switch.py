@@ -103,7 +103,7 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     names = [free, *(name for name in SHOWN if name in there)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
     own = [
-        Column(name, [arms[i - 1].shown(point, name) for i, point in lines], spare=name in TIMES)
+        Column(name, [point.shown(name) for _, point in lines], spare=name in TIMES)
         for name in names
     ]
     first = Column("arm", [i for i, _ in lines])

@@ -11,7 +11,7 @@ N = 200, 400, 800.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -47,7 +47,8 @@ class Verdict:
         For the moduli of multipliers over the period. None on the infinite chain, whose answer is
         exact: isolated multipliers strictly outside the unit circle.
     unstable : int
-        How many multipliers are beyond that, a pair counting two.
+        How many multipliers are beyond that, a pair counting two; NaN where an impact vanishes, at
+        VI, and multipliers mean nothing.
     certain : bool
         False where one of them sits on the unit circle to within rounding, at ``exp(i pi nu)``, or
         where gamma is within rounding of 1/4.
@@ -56,19 +57,26 @@ class Verdict:
     lattice: str
     period: float
     threshold: float | None
-    unstable: int
+    unstable: float
     certain: bool = True
     nu: float = math.nan
     map: Any = field(kw_only=True, compare=False)
 
     @property
-    def stable(self) -> bool:
-        return self.unstable == 0
+    def stable(self) -> bool | None:
+        """None where nothing can be said."""
+        return None if math.isnan(self.unstable) else self.unstable == 0
+
+    def blank(self) -> Verdict:
+        """The verdict where there is none: an impact vanishes, and its saltation has a pole."""
+        return replace(self, unstable=math.nan, certain=False)
 
     @cached_property
     def multipliers(self) -> Array:
         """Those beyond the threshold over the period, largest first; on the infinite chain those
         outside the unit circle, of a symmetric breather over half its period (QS)."""
+        if self.stable is None:
+            return np.empty(0, dtype=complex)
         if self.threshold is None:
             return self.map.unstable_multipliers()
         mu = self.map.over_period
@@ -78,6 +86,8 @@ class Verdict:
     @cached_property
     def largest(self) -> float:
         """Largest modulus of all multipliers; the band of the infinite chain has 1."""
+        if self.stable is None:
+            return math.nan
         if self.threshold is None:
             return float(np.abs(self.multipliers).max(initial=1.0))
         return float(np.abs(self.map.over_period).max(initial=self.map.idle))
@@ -108,6 +118,8 @@ class Verdict:
 
     def describe(self) -> str:
         """The verdict as a sentence."""
+        if self.stable is None:
+            return f"{self.lattice}: nothing is said of stability where an impact vanishes"
         several = f"{self.unstable or 'no'} multiplier{'s' * (self.unstable > 1)}"
         if self.threshold is None:
             word = "stable, " if self.stable else "unstable, "
