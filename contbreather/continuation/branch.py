@@ -283,6 +283,21 @@ class Branch(Columns, HtmlRepr):
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
 
 
+class Branches(tuple[Branch, ...], Shown):
+    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
+    notebooks show."""
+
+    __slots__ = ()
+
+    def table(self) -> Sheet:
+        """A line for each, with its special points."""
+        labels = [", ".join(point.label for point in branch.special) for branch in self]
+        what = [branch.describe() for branch in self]
+        return Sheet(
+            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
+        )
+
+
 def _counts(problem: Problem, name: str) -> bool:
     """Whether a column is of whole numbers, also where some of them are blank."""
     return isinstance(problem.record[name], UnstableDimension)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
+from contbreather.display import Shown
 from contbreather.errors import NotConverged
 from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import forced, localised
@@ -21,6 +22,7 @@ from contbreather.simulation.rotation import Rotation, rotation
 from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state
+from contbreather.tables import Sheet
 
 Array = NDArray[Any]
 Found = tuple["Kind", str]
@@ -51,8 +53,8 @@ class Kind(enum.Enum):
     UNDECIDED = "undecided: has not settled; let it run longer"
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(Shown):
     """What a motion is, and the numbers that say so.
 
     Attributes
@@ -73,10 +75,17 @@ class Verdict:
     kind: Kind
     reason: str
     evidence: Mapping[str, float]
-    run: Run | SmoothRun = field(repr=False)
+    run: Run | SmoothRun
+
+    def table(self) -> Sheet:
+        """The evidence."""
+        return Sheet.of([("verdict", self.kind.name.lower()), *self.evidence.items()])
 
     def __str__(self) -> str:
         return f"{self.kind.value}; {self.reason}"
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
 
 
 def verdict(

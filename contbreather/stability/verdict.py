@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real, shown
+from contbreather.display import Shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.scattering import OverReflection
+from contbreather.tables import Sheet
 
 Array = NDArray[Any]
 
@@ -35,7 +37,7 @@ _ABOVE = (
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict:
+class Verdict(Shown):
     """Whether an orbit is stable: on which lattice, and by which threshold.
 
     Attributes
@@ -115,6 +117,17 @@ class Verdict:
             f"{self.lattice}: over-reflection is known of symmetric breathers on the infinite "
             "chain; ask symmetric(a, gamma, k).stability() for it."
         )
+
+    def table(self) -> Sheet:
+        """The numbers behind it."""
+        rows: list[tuple[str, Any]] = [
+            ("stable", {True: "yes", False: "no", None: None}[self.stable]),
+            ("multipliers beyond", None if self.stable is None else self.unstable),
+        ]
+        if self.threshold is not None:
+            rows += [("threshold", self.threshold), ("largest |multiplier|", self.largest)]
+        rows += [("multiplier", complex(mu)) for mu in self.multipliers]
+        return Sheet.of([(name, None if value != value else value) for name, value in rows])
 
     def describe(self) -> str:
         """The verdict as a sentence."""
