@@ -283,7 +283,7 @@ class Branch(Columns, HtmlRepr):
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
 
 
-class Branches(tuple[Branch, ...], Shown):
+class Branches(tuple[Branch, ...], HtmlRepr):
     """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
     notebooks show."""
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, whole
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import (
     FOUND,
@@ -39,7 +39,7 @@ LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok
 
 
 @dataclass(frozen=True)
-class Admissibility(Shown):
+class Admissibility(HtmlRepr):
     """What keeps a solution from being an orbit of the lattice, or by how much it is one.
 
     Attributes

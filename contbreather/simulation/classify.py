@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import NotConverged
 from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import forced, localised
@@ -56,7 +56,7 @@ class Kind(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict(Shown):
+class Verdict(HtmlRepr):
     """What a motion is, and the numbers that say so.
 
     Attributes

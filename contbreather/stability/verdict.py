@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real, shown
-from contbreather.display import Shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.counting import RIM
@@ -37,7 +37,7 @@ _ABOVE = (
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict(Shown):
+class Verdict(HtmlRepr):
     """Whether an orbit is stable: on which lattice, and by which threshold.
 
     Attributes
