@@ -120,6 +120,7 @@ def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
     ("command", "name"),
     [
         ("branch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --lattice open:4", "branch"),
+        ("branch --free a --gamma 0.04 --k 0.8 --window 0.5 0.51 --spring 0.1", "branch"),
         ("branch --free a --gamma 0 --k 0.8 --window 0.5 0.51 --sites 3 --walls=-2,2", "branch"),
         ("switch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --sites 4", "arm1"),
         ("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --depth 1", "diagram"),
@@ -182,3 +183,16 @@ def test_steps_are_as_long_as_they_are_asked_to_be(kept: Run) -> None:
     assert short.stop is cb.continuation.Stop.MOST
     kept("boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.102 --largest 0.001 --save b.nc")
     assert max(np.diff(cb.load("b.nc")["arclength"])) < 0.00101
+
+
+def test_branches_of_other_equations_are_shown_without_a_lattice(run: Run) -> None:
+    mine = cb.Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})
+    cross = cb.trace(mine, "mu", within={"mu": (-1, 1), "x": (-1, 1)}, events=[cb.branch_point()])
+    cb.save("mine.nc", **dict(zip(("arm1", "arm2"), cb.switch(cross.first("BP")), strict=True)))
+    status, out, err = run("show mine.nc --json --csv mine.csv")
+    assert (status, err) == (0, "")
+    found = json.loads(out)["results"]
+    assert list(found) == ["arm1", "arm2"]
+    assert found["arm1"]["free"] == "mu"
+    assert "forcing" not in found["arm1"]
+    assert Path("mine.csv").read_text().startswith("name,label,mu,")

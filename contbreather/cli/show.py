@@ -104,7 +104,7 @@ def _what(found: Mapping[str, Any]) -> str:
     results = list(found.values())
     if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
         return "zones"
-    if all(re.fullmatch(r"arm\d+", name) for name in found):
+    if all(re.fullmatch(r"arm\d+", name) and _is_arm(one) for name, one in found.items()):
         return "switch"
     if len(results) > 1:
         return ""
@@ -116,6 +116,11 @@ def _what(found: Mapping[str, Any]) -> str:
         case cb.simulation.Run() | cb.simulation.SmoothRun():
             return "simulate"
     return ""
+
+
+def _is_arm(result: Any) -> bool:
+    """Whether it left a branch of breathers."""
+    return isinstance(result, cb.Branch) and result[0].parent is not None and bool(_model(result))
 
 
 def _content(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -157,15 +162,13 @@ def _entry(result: Any) -> dict[str, Any]:
 
 def _model(branch: cb.Branch) -> dict[str, Any]:
     """What the breathers of a branch live on; nothing of a problem of one's own."""
-    from contbreather.orbits import Orbit
+    from contbreather.orbits.orbit_problem import OrbitProblem
 
-    ground = branch[0].ground
-    problem = ground.curve.problem
-    orbit = None if problem.interpret is None else ground.solution
-    if not isinstance(orbit, Orbit):
+    problem: Any = branch[0].ground.curve.problem
+    if not isinstance(problem, OrbitProblem):
         return {}
-    (site, _), *_ = orbit.section.impacts
-    on = orbit.conditions
+    (site, _), *_ = problem.section.impacts
+    on = problem.conditions
     return model_entry(on.forcing, on.lattice, problem.threshold, site, on.walls)
 
 
@@ -188,8 +191,10 @@ def _table_of(found: Mapping[str, Any]) -> Table:
             return simulate.strobe_table(summary_of(results[0]))
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
-    columns = stacked(({"name": name}, one.columns()) for name, one in found.items())
-    return table_of(columns)
+    if len(found) > 1:
+        return table_of(stacked(({"name": name}, one.columns()) for name, one in found.items()))
+    columns = results[0].columns().items()
+    return table_of({name: column for name, column in columns if column.ndim == 1})
 
 
 def _drawn(found: Mapping[str, Any], axes: Axes) -> Any:

@@ -190,8 +190,9 @@ class Branch(Columns, HtmlRepr):
         found |= {name: np.asarray(self[name]) for name in (*measures, *states)}
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
         for name in self.problem.record:
-            counts = found[name].dtype.kind in "iu" or _counts(self.problem, name)
-            if counts and verge.any():
+            # a count is a column of whole numbers, or of floats where some of it is blank
+            counted = isinstance(self.problem.record[name], UnstableDimension)
+            if (counted or found[name].dtype.kind in "iu") and verge.any():
                 found[name] = np.where(verge, math.nan, found[name])
         return found
 
@@ -296,11 +297,6 @@ class Branches(tuple[Branch, ...], HtmlRepr):
         return Sheet(
             [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
         )
-
-
-def _counts(problem: Problem, name: str) -> bool:
-    """Whether a column is of whole numbers, also where some of them are blank."""
-    return isinstance(problem.record[name], UnstableDimension)
 
 
 def _ended(stop: Stop, reason: str) -> str:

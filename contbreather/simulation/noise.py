@@ -17,7 +17,7 @@ from contbreather.simulation.chunks import Chunk
 from contbreather.simulation.integrator import EventDriven
 from contbreather.simulation.states import PERIOD, State, reduced
 
-KICKS = 64  # in a period 2 pi, more where modes are faster than the forcing
+KICKS = 16  # in a step of the series: 64 in a period, more where modes are fast
 
 
 @dataclass
@@ -56,8 +56,7 @@ class Noisy:
     def _period(self, period: int, span: float) -> Chunk:
         """Half a dt, a kick, a whole dt, a kick, ..., half a dt; no state where it chatters."""
         start = State(*(x.copy() for x in self.state))
-        rate = max(1.0, 3.0 / self.flight.parameters.step)  # of the fastest mode
-        count = math.ceil(KICKS * rate * span / PERIOD)
+        count = math.ceil(KICKS * span / self.flight.parameters.step)
         dt = span / count
         size = self.noise * math.sqrt(dt)
         kicks = size * np.random.default_rng([self.seed, period]).normal(size=(count, start.u.size))
