@@ -187,14 +187,27 @@ class ZoneWindows:
         reach = {name: window_of(name) for name in NEEDED}
         return {name: interval(name, span, reach) for name, span in typed.items() if span}
 
-    def on(self, *begin: str) -> ModelParameters:
-        """What breathers live on, with further assignments."""
+    def on(self, *begin: str, **more: Any) -> ModelParameters:
+        """What breathers live on, with further assignments, and more of the model's options."""
         return ModelOptions(
             forcing=self.forcing,
             set=(*self.set, *begin),
             sites=self.sites,
             threshold=self.threshold,
+            **more,
         ).on()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FiniteLattice:
+    """Any finite lattice of zone diagrams, followed by exact modes."""
+
+    damping: Annotated[float | None, about("damping")] = None
+    spring: Annotated[float | None, about("spring")] = None
+    lattice: Annotated[str | None, about("lattice")] = None
+    site: Annotated[Whole, about("site")] = 0
+    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
 
 
 class ModelParameters(NamedTuple):

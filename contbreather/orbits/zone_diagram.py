@@ -167,7 +167,7 @@ class Zones(Columns, HtmlRepr):
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
         """All admissible breathers at a place of the plane, of both families, by falling p."""
         values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
-        return admissible(values, **_model_of(self._any.solution))
+        return admissible(values, **self.model)
 
     def told(self) -> Iterator[str]:
         """A sentence on each region without upper breathers in which there are lower ones."""
@@ -175,6 +175,18 @@ class Zones(Columns, HtmlRepr):
             if any(one.lower):
                 place = f"({', '.join(self.pair)}) = ({one.x:.4g}, {one.y:.4g})"
                 yield f"Around {place} {one.describe()}"
+
+    @cached_property
+    def model(self) -> dict[str, Any]:
+        """What its breathers live on, as `symmetric` takes it: forcing and lattice; where they are
+        evaluated by exact modes site, damping, spring and walls, too."""
+        orbit: Orbit = self._any.solution
+        on = orbit.conditions
+        model: dict[str, Any] = {"forcing": on.forcing, "lattice": on.lattice}
+        if isinstance(orbit.representation, ExactModes):
+            (site, _), *_ = orbit.section.impacts
+            model |= {"site": site, "damping": on.damping, "spring": on.spring, "walls": on.walls}
+        return model
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -203,16 +215,6 @@ def admissible(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     except (NoSolution, Resonance):
         return ()
     return tuple(breather for breather in found if least_margin(breather.motion) > 0.0)
-
-
-def _model_of(orbit: Orbit) -> dict[str, Any]:
-    """What a breather lives on, as `symmetric` takes it, by modes where these evaluate it."""
-    on = orbit.conditions
-    model: dict[str, Any] = {"forcing": on.forcing, "lattice": on.lattice}
-    if isinstance(orbit.representation, ExactModes):
-        (site, _), *_ = orbit.section.impacts
-        model |= {"site": site, "damping": on.damping, "spring": on.spring, "walls": on.walls}
-    return model
 
 
 def is_meeting(point: Point) -> bool:
