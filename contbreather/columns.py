@@ -56,7 +56,7 @@ class Columns:
         >>> import contbreather as cb
         >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
         >>> list(branch.to_dataframe())[:5]
-        ['label', 'p', 'phi', 'a', 'gamma']
+        ['label', 'a', 'gamma', 'k', 'unstable']
         """
         from xarray import Dataset
 
@@ -73,7 +73,7 @@ class Columns:
         >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
         >>> path = branch.to_csv(f"{tempfile.mkdtemp()}/branch.csv")
         >>> path.read_text().splitlines()[0]
-        'label,p,phi,a,gamma,k,unstable,arclength,residual'
+        'label,a,gamma,k,unstable,arclength,residual,p,phi'
         """
         table = _flat(self.columns())
         return write_csv(

@@ -94,6 +94,7 @@ def each(
     progress: bool | None = None,
     unit: str,
     together: int = LARGEST,
+    ended: Callable[[Any, Any], object] | None = None,
 ) -> Iterator[Any]:
     """What a function makes of each of many items, in their order, as they come.
 
@@ -111,6 +112,8 @@ def each(
         What the items are, in the plural.
     together : int
         At most so many are sent at a time.
+    ended : callable, optional
+        ``ended(item, result)`` as soon as there is one, whatever the order.
 
     Yields
     ------
@@ -142,15 +145,24 @@ def each(
         whole("executor", executor, 1)
     if not (callable(work) and isinstance(items, Iterable)):
         raise BadInput(f"a function and what it works on were expected, got {work!r}, {items!r}")
-    return _shown(_Work(work, tuple(items), together), executor, progress, unit)
+    return _shown(_Work(work, tuple(items), together), executor, progress, unit, ended)
 
 
 def _shown(
-    asked: _Work, executor: Executor | int | None, progress: bool | None, unit: str
+    asked: _Work,
+    executor: Executor | int | None,
+    progress: bool | None,
+    unit: str,
+    ended: Callable[[Any, Any], object] | None,
 ) -> Iterator[Any]:
+    told = 0
     with Bar(progress, len(asked.items), unit) as bar, partial_result(asked.so_far):
         for _ in asked.done(executor):
             bar.advance(len(asked.results))
+            if ended is not None:
+                for number in list(asked.results)[told:]:  # in the order in which they came
+                    ended(asked.items[number], asked.results[number])
+                told = len(asked.results)
             yield from asked.next()
 
 

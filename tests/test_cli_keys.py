@@ -16,7 +16,8 @@ BREATHER, ARM = "p phi a gamma k", "p t1 t2 c a gamma k"
 COUNTED = "unstable arclength residual"
 POINT = "kind label located arclength residual"
 NORMAL_FORM = "criticality coefficient"
-RUN = "a gamma k damping m lattice sites periods stop final.t final.u final.v verdict.kind"
+RUN = "a gamma k damping m noise lattice sites periods stop final.t final.u final.v verdict.kind"
+RUN += " verdict.motion"
 
 
 def under(place: str, names: str) -> str:
@@ -62,7 +63,7 @@ COMMANDS = {
     ),
     "switch --free a --gamma .04 --k .8": (
         f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
-        f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t')}"
+        f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
         f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t')}"
         " arms[].label arms[].stability arms[].end arms[].image_of",
         {"--csv": "arm,p,t1,t2,c,a,gamma,k,asymmetry,unstable,arclength,residual,label"},

@@ -271,11 +271,16 @@ OF_LATTICES = {
         r"--walls goes with rigid walls only: leave out --smooth",
     ),
     "threshold zero": (f"{HERE} --lattice open:9 --threshold 0", r"threshold = 0"),
-    "zones": (
-        "zones --lattice open:9",
-        r"--lattice is not an option of zones: .* boundary follows",
+    "zones with damping": ("zones --damping 0.1", r"zones on the infinite chain are of site 0"),
+    "lower zones with damping": (
+        "zones --damping 0.1 --sites 6 --past-folds",
+        r"past_folds: lower breathers are drawn on the infinite chain, or on a ring",
     ),
-    "zones with damping": ("zones --damping 0.1", r"--damping is not an option of zones"),
+    "zones of a site that is not there": ("zones --lattice open:5 --site 5", r"no such site"),
+    "atlas of a lattice": (
+        "atlas --k 0.8 --lattice open:9",
+        r"--lattice is not an option of atlas: its curves",
+    ),
     "figure": (
         "figure 4 --walls -2,2",
         r"--walls is not an option of figure: the figures are those",

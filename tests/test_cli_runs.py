@@ -24,18 +24,6 @@ def kept(run: Run) -> Run:
     return run
 
 
-def test_branch_is_shown_as_when_it_was_computed(kept: Run) -> None:
-    first = json.loads(kept(f"{BRANCH} --json")[1])
-    status, out, _ = kept("show b.nc --json --csv b.csv")
-    again = json.loads(out)
-    assert status == 0
-    assert first["written"] == ["b.nc"]
-    for name in ("columns", "special", "ends"):
-        assert again[name] == first[name]
-    rows = Path("b.csv").read_text().splitlines()
-    assert (rows[0][:8], len(rows)) == ("label,p,", 1 + len(again["columns"]["a"]))
-
-
 def test_branch_goes_on_where_it_is_kept(kept: Run) -> None:
     short = cb.load("b.nc")
     status, out, _ = kept("extend b.nc --window 0.7 0.8 --end last")
@@ -58,24 +46,6 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Run) -> None:
     assert run["other"].began is cb.continuation.Stop.MOST
     status, out, _ = kept("show . --json")
     assert (status, list(json.loads(out)["results"])) == (0, ["two/one", "two/other"])
-
-
-@pytest.mark.parametrize(
-    ("command", "name"),
-    [
-        ("switch --free a --gamma 0.04 --k 0.8 --window 0.7 0.8", "arm1"),
-        ("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.8 --depth 1", "diagram"),
-        ("zones --k 0.8 --gamma-window 0.03 0.04", "zones1"),
-        ("boundary LP --gamma 0.04 --k 0.8 --pair gamma a --window 0.03 0.05", "boundary"),
-        ("simulate --a 0.5 --gamma 0.04 --k 0.8 --sites 4 --periods 2", "run"),
-    ],
-)
-def test_every_command_that_computes_keeps_its_results(run: Run, command: str, name: str) -> None:
-    status, out, _ = run(f"{command} --save kept.nc")
-    assert (status, "Wrote kept.nc." in out) == (0, True)
-    assert name in cb.Run("kept.nc")
-    status, out, _ = run("show kept.nc")
-    assert (status, len(out) > 40) == (0, True)
 
 
 @pytest.mark.parametrize(
@@ -144,3 +114,85 @@ def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
     line = next(one for one in run("show ring.nc LP1")[1].splitlines() if one.startswith("null"))
     numbers = r"\d numbers up to 0\.\d+"
     assert re.fullmatch(rf"null = t1 -?0\.\d+, q {numbers}, r {numbers}\.", line)
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("branch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --lattice open:4", "branch"),
+        ("branch --free a --gamma 0.04 --k 0.8 --window 0.5 0.51 --spring 0.1", "branch"),
+        ("branch --free a --gamma 0 --k 0.8 --window 0.5 0.51 --sites 3 --walls=-2,2", "branch"),
+        ("switch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --sites 4", "arm1"),
+        ("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --depth 1", "diagram"),
+        ("zones --k 0.8 --k 0.7 --gamma-window 0.03 0.031", "zones2"),
+        ("boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101", "boundary"),
+        ("simulate --a 0.5 --gamma 0.04 --k 0.8 --sites 4 --periods 2", "run"),
+    ],
+)
+def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(
+    run: Run, command: str, name: str
+) -> None:
+    """All that it said in JSON but where it wrote to, of what is in the file; the same table."""
+    status, out, _ = run(f"{command} --json --csv first.csv --save kept.nc")
+    first = json.loads(out)
+    again = json.loads(run("show kept.nc --json --csv again.csv")[1])
+    assert status == 0
+    for key in {*first} - {"written", "branch", "lost_after"}:
+        assert again[key] == first[key], key
+    assert Path("again.csv").read_text() == Path("first.csv").read_text()
+    assert (again["path"], first["written"]) == ("kept.nc", ["kept.nc", "first.csv"])
+    assert name in cb.Run("kept.nc")
+    status, out, _ = run("show kept.nc")
+    assert (status, len(out) > 40) == (0, True)
+
+
+def test_columns_of_a_figure_are_those_that_are_asked_for(kept: Run, monkeypatch) -> None:
+    asked = []
+    plain = cb.plotting.plot
+
+    def plot(*branches, **named):
+        asked.append(named)
+        return plain(*branches, **named)
+
+    monkeypatch.setattr(cb.plotting, "plot", plot)
+    branch = BRANCH.removesuffix(" --save b.nc")
+    boundary = "boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101"
+    for line in (f"{branch} --x p --y phi", "show b.nc --y unstable", f"{boundary} --y nu --x k"):
+        assert kept(f"{line} -o c.png")[0] == 0
+    assert asked == [{"x": "p", "y": "phi"}, {"x": None, "y": "unstable"}, {"x": "k", "y": "nu"}]
+    monkeypatch.setattr(cb.continuation, "trace", None)  # nothing is computed for what is wrong
+    monkeypatch.setattr(cb.continuation, "boundary", None)
+    for line, sentence in (
+        (f"{branch} -o c.png --x height", "--x: no column 'height'; there are p, phi, a, gamma"),
+        (f"{boundary} -o c.png --y height", "--y: no column 'height'; there are p, phi"),
+        (f"{branch} --y p", "--y p: nothing is drawn; name a figure, -o branch.png"),
+        (f"{branch} --largest 0", "largest must be finite and positive"),
+    ):
+        status, out, err = kept(line)
+        assert (status, out, sentence in err) == (2, "", True), err
+
+
+def test_steps_are_as_long_as_they_are_asked_to_be(kept: Run) -> None:
+    usual = cb.load("b.nc")
+    line = f"{BRANCH} --first 0.001 --largest 0.002 --smallest 1e-8 --most 10"
+    assert kept(line)[0] == 0
+    short = cb.load("b.nc")
+    assert short.settings.steps == cb.Steps(first=0.001, largest=0.002, smallest=1e-8, most=10)
+    # arclength, which is that of the Hermite interpolants, is longer than the chords
+    assert max(np.diff(short["arclength"])) < 0.00201 < max(np.diff(usual["arclength"]))
+    assert short.stop is cb.continuation.Stop.MOST
+    kept("boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.102 --largest 0.001 --save b.nc")
+    assert max(np.diff(cb.load("b.nc")["arclength"])) < 0.00101
+
+
+def test_branches_of_other_equations_are_shown_without_a_lattice(run: Run) -> None:
+    mine = cb.Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})
+    cross = cb.trace(mine, "mu", within={"mu": (-1, 1), "x": (-1, 1)}, events=[cb.branch_point()])
+    cb.save("mine.nc", **dict(zip(("arm1", "arm2"), cb.switch(cross.first("BP")), strict=True)))
+    status, out, err = run("show mine.nc --json --csv mine.csv")
+    assert (status, err) == (0, "")
+    found = json.loads(out)["results"]
+    assert list(found) == ["arm1", "arm2"]
+    assert found["arm1"]["free"] == "mu"
+    assert "forcing" not in found["arm1"]
+    assert Path("mine.csv").read_text().startswith("name,label,mu,")

@@ -30,12 +30,16 @@ from contbreather.simulation import (
     simulate_smooth,
     sweep,
 )
+from contbreather.simulation.classify import judge
 from contbreather.tables import Sheet
 
 from .apart import HUNG
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 LINE: dict[str, Any] = {"residual": lambda x, p: x - p["mu"] * np.arange(1, x.size + 1)}
+
+
+WORDS_ALONE = ("Zones without curves", "an empty folder", "Verdict", "Admissibility")
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +54,7 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         basin = attraction(b.state(5), u, v, **ON, periods=2, executor=one)
     kept, empty = (cb.Run(tmp_path_factory.mktemp(name)) for name in ("kept", "empty"))
     kept.keep(branch=branch, back=branch.reversed())
+    fork = cb.trace(cb.symmetric(0.77, 0.04, 0.8), "a", within={"a": (0.77, 0.78)})
     walk = {"within": {"mu": (0, 1)}, "events": ()}
     return {
         "Orbit": b,
@@ -59,6 +64,10 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "special Point": branch.first("GR"),
         "Point of a plain problem": cb.trace(mine, "mu", **walk)[1],
         "Point of an array": cb.trace(many, "mu", **walk)[1],
+        "arms": cb.switch(fork.first("PF"), within={"a": (0.77, 0.78)}),
+        "Verdict": b.stability(sites=20),
+        "Admissibility": b.admissibility(),
+        "Verdict on a run": judge(cb.simulate(b.state(4), **ON, periods=30)),
         "Diagram": cb.diagram(mine, "mu", **walk),
         "Zones": cb.zones(k=0.8, within={"gamma": (0, 0.03)}),
         "Zones without curves": Zones(("k", 0.8), ("gamma", "a"), dict.fromkeys(KINDS, ())),
@@ -82,7 +91,7 @@ def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> N
         page = ElementTree.fromstring(re.sub(r"<svg.*?</svg>", "", shown, flags=re.DOTALL))
         assert page.find(".//table") is not None, name
         pictures = pictures_of(shown)
-        assert len(pictures) == (name not in ("Zones without curves", "an empty folder")), name
+        assert len(pictures) == (name not in WORDS_ALONE), name
         for picture in pictures:
             assert len(list(ElementTree.fromstring(picture).iter())) > 50, name
         fetched = re.findall(r"""(?:src|href)=["'](?!#|data:)([^"']*)""", shown)

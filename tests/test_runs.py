@@ -140,5 +140,8 @@ def test_table_of_a_branch_has_labels_and_no_count_that_rounding_decides() -> No
     assert np.isnan(frame["unstable"][pitchfork])
     assert frame["a"][pitchfork] == pytest.approx(0.777632426, abs=1e-9)
     assert set(frame["unstable"].dropna()) == {0, 1}
-    arrays = shot().to_dataframe()
-    assert {"q[0]", "q[1]", "r[2]"} <= set(arrays)
+    arrays = list(shot().to_dataframe())
+    first = ["label", "a", "gamma", "k", "damping", "spring", "p", "unstable", "condition"]
+    assert arrays[: len(first)] == first
+    assert arrays[arrays.index("t1") :][:2] == ["t1", "q[0]"]  # states stand behind
+    assert arrays[-1].startswith("r[")

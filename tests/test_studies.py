@@ -19,7 +19,7 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.start_search import window_of
 from contbreather.orbits.zones_many import Slice
-from contbreather.studies import Report, read, tasks
+from contbreather.studies import Report, plan, read, tasks
 from contbreather.studies import run as conduct
 from contbreather.studies.cluster import cluster
 from contbreather.studies.tasks import Worker, tasks_of
@@ -121,11 +121,11 @@ def test_another_value_in_a_list_leaves_the_results_of_the_others(done: Report) 
 
 
 def test_a_figure_that_cannot_be_drawn_leaves_the_others(done: Report) -> None:
-    text = '[figure.other]\ndraws = ["symmetric"]\ny = "height"\n\n[figure.tree]'
+    text = '[figure.other]\ndraws = ["symmetric"]\ny = "asymmetry"\n\n[figure.tree]'
     path = done.folder.parent / "figures.toml"
     path.write_text(SMALL.replace("[figure.tree]", text))
     report = conduct(path, folder=done.folder, executor=1)
-    assert report.failed["figure other"].startswith("no column 'height'")
+    assert report.failed["figure other"].startswith("no column 'asymmetry'")
     assert [one.name for one in report.written] == ["tree.png"]
 
 
@@ -146,6 +146,120 @@ def test_what_fails_says_why_and_the_others_go_on(run: Command) -> None:
     assert status == 1
     assert "0 results computed, 1 were there" in out
     assert "No symmetric: root 5" in out
+
+
+PARTS = """
+[branch.s]
+free = "a"
+gamma = [0.02, 0.04]
+k = 0.8
+window = [0.77, 0.78]
+
+[arms.none]
+of = "s/gamma=0.04"
+at = "PF2"
+optional = true
+
+[arms.further]
+of = "none/arm1"
+at = "PD1"
+optional = true
+
+[boundary.line]
+of = "s/gamma=0.040"
+at = "PF1"
+pair = ["gamma", "a"]
+within = {gamma = [0.039, 0.041]}
+
+[figure.absent]
+draws = ["none"]
+
+[figure.all]
+draws = ["s/gamma=0.04", "none"]
+"""
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study with optional parts that start from one member of a scan, carried out."""
+    path = tmp_path_factory.mktemp("parts") / "parts.toml"
+    path.write_text(PARTS)
+    return path
+
+
+@pytest.fixture(scope="module")
+def conducted(parts: Path) -> tuple[Report, list[str]]:
+    lines: list[str] = []
+    return conduct(parts, executor=1, tell=lines.append), lines
+
+
+def test_an_optional_part_whose_start_does_not_exist_is_absent_and_no_error(
+    parts: Path, conducted: tuple[Report, list[str]], run: Command
+) -> None:
+    report, _ = conducted
+    assert report.failed == {}
+    assert report.absent == {
+        "none/gamma=0.04": "s/gamma=0.04 has no PF2; it has EP1, PF1, EP2",
+        "further/gamma=0.04": "there is no none/gamma=0.04 to start from",
+        "figure absent": "there is nothing of none to draw",
+    }
+    assert [path.name for path in report.written] == ["all.png"]
+    status, out, _ = run(f"run {parts}")
+    assert status == 0
+    assert "No none/gamma=0.04, which is optional: s/gamma=0.04 has no PF2; it has EP1" in out
+    required = parts.with_name("required.toml")
+    required.write_text(PARTS.replace("optional = true", ""))
+    failed = conduct(required, folder=report.folder, executor=1).failed
+    assert {name: failed[name] for name in report.absent} == report.absent
+
+
+def test_one_member_of_a_scan_is_a_start_and_what_comes_of_it_stays(
+    parts: Path, conducted: tuple[Report, list[str]]
+) -> None:
+    report, _ = conducted
+    assert report.computed == ["s/gamma=0.02", "s/gamma=0.04", "line/gamma=0.04"]
+    line = cb.load(report.folder)["line/gamma=0.04"]
+    assert 0.04 in line["gamma"]
+    whole = parts.with_name("whole.toml")
+    whole.write_text(PARTS.replace("s/gamma=0.040", "s"))
+    asked = plan(whole, folder=report.folder)
+    assert [task.name for task in asked.left] == ["line/gamma=0.02"]
+
+
+def test_each_part_that_ends_is_a_line_where_there_is_no_terminal(
+    conducted: tuple[Report, list[str]], parts: Path, run: Command
+) -> None:
+    _, lines = conducted
+    assert [line.partition(",")[0] for line in lines] == [f"{i} of 5" for i in range(1, 6)]
+    assert lines[0] == "1 of 5, s/gamma=0.02"
+    assert "none/gamma=0.04: none, s/gamma=0.04 has no PF2; it has EP1, PF1, EP2" in lines[2]
+    (parts.parent / "parts" / "line" / "gamma=0.04.nc").unlink()
+    _, out, err = run(f"run {parts} --workers 1")
+    assert "contbreather: 1 of 1, line/gamma=0.04\n" in err
+    assert "1 results computed, 2 were there" in out
+
+
+def test_a_dry_run_lists_what_would_be_computed_and_does_nothing(
+    tmp_path: Path, run: Command
+) -> None:
+    path = tmp_path / "dry.toml"
+    path.write_text("[chain]\nlattice = 'ring:6'\ndamping = 0.1\n" + PARTS)
+    status, out, err = run(f"run {path} --dry-run --json")
+    assert (status, err, list(tmp_path.iterdir())) == (0, "", [path])
+    listed = json.loads(out)
+    assert listed["on"] == "ring of 6, F = -a cos t, damping = 0.1"
+    assert [(one["name"], one["conditions"]) for one in listed["parts"]] == [
+        ("s/gamma=0.02", "branch in a at k = 0.8, gamma = 0.02, a from 0.77 to 0.78"),
+        ("s/gamma=0.04", "branch in a at k = 0.8, gamma = 0.04, a from 0.77 to 0.78"),
+        ("none/gamma=0.04", "arms of PF2 on s/gamma=0.04"),
+        (
+            "line/gamma=0.04",
+            "boundary of PF1 on s/gamma=0.04 in (gamma, a), gamma from 0.039 to 0.041",
+        ),
+        ("further/gamma=0.04", "arms of PD1 on none/gamma=0.04/arm1"),
+    ]
+    assert {one["state"] for one in listed["parts"]} == {"to compute"}
+    assert "5 of 5 parts to compute, on the ring of 6" in run(f"run {path} --dry-run")[1]
 
 
 # --- mistakes -------------------------------------------------------------------------------------
@@ -217,7 +331,10 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         ("[zones.z]\nk = 0.8\n[atlas.z]\nk = 0.8", "'z' is there already, as zones"),
         ("[branch.b]\nfree = 'a'", "k and gamma missing"),
         ("[branch.b]\nfree = 'q'\na = 1\ngamma = 0\nk = 0.8", "'q' is none"),
-        ("[branch.b]\nfree = 'a'\ngamma = 0\nk = 0.8\nroot = 0", "greater than or equal to 1"),
+        (
+            "[branch.b]\nfree = 'a'\ngamma = 0\nk = 0.8\nroot = 0",
+            "a number of at least 1 was expected",
+        ),
         ("[chain]\nthreshold = 1.01\n[zones.z]\nk = 0.8", "only finite lattices have one"),
         ("[chain]\nlattice = 'rong:3'\n[zones.z]\nk = 0.8", "lattice rong:3: expected ring:20"),
         ("[chain]\nforcing = 'cos(t'\n[zones.z]\nk = 0.8", "line 1, chain"),
@@ -240,6 +357,24 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         (RING + "walls = ['3:-1,2']\n" + ONE, "line 3, chain.walls: the walls are not symmetric"),
         (RING + "walls = ['9:-2,2']\n" + ONE, "walls of site 9: there is no such site"),
         ("[branch.b]\nfree = 'damping'\na = 1\ngamma = 0\nk = 0.8", "'damping' is none"),
+        (ONE + "\n[arms.x]\nof = 'b/gamma=0.1'\nat = 'PF1'", "b has no gamma=0.1; it has k = 0.8"),
+        (ONE + "\n[arms.x]\nof = 'b/'\nat = 'PF1'", "'b/': NAME, NAME/gamma=0.02 or NAME/gamma"),
+        (ONE + "\n[arms.x]\nof = 'b/k=x'\nat = 'PF1'", "NAME/gamma=0.02/arm1 was expected"),
+        (ONE + "\n[figure.f]\ndraws=['b/k=0.7']", "figure.f.draws: b has no k=0.7; it has k = 0.8"),
+        (ONE + "\n[figure.f]\ndraws=['b']\nx='hight'", "has a column 'hight'; there are a, arc"),
+        (ONE + "\n[arms.x]\nof = 'b'\nat = 'GR1'", "at: arms of a branch start at PF, BP, 'PF1'"),
+        (ONE + "\n[arms.x]\nof = 'b'\nat = 'PD1'", "arms of a branch start at PF, BP, 'PF1'"),
+        ("title = 3\n[zones.z]\nk = 0.8", "line 1, title: a text in quotes was expected, got 3"),
+        ("[chain]\nsite = 0.5\n" + ONE, "line 2, chain.site: a whole number was expected, got 0.5"),
+        (ONE + "\nlargest = true", "branch.b.largest: a number was expected, got true"),
+        (ONE + "\noptional = 1", "branch.b.optional: true or false was expected, got 1"),
+        ("branch = 3", "line 1, branch: a table of names and values was expected, got 3"),
+        ("[branch]\nb = 3", "line 2, branch.b: a table of keys was expected, got 3"),
+        (
+            ONE + "\n[figure.f]\ndraws = []",
+            "f.draws: a list of at least 1 was expected, got []",
+        ),
+        (ONE + "\n[figure.f]\ndraws = {}", "figure.f.draws: a list was expected, got a table"),
         ("[colours]\nred = 1\n[zones.z]\nk = 0.8", "colours: unknown here; there are title"),
     ],
 )

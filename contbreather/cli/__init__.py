@@ -29,8 +29,6 @@ COMMANDS = (  # each a module with a function of its name
 )  # fmt: skip
 LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
-    "zones": "its curves are followed in closed form, on the infinite chain or a ring (--sites N); "
-    "contbreather boundary follows them on any lattice",
     "atlas": "its curves are followed in closed form, on the infinite chain or a ring (--sites N)",
     "figure": "the figures are those of the paper, with its lattices and walls",
 }

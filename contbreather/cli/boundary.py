@@ -5,7 +5,7 @@ from __future__ import annotations
 import contbreather as cb
 from contbreather.cli.branch import leave
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import ModelOptions, SavedOutput, Window, interval
+from contbreather.cli.options import Axes, ModelOptions, SavedOutput, StepSizes, Window, interval
 from contbreather.errors import BadInput
 from contbreather.parameters import NEEDED
 
@@ -18,6 +18,8 @@ def boundary(
     *,
     pair: tuple[str, str] = ("gamma", "a"),
     window: Window = None,
+    sizes: StepSizes = StepSizes(),
+    axes: Axes = Axes(),
     into: SavedOutput = SavedOutput(),
 ) -> None:
     """A curve of folds (LP), pitchforks (PF), Neimark-Sacker points (NS), grazings (GR) or period
@@ -45,12 +47,14 @@ def boundary(
     given = where.need(*(name for name in NEEDED if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
     like = {**given, **on.given, "within": within, "threshold": on.threshold}
+    steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(wanted, pair, **like)
-    steps = cb.Steps(largest=0.02)
+    locus = seed.event.locus if seed.event else None
+    axes.check(into.output, seed.curve.problem, *(locus(seed).extra if locus else ()))
     found, cut = kept(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
-    leave(found, "curve", {"curve": wanted, "pair": pair, **on.entry()}, into, cut)
+    leave(found, "curve", {"curve": wanted, "pair": pair, **on.entry()}, into, cut, axes)
 
 
 def _kind(kind: str | None) -> str:

@@ -7,7 +7,15 @@ from typing import Any, Literal
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import BranchWindow, ModelOptions, Output, SavedOutput, Whole
+from contbreather.cli.options import (
+    Axes,
+    BranchWindow,
+    ModelOptions,
+    Output,
+    SavedOutput,
+    StepSizes,
+    Whole,
+)
 from contbreather.cli.output import branch_entry, branch_table, check_ends, lines_of
 
 
@@ -17,6 +25,8 @@ def branch(
     *,
     towards: Literal["both", "up", "down"] = "both",
     root: Whole | None = None,
+    sizes: StepSizes = StepSizes(),
+    axes: Axes = Axes(),
     into: SavedOutput = SavedOutput(),
 ) -> None:
     """A branch of breathers in one parameter, with its special points.
@@ -33,19 +43,27 @@ def branch(
         first, and another only where that is no breather.
     """
     into.check(where.read)
-    start = along.start(where, root)
+    steps, start = sizes.steps(), along.start(where, root)
+    axes.check(into.output, start.problem)
     asked: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
-    found, cut = kept(cb.continuation.trace, start.problem, start.free, **asked)
-    leave(found, "branch", start.entry(), into, cut)
+    found, cut = kept(cb.continuation.trace, start.problem, start.free, steps=steps, **asked)
+    leave(found, "branch", start.entry(), into, cut, axes)
 
 
-def leave(found: cb.Branch, what: str, about: Mapping[str, Any], into: Output, cut: bool) -> None:
+def leave(
+    found: cb.Branch,
+    what: str,
+    about: Mapping[str, Any],
+    into: Output,
+    cut: bool,
+    axes: Axes = Axes(),
+) -> None:
     """All that is wanted of one branch or boundary; raise if it broke off."""
     into.leave(
         lambda: {**about, **branch_entry(found)},
         lines_of(found),
         lambda: branch_table([found]),
-        lambda: cb.plotting.plot(found),
+        lambda: axes.plot(found),
         cut=cut,
     )
     check_ends(found, what)

@@ -36,7 +36,7 @@ def diagram(
     asked: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
     tree, cut = kept(cb.diagram, start.shot, start.free, **asked, save=into.save)
     into.leave(
-        lambda: {**start.entry(), **_content(tree)},
+        lambda: {**start.entry(), **content(tree)},
         _lines(tree, depth),
         lambda: branch_table(tree.branches, "branch"),
         lambda: cb.plotting.plot_diagram(tree),
@@ -75,7 +75,7 @@ def _named(places: list[Any]) -> str:
     return ", ".join(place.name for place in places)
 
 
-def _content(tree: Any) -> dict[str, Any]:
+def content(tree: Any) -> dict[str, Any]:
     """Branches, and the graph as nodes and edges that name them."""
     places = {place.name: place for row in tree.places for place in row}
     edges = [

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 import contbreather as cb
 from contbreather.cli.interrupts import end
 from contbreather.cli.output import (
+    OWN,
     Table,
     check_places,
     note,
@@ -186,14 +187,27 @@ class ZoneWindows:
         reach = {name: window_of(name) for name in NEEDED}
         return {name: interval(name, span, reach) for name, span in typed.items() if span}
 
-    def on(self, *begin: str) -> ModelParameters:
-        """What breathers live on, with further assignments."""
+    def on(self, *begin: str, **more: Any) -> ModelParameters:
+        """What breathers live on, with further assignments, and more of the model's options."""
         return ModelOptions(
             forcing=self.forcing,
             set=(*self.set, *begin),
             sites=self.sites,
             threshold=self.threshold,
+            **more,
         ).on()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FiniteLattice:
+    """Any finite lattice of zone diagrams, followed by exact modes."""
+
+    damping: Annotated[float | None, about("damping")] = None
+    spring: Annotated[float | None, about("spring")] = None
+    lattice: Annotated[str | None, about("lattice")] = None
+    site: Annotated[Whole, about("site")] = 0
+    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
 
 
 class ModelParameters(NamedTuple):
@@ -218,12 +232,23 @@ class ModelParameters(NamedTuple):
         return reach
 
     def entry(self) -> dict[str, Any]:
-        """For JSON; of the infinite chain the forcing alone."""
-        about: dict[str, Any] = {"forcing": self.forcing.describe()}
-        if self.lattice.sites is not None:
-            about |= {"lattice": self.lattice.describe(), "sites": self.lattice.sites}
-            about |= {"threshold": self.threshold, **self.more}
-        return about
+        """For JSON."""
+        from contbreather.lattice.conditions import Walls
+
+        walls = Walls.given(self.more["walls"])
+        return model_entry(self.forcing, self.lattice, self.threshold, self.more["site"], walls)
+
+
+def model_entry(
+    forcing: cb.lattice.Forcing, lattice: Any, threshold: float, site: int, walls: Any
+) -> dict[str, Any]:
+    """What a breather lives on for JSON; of the infinite chain the forcing alone."""
+    about: dict[str, Any] = {"forcing": forcing.describe()}
+    if lattice.sites is not None:
+        about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
+        pairs = dict(walls.own) or walls.of_all
+        about |= {"site": site, "walls": None if pairs == (-1.0, 1.0) else pairs}
+    return about
 
 
 def _assignment(text: str) -> tuple[str, float]:
@@ -314,6 +339,68 @@ class BranchWindow:
             )
         found = cb.orbits.find_symmetric(free, near, root=root, **{**given, **on.given})
         return Start(found, on, free, {free: span})
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class StepSizes:
+    """How long steps along a curve may be.
+
+    Parameters
+    ----------
+    first
+        Length of the first step, 0.01 unless given.
+    smallest
+        Where a step would have to be shorter the curve ends, 1e-9 unless given.
+    largest
+        No step is longer; 0.1 unless given, on a boundary 0.02.
+    most
+        Number of steps after which the curve ends, in each direction; 2000 unless given.
+    """
+
+    first: float | None = None
+    smallest: float | None = None
+    largest: float | None = None
+    most: Whole | None = None
+
+    def steps(self, **usual: Any) -> cb.Steps:
+        """As they were typed, the usual ones otherwise."""
+        typed = {name: value for name, value in vars(self).items() if value is not None}
+        return cb.Steps(**{**usual, **typed})
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Axes:
+    """What is drawn over what.
+
+    Parameters
+    ----------
+    x
+        Column of the figure's abscissa, the first parameter that varies unless given.
+    y
+        Column of its ordinate, the first unknown unless given, of a boundary the other parameter.
+    """
+
+    x: str | None = None
+    y: str | None = None
+
+    def check(self, figure: str | None, problem: cb.Problem | None = None, *more: str) -> None:
+        """Refuse columns that a curve of the problem will not have, before it is computed."""
+        for option, name in vars(self).items():
+            if name is None:
+                continue
+            if figure is None:
+                raise BadInput(f"--{option} {name}: nothing is drawn; name a figure, -o branch.png")
+            if problem is None or problem.normed(name):
+                continue
+            names = (*problem.names, *problem.record, *more, *OWN)
+            if name not in names:
+                raise BadInput(f"--{option}: no column {name!r}; there are {', '.join(names)}")
+
+    def plot(self, *branches: cb.Branch) -> Any:
+        """The figure."""
+        return cb.plotting.plot(*branches, x=self.x, y=self.y)
 
 
 class Start(NamedTuple):

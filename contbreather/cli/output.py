@@ -173,7 +173,7 @@ def _rows(branch: cb.Branch) -> Iterator[dict[str, Any]]:
     for point, values in zip(branch, rows, strict=True):
         row = {**values, "label": point.label}
         if point.kind:  # no count where rounding decides it, as in tables
-            row |= {name: branch.shown(point, name) for name in counts}
+            row |= {name: point.shown(name) for name in counts}
         yield row
 
 
@@ -206,13 +206,16 @@ def ends(branch: cb.Branch) -> list[str]:
     """The reason of each end, as sentences."""
     sentences = []
     sides = (
-        (branch[0], branch.began, branch.began_reason),
-        (branch[-1], branch.stop, branch.reason),
+        (branch[0], branch.began, branch.began_reason, "began"),
+        (branch[-1], branch.stop, branch.reason, "ended"),
     )
-    for point, stop, reason in sides:
+    for point, stop, reason, word in sides:
         if stop is not None:
             why = reason or _grazed(point)
             said = stop.value.replace("Steps.most", "--most of contbreather extend")
+            said = said.replace("ended", word)
+            if word == "began" and point.parent is not None:
+                said = f"left another branch at its {point.parent.label}"
             sentences.append(f"{point.label}: {said}{f' ({why})' if why else ''}")
     return sentences
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import asdict
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from contbreather.cli.interrupts import end, kept
 from contbreather.cli.options import Workers
-from contbreather.cli.output import say, to_json
+from contbreather.cli.output import note, say, to_json
 from contbreather.errors import BadInput, NotConverged
 
 if TYPE_CHECKING:
@@ -24,11 +25,13 @@ def run(
     workers: Workers | None = None,
     cluster: str | None = None,
     again: bool = False,
+    dry_run: bool = False,
     json: bool = False,
 ) -> None:
     """A study: everything that a TOML file asks for, over all cores, or what is left of it.
 
-    What is finished is on disk; after an interruption the same command goes on.
+    What is finished is on disk; after an interruption the same command goes on. Where standard
+    error is no terminal each part that ends is a line there.
 
     Parameters
     ----------
@@ -43,9 +46,12 @@ def run(
         workers have to see the folder.
     again
         Replace results of other settings, and try again what failed.
+    dry_run
+        Check everything, and list what would be computed; nothing is computed or written.
     json
         Print one JSON object.
     """
+    from contbreather.studies import plan
     from contbreather.studies import run as conduct
     from contbreather.studies.cluster import cluster as dask
 
@@ -53,8 +59,16 @@ def run(
         raise BadInput("which study? Name its file: contbreather run study.toml")
     if cluster is not None and workers is not None:
         raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
+    if dry_run:
+        asked = plan(study, folder=folder, again=again)
+        if json:
+            to_json({"folder": str(asked.folder), "on": asked.on, "parts": asked.parts()})
+        else:
+            say(asked)
+        return
+    tell = None if sys.stderr.isatty() else note
     with nullcontext(workers) if cluster is None else dask(cluster) as executor:
-        report, cut = kept(conduct, study, folder=folder, executor=executor, again=again)
+        report, cut = kept(conduct, study, folder=folder, executor=executor, again=again, tell=tell)
     if json:
         written = [str(path) for path in report.written]
         to_json({**asdict(report), "folder": str(report.folder), "written": written})
@@ -70,6 +84,8 @@ def _lines(report: Report) -> Iterator[str]:
     yield f"{len(report.computed)} results computed{there}, in {report.folder}."
     for name, reason in report.failed.items():
         yield f"No {name}: {reason.rstrip('.')}."
+    for name, reason in report.absent.items():
+        yield f"No {name}, which is optional: {reason.rstrip('.')}."
     for path in report.written:
         yield f"Wrote {path}."
     if report.interrupted:

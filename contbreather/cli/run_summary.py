@@ -33,6 +33,7 @@ class RunSummary:
     by_site: dict[int, int] | None = None
     lost: int | None = None
     kind: str = "UNDECIDED"
+    motion: str = "UNDECIDED"
     reason: str = "no verdict: interrupted before it was found"
     evidence: dict[str, float] = field(default_factory=dict)
 
@@ -77,10 +78,10 @@ def judged(summary: RunSummary) -> RunSummary:
         if isinstance(summary.run, cb.simulation.Run):
             by_site = _counted(one.impacts for one in summary.chunks())
             summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
-        kind, reason, evidence = _judged(summary.run)
+        verdict = _judged(summary.run)
     except KeyboardInterrupt:
         return replace(summary, interrupted=True)
-    return replace(summary, kind=kind, reason=reason, evidence=evidence)
+    return replace(summary, **verdict)
 
 
 def _counted(tables: Iterable[Any]) -> dict[int, int]:
@@ -122,21 +123,21 @@ def periods_in_words(count: float) -> str:
     return "1 period" if count == 1 else f"{count:.12g} periods"
 
 
-def _judged(run: cb.simulation.Run | SmoothRun) -> tuple[str, str, dict[str, float]]:
+def _judged(run: cb.simulation.Run | SmoothRun) -> dict[str, Any]:
     """Kind, sentence and evidence from the later half of a run."""
-    from contbreather.simulation.classify import Kind, judge
+    from contbreather.simulation.classify import judge
 
     half = min(JUDGED, run.periods // 2)
     if run.stop is cb.simulation.RunStop.CHATTER:
-        return Kind.UNDECIDED.name, "it ends before a period of too many impacts", {}
+        return {"reason": "it ends before a period of too many impacts"}
     if half < ENOUGH:
         length = length_of(run)
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
-        reason = f"no verdict: {words}, give at least {2 * ENOUGH}"
-        return Kind.UNDECIDED.name, reason, {}
+        return {"reason": f"no verdict: {words}, give at least {2 * ENOUGH}"}
     found: Any
     try:
         found = judge(run.since(run.periods - half))
     except cb.errors.ContbreatherError as error:
-        return Kind.UNDECIDED.name, f"no verdict: {error}", {}
-    return found.kind.name, f"{found.kind.value}; {found.reason}", dict(found.evidence)
+        return {"reason": f"no verdict: {error}"}
+    kinds = {"kind": found.kind.name, "motion": found.motion.name}
+    return {**kinds, "reason": str(found), "evidence": dict(found.evidence)}

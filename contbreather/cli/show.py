@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import contbreather as cb
-from contbreather.cli.options import Output
-from contbreather.cli.output import branch_entry, lines_of, point_entry, table_of
+from contbreather.cli.options import Axes, Output, model_entry
+from contbreather.cli.output import (
+    Table,
+    branch_entry,
+    branch_table,
+    lines_of,
+    point_entry,
+    table_of,
+)
+from contbreather.cli.run_summary import judged, summary_of
 from contbreather.errors import BadInput
+from contbreather.parameters import NEEDED
 
 
-def show(run: str | None = None, name: str | None = None, /, *, into: Output = Output()) -> None:
+def show(
+    run: str | None = None,
+    name: str | None = None,
+    /,
+    *,
+    axes: Axes = Axes(),
+    into: Output = Output(),
+) -> None:
     """What is in a file that --save has kept, or in a folder of such files.
 
     Parameters
@@ -20,24 +37,22 @@ def show(run: str | None = None, name: str | None = None, /, *, into: Output = O
         The file or the folder.
     name
         One of its results, or a special point by its label, PF1 or branch/PF1; all results, in
-        brief, unless given.
+        brief, unless given. --json and --csv are those of the command that computed it.
     """
     into.check({"RUN": run})
+    axes.check(into.output)
     found = opened(run)
-    if name is None and len(found) > 1:
-        into.leave(
-            lambda: {"path": str(found.path), "results": {n: _entry(v) for n, v in found.items()}},
-            [found.table()],
-            lambda: _table_of(found, None),
-            lambda: _drawn(found),
-        )
-        return
-    result = found[next(iter(found)) if name is None else name]
+    chosen = found if name is None else {"": found[name]}
+    if len(chosen) == 1:
+        (result,) = chosen.values()
+        lines, about = _lines(result), _entry(result)
+    else:
+        lines, about = iter([found.table()]), {}
     into.leave(
-        lambda: {"path": str(found.path), **_entry(result)},
-        _lines(result),
-        lambda: _table_of(found, result),
-        lambda: _drawn({"": result}),
+        lambda: {"path": str(found.path), **about, **_content(chosen)},
+        lines,
+        lambda: _table_of(chosen),
+        lambda: _drawn(chosen, axes),
     )
 
 
@@ -82,31 +97,107 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
+def _what(found: Mapping[str, Any]) -> str:
+    """The command that leaves such results; nothing where several have."""
+    from contbreather.continuation.diagram import Diagram
+
+    results = list(found.values())
+    if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
+        return "zones"
+    if all(re.fullmatch(r"arm\d+", name) and _is_arm(one) for name, one in found.items()):
+        return "switch"
+    if len(results) > 1:
+        return ""
+    match results[0]:
+        case cb.Branch():
+            return "branch" if results[0].problem.beneath is None else "boundary"
+        case Diagram():
+            return "diagram"
+        case cb.simulation.Run() | cb.simulation.SmoothRun():
+            return "simulate"
+    return ""
+
+
+def _is_arm(result: Any) -> bool:
+    """Whether it left a branch of breathers."""
+    return isinstance(result, cb.Branch) and result[0].parent is not None and bool(_model(result))
+
+
+def _content(found: Mapping[str, Any]) -> dict[str, Any]:
+    """For JSON, as by the command that computed it; of results of several commands each."""
+    from contbreather.cli import diagram, simulate, switch, zones
+
+    results = list(found.values())
+    one: Any = results[0]
+    match _what(found):
+        case "zones":
+            entries = [zones.diagram_entry(diagram) for diagram in results]
+            return {**_model(next(branch for _, branch in one)), "zones": entries}
+        case "switch":
+            about = {"free": one.free, **_model(one), "at": point_entry(one[0].parent)}
+            return {**about, "arms": [switch.arm_entry(arm) for arm in results]}
+        case "diagram":
+            return {"free": one[0].free, **_model(one[0]), **diagram.content(one)}
+        case "branch":
+            return {"free": one.free, **_model(one), **branch_entry(one)}
+        case "boundary":
+            kind, pair = one.problem.label.partition(" ")[0], one.curve.varied
+            return {"curve": kind, "pair": pair, **_model(one), **branch_entry(one)}
+        case "simulate":
+            on = one.conditions
+            given = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
+            return simulate.content(judged(summary_of(one)), given, getattr(on, "m", None))
+    if len(found) > 1:
+        return {"results": {name: _entry(one) | _content({"": one}) for name, one in found.items()}}
+    special = [point_entry(point) for point in getattr(one, "special", ())]
+    return {"special": special} if special else {}
+
+
 def _entry(result: Any) -> dict[str, Any]:
-    """For JSON."""
+    """What a result is, for JSON."""
     if isinstance(result, cb.continuation.Point):
         return point_entry(result)
-    about: dict[str, Any] = {"kind": type(result).__name__, "description": _described(result)}
-    if isinstance(result, cb.Branch):
-        return {**about, **branch_entry(result)}
-    special = [point_entry(point) for point in getattr(result, "special", ())]
-    return {**about, "special": special} if special else about
+    return {"kind": type(result).__name__, "description": _described(result)}
 
 
-def _table_of(found: Mapping[str, Any], result: Any) -> Any:
-    """Rows and columns for CSV: of one result, or of all below each other."""
+def _model(branch: cb.Branch) -> dict[str, Any]:
+    """What the breathers of a branch live on; nothing of a problem of one's own."""
+    from contbreather.orbits.orbit_problem import OrbitProblem
+
+    problem: Any = branch[0].ground.curve.problem
+    if not isinstance(problem, OrbitProblem):
+        return {}
+    (site, _), *_ = problem.section.impacts
+    on = problem.conditions
+    return model_entry(on.forcing, on.lattice, problem.threshold, site, on.walls)
+
+
+def _table_of(found: Mapping[str, Any]) -> Table:
+    """Rows and columns for CSV, as by the command that computed them, or all below each other."""
+    from contbreather.cli import simulate, zones
     from contbreather.columns import stacked
 
-    if result is None:
-        columns = stacked(({"name": name}, one.columns()) for name, one in found.items())
-    elif hasattr(result, "columns"):
-        columns = result.columns()
-    else:
+    results = list(found.values())
+    match _what(found):
+        case "zones":
+            return zones.curves_table(results)
+        case "switch":
+            return branch_table(results, "arm", 1)
+        case "diagram":
+            return branch_table(results[0].branches, "branch")
+        case "branch" | "boundary":
+            return branch_table(results)
+        case "simulate":
+            return simulate.strobe_table(summary_of(results[0]))
+    if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
-    return table_of({name: column for name, column in columns.items() if column.ndim == 1})
+    if len(found) > 1:
+        return table_of(stacked(({"name": name}, one.columns()) for name, one in found.items()))
+    columns = results[0].columns().items()
+    return table_of({name: column for name, column in columns if column.ndim == 1})
 
 
-def _drawn(found: Mapping[str, Any]) -> Any:
+def _drawn(found: Mapping[str, Any], axes: Axes) -> Any:
     from contbreather.continuation.diagram import Diagram
 
     values = list(found.values())
@@ -117,4 +208,4 @@ def _drawn(found: Mapping[str, Any]) -> Any:
     branches = [value for value in values if isinstance(value, cb.Branch)]
     if not branches:
         raise BadInput("--output: only branches, diagrams and zones are drawn here; name one")
-    return cb.plotting.plot(*branches)
+    return axes.plot(*branches)

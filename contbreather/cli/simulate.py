@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ import contbreather as cb
 from contbreather.cli.interrupts import computing, end
 from contbreather.cli.options import ModelOptions, ModelParameters, SavedRun, Whole
 from contbreather.cli.output import (
+    Table,
     note,
     printed,
     say,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
 CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
+VERDICT = ("kind", "motion", "reason", "evidence")
 IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 
 
@@ -62,8 +64,10 @@ class RunOptions:
         File with the first state; the exact breather unless given.
     perturb
         Standard deviation of a random push on it.
+    noise
+        Strength of white noise on every site, all the time.
     seed
-        Of that push.
+        Of that push, and of the noise.
     stream
         Folder to keep the run in; the same command again goes on with it.
     impacts
@@ -76,6 +80,7 @@ class RunOptions:
     smooth: float | None = None
     start: str | None = None
     perturb: float = 0.0
+    noise: float = 0.0
     seed: Whole = 0
     stream: str | None = None
     impacts: str | None = None
@@ -85,9 +90,14 @@ class RunOptions:
         """Refuse what cannot be, before anything is computed."""
         read = where.read | {"--start": self.start if self.start != self.final else None}
         into.check(read, impacts=self.impacts, final=self.final)
-        if self.smooth is not None and (self.impacts or self.stream):
-            which = "--impacts" if self.impacts else "--stream"
-            raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
+        rigid = {"--impacts": self.impacts, "--stream": self.stream, "--noise": self.noise}
+        for which, given in rigid.items():
+            if self.smooth is not None and given:
+                raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
+        if self.noise and self.stream is not None:
+            raise BadInput(
+                "--noise: a stream is without noise; leave --stream out, --save keeps it"
+            )
         if self.stream is not None and into.save is not None:
             raise BadInput("--save and --stream: a stream is kept in its folder; leave --save out")
         if self.stream is not None and not self.periods.is_integer():
@@ -130,6 +140,7 @@ class RunOptions:
                 self.stream, self._pushed(state), periods=int(self.periods), **shared
             )
             return summary_in(kept, int(self.periods), where.site)
+        shared |= {"noise": self.noise, "seed": self.seed}
         run = cb.simulate(self._pushed(state), periods=self.periods, **shared)
         return summary_of(run, where.site)
 
@@ -188,7 +199,10 @@ def simulate(
     summary = judged(summary)
     aside = printed(into.csv, asked.impacts, asked.final)
     if into.json:
-        to_json({**_content(summary, where, asked), "written": made})
+        given = where.need(*NEEDED)
+        begun = asked.start is None and summary.by_site is not None  # as a breather that impacts
+        lost = {"lost_after": summary.lost} if begun else {}
+        to_json({**content(summary, given, asked.smooth), **lost, "written": made})
     else:
         rigid = asked.smooth is None
         walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
@@ -212,12 +226,17 @@ def _files(summary: RunSummary, asked: RunOptions, into: SavedRun) -> Iterator[A
         cb.save(into.save, run=summary.run)
         yield into.save
     if into.csv is not None:
-        names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
-        yield to_csv(into.csv, _strobes(summary), ["period", "time", *names])
+        yield to_csv(into.csv, *strobe_table(summary))
     if asked.impacts is not None:
         yield to_csv(asked.impacts, _impacts(summary), IMPACTS)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
+
+
+def strobe_table(summary: RunSummary) -> Table:
+    """A row for each stroboscopic state, and the columns."""
+    names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
+    return _strobes(summary), ["period", "time", *names]
 
 
 def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
@@ -248,13 +267,17 @@ def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
 def draw(run: cb.simulation.Run | SmoothRun, site: int = 0) -> Figure:
     """The last periods of three sites, the section of one, and how localised it was."""
     plotting = cb.plotting
+    titles = ["the last periods", "once in a period, later half", "where the energy is"]
+    if getattr(run, "noise", 0.0):  # the last periods cannot be simulated once more by themselves
+        del titles[0]
     with plotting.style():
-        figure, (motion, section, where) = plotting.new_figure(3, height=13.5)
-        plotting.plot_motion(_window(run, site), ax=motion)
+        figure, panels = plotting.new_figure(len(titles), height=4.5 * len(titles))
+        *motion, section, where = panels
+        for ax in motion:
+            plotting.plot_motion(_window(run, site), ax=ax)
         plotting.plot_section(run, site=site, skip=run.periods // 2, ax=section)
         plotting.plot_localisation(run, ax=where)
-        titles = ("the last periods", "once in a period, later half", "where the energy is")
-        for ax, letter, title in zip((motion, section, where), "abc", titles, strict=True):
+        for ax, letter, title in zip(panels, "abc", titles, strict=False):
             ax.set_title(f"({letter}) {title}", loc="left", pad=3)
     return figure
 
@@ -272,26 +295,26 @@ def _window(run: Any, site: int) -> Any:
     return completed(let_go(state, run.conditions, **window)).record
 
 
-def _content(summary: RunSummary, where: ModelOptions, asked: RunOptions) -> dict[str, Any]:
+def content(summary: RunSummary, given: Mapping[str, Any], m: float | None) -> dict[str, Any]:
+    """A run for JSON: its parameters, how it ended, and the verdict."""
     run, c = summary.run, summary.run.conditions
-    content: dict[str, Any] = {
-        **where.need(*NEEDED),
+    found: dict[str, Any] = {
+        **given,
         "damping": c.damping,
         "forcing": c.forcing.describe(),
-        "m": asked.smooth,
+        "m": m,
         "lattice": c.lattice.describe(),
         "sites": run.sites,
         "periods": summary.periods,
         "stop": summary.stop,
         "interrupted": summary.interrupted,
-        "verdict": {"kind": summary.kind, "reason": summary.reason, "evidence": summary.evidence},
+        "noise": getattr(run, "noise", 0.0),
+        "verdict": {name: getattr(summary, name) for name in VERDICT},
         "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
     }
     if summary.by_site is not None:
-        content["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
-        if asked.start is None:
-            content["lost_after"] = summary.lost
-    return content
+        found["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
+    return found
 
 
 WORDS = {

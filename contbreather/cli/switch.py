@@ -57,7 +57,7 @@ def switch(
 
     def content() -> dict[str, Any]:
         about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
-        return {**about, "arms": [_entry(arm) for arm in arms]}
+        return {**about, "arms": [arm_entry(arm) for arm in arms]}
 
     into.leave(
         content,
@@ -103,7 +103,7 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     names = [free, *(name for name in SHOWN if name in there)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
     own = [
-        Column(name, [arms[i - 1].shown(point, name) for i, point in lines], spare=name in TIMES)
+        Column(name, [point.shown(name) for _, point in lines], spare=name in TIMES)
         for name in names
     ]
     first = Column("arm", [i for i, _ in lines])
@@ -146,7 +146,7 @@ def _ends(arm: cb.Branch) -> Iterator[str]:
         yield f"the mirror image of arm {arm.image_of + 1}"
 
 
-def _entry(arm: cb.Branch) -> dict[str, Any]:
+def arm_entry(arm: cb.Branch) -> dict[str, Any]:
     """An arm for JSON."""
     image = arm.image_of
     return {

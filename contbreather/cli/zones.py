@@ -7,7 +7,7 @@ from typing import Any
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import SavedOutput, ZoneWindows
+from contbreather.cli.options import FiniteLattice, SavedOutput, ZoneWindows
 from contbreather.cli.output import Table, table_of
 from contbreather.errors import BadInput
 
@@ -22,6 +22,7 @@ def zones(
     gamma: tuple[float, ...] = (),
     a: tuple[float, ...] = (),
     plane: ZoneWindows = ZoneWindows(),
+    where: FiniteLattice = FiniteLattice(),
     into: SavedOutput = SavedOutput(),
 ) -> None:
     """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
@@ -45,11 +46,12 @@ def zones(
         parameter(name, value)
     if into == SavedOutput():
         into = SavedOutput(csv=TABLE, output=FIGURE)
-    into.check()
-    on, windows = plane.on(), plane.within
+    into.check({"--lattice": where.lattice})
+    on, windows = plane.on(**vars(where)), plane.within
     asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
     asked |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
-    asked["past_folds"] = plane.past_folds
+    asked |= {"past_folds": plane.past_folds, **on.more}
+    asked |= {"damping": where.damping or 0.0, "spring": where.spring}
     found, cut = kept(_computed, asked, into.save)
     if not any(branches for one in found for branches in one.curves.values()):
         raise BadInput(
@@ -57,9 +59,9 @@ def zones(
             "(see contbreather point); widen the window"
         )
     into.leave(
-        lambda: {**on.entry(), "zones": [_entry(one) for one in found]},
+        lambda: {**on.entry(), "zones": [diagram_entry(one) for one in found]},
         _lines(found),
-        lambda: _table(found),
+        lambda: curves_table(found),
         lambda: cb.plotting.plot_zones(found, within=windows)[0],
         cut=cut,
     )
@@ -96,21 +98,23 @@ def _fixed(
     return next(iter(given.items()))
 
 
-def _table(found: Sequence[cb.orbits.Zones]) -> Table:
+def curves_table(found: Sequence[cb.orbits.Zones]) -> Table:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
     from contbreather.columns import stacked
 
     there = (one for one in found if any(one.curves.values()))
-    rows, _ = table_of(stacked((dict([one.fixed]), one.columns()) for one in there))
+    columns = stacked((dict([one.fixed]), one.columns()) for one in there)
+    rows, _ = table_of({"phi": columns.get("t1"), **columns})  # by modes phi is the first time
     return rows, COLUMNS
 
 
 def _columns(branch: cb.Branch) -> dict[str, Any]:
     slots = branch.curve.slots
-    return {name: branch[name] for name in COLUMNS if name in slots}
+    found = {name: branch[name] for name in COLUMNS if name in slots}
+    return found if "phi" in slots else {**found, "p": branch["p"], "phi": branch["t1"]}
 
 
-def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
+def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     curves = [
         {"curve": kind, **_columns(branch), "labels": [point.label for point in branch]}
         for kind, branches in diagram.curves.items()
@@ -120,7 +124,9 @@ def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
         {"verdict": one.verdict, "unstable": one.counts, "lower": one.lower, "outline": one.outline}
         for one in diagram.regions
     ]
-    return {"fixed": dict([diagram.fixed]), "pair": diagram.pair, "curves": curves,
+    losses = {name: diagram.model.get(name) for name in ("damping", "spring")}
+    fixed = dict([diagram.fixed]) | {n: value for n, value in losses.items() if value is not None}
+    return {"fixed": fixed, "pair": diagram.pair, "curves": curves,
             "points": list(_points(diagram)), "regions": regions}  # fmt: skip
 
 
@@ -140,4 +146,4 @@ def _lines(found: Sequence[cb.orbits.Zones]) -> Iterator[object]:
         cut = "; interrupted, curves may be missing" if one.interrupted else ""
         yield f"Points on the curves at {one.fixed[0]} = {one.fixed[1]:g}: {sizes}{cut}."
         for told in one.told():
-            yield f"{told}; --past-folds draws them."
+            yield f"{told}." if "damping" in one.model else f"{told}; --past-folds draws them."

@@ -19,7 +19,7 @@ from ..errors import BadInput
 from ..tables import Column, Sheet
 from .curve import Curve
 from .newton import Array
-from .point import Event, Point
+from .point import Event, Point, UnstableDimension
 from .points import Points
 from .problem import Problem
 from .steps import Steps
@@ -181,13 +181,18 @@ class Branch(Columns, HtmlRepr):
         raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """All columns by name, with the labels of the special points; at these no count where
-        rounding decides it."""
+        """All columns by name: the labels of the special points, parameters, what is measured, and
+        behind these the unknowns, of which there may be hundreds. At special points there is no
+        count where rounding decides it."""
         found: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
-        found |= {name: np.asarray(self[name]) for name in self.names}
+        states = [name for name in self.problem.names if name not in self.problem.params]
+        measures = [name for name in self.names if name not in states]
+        found |= {name: np.asarray(self[name]) for name in (*measures, *states)}
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
         for name in self.problem.record:
-            if found[name].dtype.kind in "iu" and verge.any():
+            # a count is a column of whole numbers, or of floats where some of it is blank
+            counted = isinstance(self.problem.record[name], UnstableDimension)
+            if (counted or found[name].dtype.kind in "iu") and verge.any():
                 found[name] = np.where(verge, math.nan, found[name])
         return found
 
@@ -244,7 +249,7 @@ class Branch(Columns, HtmlRepr):
         points = self.special
         columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]
         columns += [
-            Column(name, [self.shown(point, name) for point in points])
+            Column(name, [point.shown(name) for point in points])
             for name in names
             if np.ndim(start[name]) == 0
         ]
@@ -253,13 +258,6 @@ class Branch(Columns, HtmlRepr):
             Column("residual", [f"{p.residual:.1e}" for p in points], spare=True, right=True),
         ]
         return Sheet(columns, self.describe())
-
-    def shown(self, point: Point, name: str) -> complex | None:
-        """A number of one of its points, but no count where rounding decides it."""
-        value: complex = point[name]
-        if name not in self.problem.record or not isinstance(value, int | np.integer):
-            return None if value != value else value
-        return None if point.on_verge else value
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""
@@ -284,6 +282,21 @@ class Branch(Columns, HtmlRepr):
 
     def __repr__(self) -> str:
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
+
+
+class Branches(tuple[Branch, ...], HtmlRepr):
+    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
+    notebooks show."""
+
+    __slots__ = ()
+
+    def table(self) -> Sheet:
+        """A line for each, with its special points."""
+        labels = [", ".join(point.label for point in branch.special) for branch in self]
+        what = [branch.describe() for branch in self]
+        return Sheet(
+            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
+        )
 
 
 def _ended(stop: Stop, reason: str) -> str:

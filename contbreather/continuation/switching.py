@@ -18,7 +18,7 @@ from ..checks import kind_of
 from ..errors import BadInput, NotConverged, add_partial_result, partial_result
 from ..progress import Counter
 from .active_events import walls_are_lifted
-from .branch import Branch, Stop, labelled
+from .branch import Branch, Branches, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
 from .duplicates import images, lies_on
@@ -209,7 +209,7 @@ def switch(
     steps: Steps | None = None,
     progress: bool | Counter | None = None,
     save: Save = None,
-) -> tuple[Branch, ...]:
+) -> Branches:
     """Follow all other curves that leave a point where curves meet.
 
     Parameters
@@ -274,7 +274,7 @@ def switch(
             _keep_apart(arm, arms)
             arms.append(_with_image(arm, arms))
         kept.finish(tuple(arms))
-    return tuple(arms)
+    return Branches(arms)
 
 
 def lift_of(point: Point) -> Callable[[Point], Lift] | None:

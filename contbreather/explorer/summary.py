@@ -117,7 +117,8 @@ def verdict(orbit: Orbit) -> str:
     margins = orbit.admissibility()
     if not margins.ok and margins.margin < -1e-9:
         return "not admissible: it passes a wall"
-    stable = _sentence(lambda: "stable" if orbit.stability().stable else "unstable")
+    words = {True: "stable", False: "unstable", None: "of unknown stability"}
+    stable = _sentence(lambda: words[orbit.stability().stable])
     return stable if margins.ok else f"{stable}, at the edge of what is admissible"
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, whole
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import (
     FOUND,
@@ -29,6 +30,7 @@ from contbreather.orbits.margins import (
 )
 from contbreather.orbits.motion import points_of
 from contbreather.orbits.site_motion import USUAL, SiteMotion
+from contbreather.tables import Column, Sheet
 
 FloatArray = NDArray[np.float64]
 Place = tuple[int | None, float]  # a site, None for the far field, and a time
@@ -37,7 +39,7 @@ LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok
 
 
 @dataclass(frozen=True)
-class Admissibility:
+class Admissibility(HtmlRepr):
     """What keeps a solution from being an orbit of the lattice, or by how much it is one.
 
     Attributes
@@ -76,6 +78,14 @@ class Admissibility:
 
     def __bool__(self) -> bool:
         return self.ok
+
+    def table(self) -> Sheet:
+        """How far sites keep from their walls, and where they are closest."""
+        names, margins = list(self.places), [float(getattr(self, name)) for name in self.places]
+        sites = ["far field" if site is None else str(site) for site, _ in self.places.values()]
+        times = [time for _, time in self.places.values()]
+        headings: dict[str, Any] = {"margin": names, "distance": margins, "site": sites, "t": times}
+        return Sheet([Column(heading, cells) for heading, cells in headings.items()])
 
     def __repr__(self) -> str:
         verdict = "ok" if self.ok else "not ok"

@@ -40,7 +40,6 @@ Array = NDArray[np.float64]
 
 TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
 MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wall at the same place
-VANISHED = 1e-8  # an impact at a smaller velocity is none
 ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 SAME = 1e-9  # displacements that differ by less are mirror images
 ONE = 1e-4  # impacts of a site at a wall less apart than this are one
@@ -130,9 +129,10 @@ def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
     )
 
 
-def _vanishing(point: Point) -> dict[str, str]:
-    least = float(np.abs(solution_at(point.ground).incoming).min())
-    return {"kind": "VI"} if least < VANISHED else {}
+def _vanishing(point: Point) -> dict[str, Any]:
+    orbit = solution_at(point.ground)
+    j = orbit.vanishing
+    return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
 
 def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:

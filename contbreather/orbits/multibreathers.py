@@ -59,7 +59,8 @@ def multibreather(
     choice : sequence of int, or dict
         The sites that impact; or for each the orbit it has without coupling: ``"upper"`` or
         ``"lower"``, the root of the closure with the larger or the smaller p, or any orbit of the
-        single oscillator (symmetric, asymmetric or doubled) under the same forcing.
+        single oscillator (symmetric, asymmetric or doubled) under the same forcing, or a point of
+        one of its branches.
     a, gamma, k, damping, spring, walls, forcing
         As for `symmetric`.
     lattice : Ring or Lattice
@@ -86,14 +87,26 @@ def multibreather(
     on = Conditions(a, gamma, k, damping, spring, drive, at, finite(lattice)).checked()
     branch = _from_the_limit(_singles(choice, on), on)
     if branch is None or branch[-1]["gamma"] < on.gamma:
-        raise NoSolution(_refusal(choice, branch, on))
+        raise NoSolution(_refusal(_in_words(choice), branch, on))
     orbit: Orbit = branch[-1].solution
     return orbit
 
 
-def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
+def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
+    """Which sites, and what was chosen for each where that was said."""
+    named = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "")
+    said = (
+        f"{site} ({what if isinstance(what, str) else what.section.describe()})"
+        if what
+        else f"{site}"
+        for site, what in named.items()
+    )
+    return f"site{'s' * (len(named) > 1)} {', '.join(said)}"
+
+
+def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
     if branch is None:
-        return f"{choice!r}: without coupling these impacts are no orbit of the lattice already."
+        return f"{choice}: without coupling these impacts are no orbit of the lattice already."
     end = branch[-1]
     why = {
         # at EP it has come back to where it set out, through a point where it doubles or unfolds
@@ -101,7 +114,7 @@ def _refusal(choice: Any, branch: Branch | None, on: Conditions) -> str:
         "EP": "it turns back, into an image of itself",
     }.get(end.kind) or str(end.solution.admissibility().reason)
     return (
-        f"{choice!r}: this orbit reaches gamma = {branch['gamma'].max():.9g}, not {on.gamma:.9g}; "
+        f"{choice}: this orbit reaches gamma = {branch['gamma'].max():.9g}, not {on.gamma:.9g}; "
         f"there {why.removesuffix('.')}."
     )
 
@@ -123,6 +136,8 @@ def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[
 
 def _single(site: int, what: Any, on: Conditions) -> Single:
     """One site without coupling: by the name of a root, or by an orbit of its own."""
+    if isinstance(what, Point) and what.ground.curve.problem.interpret is not None:
+        what = what.solution
     if isinstance(what, str) and what in ROOTS:
         roots = symmetric_orbits(site, on)
         what = roots[min(ROOTS.index(what), len(roots) - 1)]
@@ -217,7 +232,7 @@ class Multibreather:
     def stable(self, threshold: float = THRESHOLD) -> bool:
         """Whether it exists, and no multiplier of it is beyond the threshold."""
         orbit = self.orbit if self.exists else None
-        return orbit is not None and orbit.stability(threshold=threshold).stable
+        return orbit is not None and bool(orbit.stability(threshold=threshold).stable)
 
 
 def multibreathers(

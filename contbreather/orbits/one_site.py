@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Conditions, restitution_ratio
-from contbreather.lattice.forcing import Fourier
+from contbreather.lattice.forcing import Forcing, Fourier
 from contbreather.lattice.modal_flow import propagator
 from contbreather.orbits.closure import general_roots
 from contbreather.orbits.exact_modes import ExactModes
@@ -28,6 +28,10 @@ from contbreather.orbits.shooting_equations import SectionFlight
 FloatArray = NDArray[np.float64]
 
 RESONANT = 1e-12  # 2 + trace of a mode that is its own mirror image after half a period
+
+
+class Resonance(BadInput):
+    """A mode of the lattice follows the impacts without bound."""
 
 
 def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
@@ -51,16 +55,10 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     (site, _) = section.impacts[0]
     check_walls(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
-    still = np.zeros(on.lattice.basis(section.hit).lam.size)
-    rest = ExactModes(section, np.zeros(1), still, still, on)
+    rest = _at_rest(section, on)
     q, r = _answer(rest)
-    e = rest.shapes[0]
-    chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
-    own = rest.forced.harmonics(site)
-    found = []
-    if any(A or B for _, A, B in own):  # else nothing moves this site
-        forced = Fourier.from_response({m: A for m, A, _ in own}, {m: B for m, _, B in own})
-        found = general_roots(on.a / width, chi, restitution_ratio(on.k) + 2.0 * excess, forced)
+    chi, loss, forced = _closure(rest, q, r)
+    found = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
     if not found:
         raise NoSolution(
             f"no symmetric orbit of site {site} on the {on.lattice.describe()} at a = {on.a!r} "
@@ -73,6 +71,43 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     )
 
 
+def family_of(orbit: Orbit) -> str:
+    """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `SymmetricBreather`.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
+    >>> [family_of(orbit) for orbit in symmetric_orbits(0, on)]
+    ['upper', 'lower']
+    """
+    if not isinstance(orbit.representation, ExactModes):
+        family: str = orbit.representation.family
+        return family
+    rest = _at_rest(orbit.section, orbit.conditions)
+    chi, loss, forced = _closure(rest, *_answer(rest))
+    assert forced is not None
+    phi = orbit.times[0]
+    turn = chi * forced.d2f(phi) + loss * forced.df(phi)  # det of the closure, over -a
+    return "upper" if turn >= 0.0 else "lower"
+
+
+def _at_rest(section: Section, on: Conditions) -> ExactModes:
+    """The lattice in its forced motion alone."""
+    still = np.zeros(on.lattice.basis(section.hit).lam.size)
+    return ExactModes(section, np.zeros(1), still, still, on)
+
+
+def _closure(rest: ExactModes, q: FloatArray, r: FloatArray) -> tuple[float, float, Forcing | None]:
+    """chi, q + 2 delta and f of the closure; no f where nothing moves the site."""
+    e, on, (site, _) = rest.shapes[0], rest.conditions, rest.section.impacts[0]
+    chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
+    own = rest.forced.harmonics(site)
+    forced = Fourier.from_response({m: A for m, A, _ in own}, {m: B for m, _, B in own})
+    moved = any(A or B for _, A, B in own)
+    return chi, restitution_ratio(on.k) + 2.0 * excess, forced if moved else None
+
+
 def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:
     """State of each mode just before a unit impulse that recurs with alternating sign."""
     fly = propagator(rest.z, rest.section.length, rest.conditions.damping)
@@ -82,7 +117,7 @@ def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:
     det = (1.0 + fly.cosine) * (1.0 + fly.swing) + fly.reach * fly.pull
     if (abs(det) < RESONANT).any():
         w = float(np.sqrt(rest.z[abs(det).argmin()]))
-        raise BadInput(
+        raise Resonance(
             f"a mode of the {rest.conditions.lattice.describe()} with the frequency {w:.9g} is in "
             "resonance with the orbit: change gamma or spring, or give it damping."
         )

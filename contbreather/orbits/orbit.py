@@ -200,7 +200,8 @@ class Orbit(PeriodicMotion, HtmlRepr):
                 f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is "
                 "exact; ask for stability(sites=N, threshold=...)."
             )
-        return verdict(own.map, THRESHOLD if threshold is None else threshold)
+        found = verdict(own.map, THRESHOLD if threshold is None else threshold)
+        return found if self.vanishing is None else found.blank()
 
     def certify(self, *, within: float = 1e-8) -> Certificate:
         """Prove by interval arithmetic that an exact breather is within so much of this one in p
@@ -234,6 +235,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         Returns
         -------
         ndarray of complex, shape (2 N,)
+            NaN where an impact vanishes, and with it the derivative of the motion.
 
         Examples
         --------
@@ -250,6 +252,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
             )
         if flag("half", half) and not own.symmetric:
             raise BadInput("this orbit is not known by half its period: it has no half map.")
+        if self.vanishing is not None:
+            return np.full(2 * own.lattice.sites, complex(math.nan, math.nan))
         found: ComplexArray = own.map.multipliers()
         return found if half or not own.symmetric else found * found
 

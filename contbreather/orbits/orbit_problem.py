@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,6 +18,7 @@ from contbreather.lattice import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.orbit import Orbit, with_parameters
+from contbreather.orbits.periodic_motion import VANISHED
 from contbreather.orbits.representation import Representation
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import images_of, simpler_than
@@ -136,6 +138,8 @@ def unstable_by(threshold: float, lattice: Any = None) -> UnstableDimension:
 
 
 def _unstable(threshold: float, lattice: Any, point: Point) -> float:
+    if point.solution.vanishing is not None:
+        return math.nan
     map = point.solution.map
     count: float = (map if lattice is None else map.on(lattice)).unstable(threshold)
     return count
@@ -156,4 +160,5 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     with np.errstate(all="ignore"):
         acceleration = a * on.forcing.d2f(phi) - p * on.lattice.means(gamma, "eta")
         b = 0.5 * (1.0 + k) ** 2 * acceleration / p
-    return np.where(p > 0.0, many_outside(gamma, k, b), -1)
+    # an impact so weak is asked for itself: it may be none
+    return np.where(p > VANISHED, many_outside(gamma, k, b), -1)

@@ -22,6 +22,7 @@ from contbreather.orbits.section import Impact, Section
 
 FloatArray = NDArray[np.float64]
 
+VANISHED = 1e-8  # an impact at a smaller velocity is none
 SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
 
 
@@ -118,6 +119,13 @@ class PeriodicMotion:
     def impulses(self) -> FloatArray:
         """By how much the velocity of the site changes at each of them."""
         return np.array([impact.impulse for impact in self.impacts])
+
+    @property
+    def vanishing(self) -> int | None:
+        """The number of an impact that has lost its velocity, if any: there the saltation (19) has
+        a pole, and multipliers mean nothing."""
+        speeds = np.abs(self.incoming)
+        return int(speeds.argmin()) if speeds.size and speeds.min() < VANISHED else None
 
     @property
     def incoming(self) -> FloatArray:

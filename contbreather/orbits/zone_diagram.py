@@ -17,9 +17,10 @@ from contbreather.continuation.point import CodimensionTwo
 from contbreather.continuation.starts import windows
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import Forcing
 from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.constructors import symmetric_roots
+from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.one_site import Resonance, family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
 from contbreather.parameters import window_of
@@ -153,21 +154,20 @@ class Zones(Columns, HtmlRepr):
         counts = [
             breather.map.unstable(self.threshold)
             for breather in self.breathers(x, y)
-            if breather.representation.family in self.families
+            if family_of(breather) in self.families
         ]
         return min(counts, default=None)
 
     def lower(self, x: float, y: float) -> float | None:
         """The largest p of the lower breathers at a place of the plane, None where there is none;
         they may be there without the upper one."""
-        found = [b.p for b in self.breathers(x, y) if b.representation.family == "lower"]
+        found = [b.p for b in self.breathers(x, y) if family_of(b) == "lower"]
         return max(found, default=None)
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
         """All admissible breathers at a place of the plane, of both families, by falling p."""
-        like = self._any.solution
         values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
-        return admissible(values, like.forcing, like.lattice)
+        return admissible(values, **self.model)
 
     def told(self) -> Iterator[str]:
         """A sentence on each region without upper breathers in which there are lower ones."""
@@ -175,6 +175,18 @@ class Zones(Columns, HtmlRepr):
             if any(one.lower):
                 place = f"({', '.join(self.pair)}) = ({one.x:.4g}, {one.y:.4g})"
                 yield f"Around {place} {one.describe()}"
+
+    @cached_property
+    def model(self) -> dict[str, Any]:
+        """What its breathers live on, as `symmetric` takes it: forcing and lattice; where they are
+        evaluated by exact modes site, damping, spring and walls, too."""
+        orbit: Orbit = self._any.solution
+        on = orbit.conditions
+        model: dict[str, Any] = {"forcing": on.forcing, "lattice": on.lattice}
+        if isinstance(orbit.representation, ExactModes):
+            (site, _), *_ = orbit.section.impacts
+            model |= {"site": site, "damping": on.damping, "spring": on.spring, "walls": on.walls}
+        return model
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -195,12 +207,12 @@ class Zones(Columns, HtmlRepr):
         return f"<Zones of {of} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
 
 
-def admissible(at: Mapping[str, float], forcing: Forcing, lattice: Any) -> tuple[Orbit, ...]:
-    """All roots of (11) that keep off the walls."""
-    values: dict[str, Any] = {**at, "forcing": forcing, "lattice": lattice}
+def admissible(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
+    """All roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
+    resonance."""
     try:
-        found = symmetric_roots(**values)
-    except NoSolution:
+        found = symmetric_roots(at["a"], at["gamma"], at["k"], **model)
+    except (NoSolution, Resonance):
         return ()
     return tuple(breather for breather in found if least_margin(breather.motion) > 0.0)
 

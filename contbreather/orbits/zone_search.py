@@ -10,17 +10,26 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Branch, Event, Point, Steps, boundary, refined, trace
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Point,
+    Problem,
+    Steps,
+    boundary,
+    refined,
+    trace,
+)
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo
 from contbreather.errors import BadInput, add_partial_result
-from contbreather.lattice import Forcing, Lattice
-from contbreather.orbits.closed_form import events_on, symmetric_problem
 from contbreather.orbits.closure import folds
+from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
 from contbreather.parameters import window_of
@@ -52,8 +61,7 @@ class Search:
 
     name: str
     value: float
-    forcing: Forcing
-    lattice: Lattice
+    model: Mapping[str, Any]  # what breathers live on, as `symmetric` takes it
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
@@ -65,17 +73,16 @@ class Search:
             if other not in self.pair:
                 raise BadInput(f"no window for {other!r}: the plane is that of {self.pair}")
         self.within = {n: _narrowed(n, self.given.get(n)) for n in self.pair}
-        self.events = events_on(self.lattice, self.threshold)
-        if not self.past_folds:
-            self.events = tuple(map(up_to_the_fold, self.events))
+        self.events: tuple[Event, ...] | None = None  # until there is a breather that has them
         self.curves: dict[str, list[Branch]] = {kind: [] for kind in KINDS}
 
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
         fixed, ceiling = (self.name, self.value), None
-        if self.past_folds and self.within.get("a", (0.0, 0.0))[1] > 1.0 / self.forcing.peak():
-            ceiling = 1.0 / self.forcing.peak()
+        peak = self.model["forcing"].peak()
+        if self.past_folds and self.within.get("a", (0.0, 0.0))[1] > 1.0 / peak:
+            ceiling = 1.0 / peak
         return Zones(
             fixed, self.pair, curves, self.threshold, self.past_folds, interrupted, ceiling
         )
@@ -125,10 +132,24 @@ class Search:
         return [p for b in branches for p in b.special if is_meeting(p) and not self._known(p)]
 
     def _known(self, point: Point, but: Branch | None = None) -> bool:
-        # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p
-        names = (*self.pair, "p", "phi")
+        names = (*self.pair, *self._apart(point.curve.problem))
         curves = (b for b in self.curves[_followed(point)] if b is not but)
         return any(_on_curve(b, point, names, SAME) for b in curves)
+
+    @staticmethod
+    def _apart(problem: Problem) -> tuple[str, ...]:
+        """p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes
+        p takes long to say, and follows from the time."""
+        return ("p", "phi") if "phi" in problem.start else ("t1",)
+
+    def _problem(self, breather: Orbit) -> Problem:
+        """Its equations; all have the same events."""
+        problem = breather.representation.problem(self.threshold).having(*self.pair)
+        if self.events is None:
+            self.events = problem.events
+            if not self.past_folds:
+                self.events = tuple(map(up_to_the_fold, self.events))
+        return problem
 
     def _branches(self, x: float) -> Iterator[Branch]:
         """Branches of admissible breathers in the second parameter, at one value of the first."""
@@ -136,11 +157,13 @@ class Search:
         traced: list[Branch] = []
         for y in (*_comb(free, self.within), *self._next_to_folds(x)):
             for breather in self._breathers(x, y):
-                here = {free: y, "p": breather.p, "phi": breather.phi}
-                if any(_on_curve(b, here, (free, "p", "phi"), PASSED) for b in traced):
+                problem, phi = self._problem(breather), breather.phi
+                here = {free: y, "p": breather.p, "phi": phi, "t1": phi}
+                names = (free, *self._apart(problem))
+                if any(_on_curve(b, here, names, PASSED) for b in traced):
                     continue
                 branch = trace(
-                    symmetric_problem(breather, self.threshold),
+                    problem,
                     free,
                     within={free: self.within[free]},
                     events=self.events,
@@ -152,10 +175,10 @@ class Search:
 
     def _next_to_folds(self, x: float) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
-        if self.pair[1] != "a":
+        if self.pair[1] != "a" or "damping" in self.model:
             return []
         at = {self.name: self.value, self.pair[0]: x}
-        found = folds(at["gamma"], at["k"], self.forcing, self.lattice)
+        found = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]
         beside = [factor * a for a in found for factor in NEXT]
         return [a for a in beside if low <= a <= high]
@@ -163,8 +186,8 @@ class Search:
     def _breathers(self, x: float, y: float) -> list[Orbit]:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        found = admissible(values, self.forcing, self.lattice)
-        return [b for b in found if self.past_folds or b.representation.family == "upper"]
+        found = admissible(values, **self.model)
+        return [b for b in found if self.past_folds or family_of(b) == "upper"]
 
     def _follow(self, point: Point) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it
@@ -230,8 +253,8 @@ def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float)
     """Whether a traced curve passes a place: these values by name."""
     nodes = np.stack([branch[name] for name in names], axis=-1)
     gap = np.array([place[name] for name in names]) - nodes
-    if "phi" in names:
-        turn, phase = 2.0 * math.pi, names.index("phi")
+    if {"phi", "t1"} & {*names}:
+        turn, phase = 2.0 * math.pi, len(names) - 1
         gap[:, phase] -= turn * np.rint(gap[:, phase] / turn)
         gap[:, phase] *= PHASE
         nodes[:, phase] *= PHASE

@@ -12,6 +12,9 @@ from contbreather.continuation.checkpoint import Inner, Save, checkpoint
 from contbreather.continuation.starts import windows
 from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.finite import Lattice as Finite
+from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zone_search import Search
 from contbreather.parameters import parameter
@@ -29,6 +32,10 @@ class Drawn(TypedDict, total=False):
     threshold: float
     past_folds: bool
     save: Save
+    site: int
+    damping: float
+    spring: float | None
+    walls: Any
 
 
 @overload
@@ -63,6 +70,10 @@ def zones(
     threshold: float = THRESHOLD,
     past_folds: bool = False,
     save: Save = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
 ) -> Zones | tuple[Zones, ...]:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
@@ -74,8 +85,9 @@ def zones(
     forcing : Forcing or str, optional
         `Harmonic` unless given.
     lattice : Lattice, optional
-        The infinite chain unless given. On a `Ring` the NS curves follow the paper's rule: they are
-        the pieces of one envelope, each of the wave that is first to pass the threshold.
+        The infinite chain unless given, or any finite lattice. On a `Ring` the NS curves follow the
+        paper's rule: they are the pieces of one envelope, each of the wave that is first to pass
+        the threshold.
     within : dict, optional
         Windows of the two parameters, narrower than the defaults.
     progress : bool, optional
@@ -89,6 +101,9 @@ def zones(
         upper one does, at most up to a max|f| = 1 where their impacts vanish, p -> 0.
     save : str or Path, optional
         As for `trace`.
+    site, damping, spring, walls
+        As for `symmetric`, on finite lattices. There curves are followed by exact modes, at seconds
+        each and more; NS are then the curves on which any pair passes the threshold.
 
     Returns
     -------
@@ -120,7 +135,9 @@ def zones(
         )
     ((name, value),) = given.items()
     if np.iterable(value) and not isinstance(value, str):
-        shared = {"forcing": forcing, "lattice": lattice, "within": within, "progress": progress}
+        shared: dict[str, Any] = {"forcing": forcing, "lattice": lattice, "within": within}
+        shared |= {"progress": progress}
+        shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
     value = parameter(name, value)
     if name == "k" and value in (0.0, 1.0):
@@ -129,10 +146,17 @@ def zones(
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
             "Take k close to it, and symmetric() for single breathers at the edge"
         )
-    drive, chain = forcing_of(forcing), lattice_of(lattice)
-    search = Search(
-        name, value, drive, chain, windows(within), threshold, flag("past_folds", past_folds)
-    )
+    model: dict[str, Any] = {"forcing": forcing_of(forcing)}
+    if site or damping or walls is not None or spring is not None or isinstance(lattice, Finite):
+        model |= _by_modes(lattice, site, damping, spring, walls)
+        if past_folds:
+            raise BadInput(
+                "past_folds: lower breathers are drawn on the infinite chain, or on a ring without "
+                "damping, springs and walls of its own; leave it out"
+            )
+    else:
+        model["lattice"] = lattice_of(lattice)
+    search = Search(name, value, model, windows(within), threshold, flag("past_folds", past_folds))
     line = line_of(progress, lambda own: Counter(own, search.pair[0]))
     with (
         checkpoint(save, "zones") as search.kept,
@@ -142,6 +166,21 @@ def zones(
         search.run(shown)
         search.kept.finish(search.zones())
     return search.zones()
+
+
+def _by_modes(
+    lattice: Any, site: int, damping: float, spring: float | None, walls: Any
+) -> dict[str, Any]:
+    """What breathers of a finite lattice live on, checked before anything is looked for."""
+    if lattice is None or lattice.sites is None:
+        raise BadInput(
+            "zones on the infinite chain are of site 0 between walls at -1 and 1, without damping "
+            "and springs; name a lattice, Ring(20) for instance"
+        )
+    more: dict[str, Any] = {"damping": damping, "spring": 0.0 if spring is None else spring}
+    on = Conditions(1.0, 0.0, 0.5, **more, walls=Walls.given(walls), lattice=lattice).checked()
+    check_walls(Section(((site, 1),), sign=-1).placed(lattice), on)
+    return {"lattice": lattice, "site": site, **more, "walls": on.walls}
 
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, ...]:

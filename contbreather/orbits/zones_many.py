@@ -29,6 +29,10 @@ def zones_many(
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool = False,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
     executor: Executor | int | None = None,
     progress: bool | None = None,
 ) -> Iterator[Zones | Failed]:
@@ -41,7 +45,7 @@ def zones_many(
     over : dict, optional
         Values of parameters of the forcing, ``{"c3": (0.1, 0.2)}``: a diagram for each of `ks` with
         each of them, in the order of `itertools.product`, the last one fastest.
-    forcing, lattice, within, threshold, past_folds
+    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls
         As of `zones`, for all of them.
     executor, progress
         As of `trace_many`.
@@ -68,9 +72,9 @@ def zones_many(
     <Zones of upper breathers in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
-    draw = partial(
-        drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds
-    )
+    on: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
+    shared: dict[str, Any] = {"lattice": lattice, "within": within, "threshold": threshold}
+    draw = partial(drawn, **shared, past_folds=past_folds, **on)
     return each(draw, slices, executor=executor, progress=progress, unit="diagrams")
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.continuation import Branch, Point
+from contbreather.continuation.branch import Branches
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.run import Run as Kept
 from contbreather.errors import ContbreatherError
@@ -21,6 +22,7 @@ from contbreather.plotting.orbits import plot_orbit
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation import Basin, Run, SmoothRun, Sweep
+from contbreather.simulation.classify import Verdict as Judged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +37,8 @@ def card(value: Any) -> str:
 
     Parameters
     ----------
-    value : Branch, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, or what is on disk
+    value : Branch, several of them, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, a
+        verdict, margins, or what is on disk
 
     Examples
     --------
@@ -64,6 +67,8 @@ def _sentence(value: Any) -> str:
             return value.describe()
         case Kept():
             return str(value.path)
+        case Branches():
+            return f"{len(value)} branches"
         case Zones():
             return ". ".join([repr(value).strip("<>"), *value.told()])
         case _:
@@ -86,6 +91,10 @@ def _drawn(value: Any) -> Callable[[Axes], object] | None:
     match value:
         case Kept():
             return _drawn(next(iter(value.values()), None))
+        case Judged():
+            return _drawn(value.run)
+        case Branches():
+            return lambda ax: plot(*value, ax=ax)
         case Zones():
             return lambda ax: plot_zones(value, ax, legend=False)
         case Point():

@@ -138,7 +138,11 @@ def draw_panels(
 def _chain(zones: Zones) -> str:
     """Which ring the zones are about, and its threshold; nothing for the infinite chain."""
     sites = next((branch[0].solution.lattice.sites for _, branch in zones), None)
-    return "" if sites is None else f", ring of {sites}, threshold {zones.threshold:g}"
+    if sites is None:
+        return ""
+    held = [(name, zones.model.get(name)) for name in ("damping", "spring")]
+    losses = "".join(f", {name} {value:g}" for name, value in held if value)
+    return f", {zones.model['lattice'].describe()}{losses}, threshold {zones.threshold:g}"
 
 
 def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
+from contbreather.display import HtmlRepr
 from contbreather.errors import NotConverged
 from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import forced, localised
@@ -21,6 +22,7 @@ from contbreather.simulation.rotation import Rotation, rotation
 from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state
+from contbreather.tables import Sheet
 
 Array = NDArray[Any]
 Found = tuple["Kind", str]
@@ -36,6 +38,7 @@ RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
 POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
 BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather
 LONG = 60  # sites; multipliers of a longer lattice with smooth walls take minutes
+LOST = 400  # periods over which it is averaged of a motion with impacts all over the lattice
 SEEN = 200  # periods over which an exponent is averaged there
 
 
@@ -47,12 +50,13 @@ class Kind(enum.Enum):
     QUASI_PERIODIC = "quasi-periodic: a torus with a rotation number of its own"
     CHAOTIC = "chaotic: nearby motions separate exponentially"
     DELOCALISED = "delocalised: the breather is lost, impacts are everywhere"
+    NOISY = "noisy: the breather is there, kicked all the time"
     SYNCHRONISED = "synchronised: the breather is lost, all sites move together"
     UNDECIDED = "undecided: has not settled; let it run longer"
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(HtmlRepr):
     """What a motion is, and the numbers that say so.
 
     Attributes
@@ -68,15 +72,26 @@ class Verdict:
         ``frequencies`` (exponents that are zero), ``rotation``, ``rotation_error``, ``p``, ``q``.
     run : Run or SmoothRun
         The observed part, after settling.
+    motion : Kind
+        Where the breather is lost to impacts everywhere, what that motion is: periodic, locked,
+        quasi-periodic, chaotic or undecided. Else `kind`, also of long lattices with smooth walls.
     """
 
     kind: Kind
     reason: str
     evidence: Mapping[str, float]
-    run: Run | SmoothRun = field(repr=False)
+    run: Run | SmoothRun
+    motion: Kind
+
+    def table(self) -> Sheet:
+        """The evidence."""
+        return Sheet.of([("verdict", self.kind.name.lower()), *self.evidence.items()])
 
     def __str__(self) -> str:
         return f"{self.kind.value}; {self.reason}"
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
 
 
 def verdict(
@@ -115,7 +130,7 @@ def verdict(
     if run.stop is RunStop.DONE:
         run = completed(let_go(run.final, conditions, periods=length, t0=t0))
     if run.stop is not RunStop.DONE:
-        return Verdict(Kind.UNDECIDED, run.reason, {}, run)
+        return Verdict(Kind.UNDECIDED, run.reason, {}, run, Kind.UNDECIDED)
     return judge(run)
 
 
@@ -134,11 +149,19 @@ def judge(run: Run | SmoothRun) -> Verdict:
     """
     check_kind(run, (Run, SmoothRun), "a run of simulate")
     evidence = _where(run)
-    found = _lost(run, evidence)
-    if found is None:
-        found, repelling = _closed(run, evidence)
-        found = found or _open(run, evidence, repelling)
-    return Verdict(*found, evidence, run)
+    kind, reason = _lost(run, evidence) or (None, "")
+    if isinstance(run, Run) and run.noise:
+        ratio = f"participation ratio {evidence['participation']:.1f}"
+        reason = f"{reason or ratio}, under noise of strength {run.noise:g}"
+        return Verdict(kind or Kind.NOISY, reason, evidence, run, Kind.NOISY)
+    long = isinstance(run, SmoothRun) and run.sites > LONG
+    if kind is Kind.SYNCHRONISED or (kind is not None and long):
+        return Verdict(kind, reason, evidence, run, kind)
+    found, repelling = _closed(run, evidence)
+    motion, why = found or _open(run, evidence, repelling, lost=kind is not None)
+    if kind is None:
+        return Verdict(motion, why, evidence, run, motion)
+    return Verdict(kind, f"{reason}; {motion.name.lower()}, {why}", evidence, run, motion)
 
 
 def _where(run: Ran) -> dict[str, float]:
@@ -278,9 +301,11 @@ def _periodic(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> Fo
     return Kind.LOCKED, f"{p}:{n}, {reason}"
 
 
-def _open(run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None) -> Found:
+def _open(
+    run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None, *, lost: bool
+) -> Found:
     """Not closed: chaos, or a torus, by its turns and its exponents."""
-    turn, (values, errors) = rotation(*run.strobe), _exponents(run)
+    turn, (values, errors) = rotation(*run.strobe), _exponents(run, lost)
     # an exponent that is zero, as far as can be told
     neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
     kind, words, numbers = chaos_or_torus(turn, values, errors, neutral, repelling is not None)
@@ -328,12 +353,15 @@ def chaos_or_torus(
     return Kind.QUASI_PERIODIC, f"{turns}, {words}", evidence
 
 
-def _exponents(run: Ran) -> tuple[Array, Array]:
-    """The largest exponents from the end of a run on, and how well halves agree on them."""
+def _exponents(run: Ran, lost: bool) -> tuple[Array, Array]:
+    """The largest exponents from the end of a run on, and how well halves agree on them; of one
+    with impacts all over the lattice, each of them slow, one exponent over fewer periods."""
     # directions that shrink slowly take as long to find as the motion to settle
     count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)
     if isinstance(run, SmoothRun):
         count, length, settle = 1, SEEN, SEEN // 4
+    elif lost:
+        count, length, settle = 1, min(length, LOST), LOST // 4
     start, t0 = _last(run), float(run.times[0])
     found = exponents(start, run.conditions, length, count, settle=settle, t0=t0)
     return found.exponents, found.error

@@ -31,6 +31,7 @@ from contbreather.simulation.chunks import (
     in_chunks,
 )
 from contbreather.simulation.integrator import EventDriven
+from contbreather.simulation.noise import Noisy
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
@@ -160,10 +161,13 @@ class Run(States):
     stop : RunStop
     reason : str
         Says more where the run did not go through all its periods.
+    noise : float
+        Strength of the noise it was under.
     """
 
     impacts: NDArray[np.void]
     rests: NDArray[np.void]
+    noise: float = 0.0
 
     along = "impact"
 
@@ -203,6 +207,8 @@ def simulate(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
     **on: Unpack[ModelParameters],
 ) -> Run:
     """Let a lattice of impacting sites go from any state.
@@ -220,6 +226,11 @@ def simulate(
         always recorded.
     progress : bool, optional
         Show progress on standard error; by default on long runs at a terminal.
+    noise : float
+        Strength of white noise on every site, ``u'' = ... + noise xi(t)`` with ``<xi(t) xi(s)> =
+        delta(t - s)``: kicks of the velocities, at least 64 in a period, between exact flights.
+    seed : int
+        Of the noise: the same seed gives the same run, to the last digit.
     a, gamma, k : float
         Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1].
     damping, spring : float
@@ -257,7 +268,10 @@ def simulate(
     """
     start = check_state(state)
     conditions = conditions_of(start.u.size, **on)
-    return advance(start, conditions, periods=periods, t0=t0, sample=sample, progress=progress)
+    strength = number("noise", noise, 0.0, 1e6, "the strength of the noise, from 0 to 1e6")
+    kicked = (strength, whole("seed", seed, 0))
+    shared: Any = {"periods": periods, "t0": t0, "sample": sample, "progress": progress}
+    return advance(start, conditions, **shared, kicked=kicked)
 
 
 def advance(
@@ -268,12 +282,19 @@ def advance(
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
+    kicked: tuple[float, int] = (0.0, 0),
 ) -> Run:
-    """`simulate`, of a state and conditions that have been checked."""
+    """`simulate`, of a state and conditions that have been checked; `kicked` by noise of this
+    strength and seed."""
     check_sample(sample, state.u.size)
-    integrator = EventDriven(within(state, conditions.walls), conditions, reduced(t0), sample)
+    integrator: Any = EventDriven(within(state, conditions.walls), conditions, reduced(t0), sample)
+    noise, seed = kicked
+    if noise:
+        if sample is not None:
+            raise BadInput("sample: sites are not recorded densely under noise; leave one out")
+        integrator = Noisy(integrator, noise, seed)
     left, chunks = gathered(integrator, periods=periods, t0=t0, progress=progress)
-    return Run(**left, **event_tables_of(chunks, t0))
+    return Run(**left, **event_tables_of(chunks, t0), noise=noise)
 
 
 def event_tables_of(chunks: list[Chunk], t0: float) -> dict[str, Any]:

@@ -35,6 +35,7 @@ def _to_dict(run: Run | SmoothRun) -> dict[str, Any]:
         "stop": run.stop.name,
         "reason": run.reason,
         "columns": columns,
+        **({"noise": run.noise} if isinstance(run, Run) and run.noise else {}),
     }
 
 
@@ -63,10 +64,10 @@ def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
 
 
 @serialised("simulated run", Run, _to_dict)
-def _run(columns: Values, conditions: Conditions, **ended: Any) -> Run:
+def _run(columns: Values, conditions: Conditions, noise: float = 0.0, **ended: Any) -> Run:
     impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
     shared = _shared(columns, **ended)
-    return Run(impacts=impacts, rests=rests, conditions=conditions, **shared)
+    return Run(impacts=impacts, rests=rests, conditions=conditions, noise=noise, **shared)
 
 
 @serialised("smooth run", SmoothRun, _to_dict)

@@ -11,7 +11,7 @@ N = 200, 400, 800.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real, shown
+from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.scattering import OverReflection
+from contbreather.tables import Sheet
 
 Array = NDArray[Any]
 
@@ -35,7 +37,7 @@ _ABOVE = (
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict:
+class Verdict(HtmlRepr):
     """Whether an orbit is stable: on which lattice, and by which threshold.
 
     Attributes
@@ -47,7 +49,8 @@ class Verdict:
         For the moduli of multipliers over the period. None on the infinite chain, whose answer is
         exact: isolated multipliers strictly outside the unit circle.
     unstable : int
-        How many multipliers are beyond that, a pair counting two.
+        How many multipliers are beyond that, a pair counting two; NaN where an impact vanishes, at
+        VI, and multipliers mean nothing.
     certain : bool
         False where one of them sits on the unit circle to within rounding, at ``exp(i pi nu)``, or
         where gamma is within rounding of 1/4.
@@ -56,19 +59,26 @@ class Verdict:
     lattice: str
     period: float
     threshold: float | None
-    unstable: int
+    unstable: float
     certain: bool = True
     nu: float = math.nan
     map: Any = field(kw_only=True, compare=False)
 
     @property
-    def stable(self) -> bool:
-        return self.unstable == 0
+    def stable(self) -> bool | None:
+        """None where nothing can be said."""
+        return None if math.isnan(self.unstable) else self.unstable == 0
+
+    def blank(self) -> Verdict:
+        """The verdict where there is none: an impact vanishes, and its saltation has a pole."""
+        return replace(self, unstable=math.nan, certain=False)
 
     @cached_property
     def multipliers(self) -> Array:
         """Those beyond the threshold over the period, largest first; on the infinite chain those
         outside the unit circle, of a symmetric breather over half its period (QS)."""
+        if self.stable is None:
+            return np.empty(0, dtype=complex)
         if self.threshold is None:
             return self.map.unstable_multipliers()
         mu = self.map.over_period
@@ -78,6 +88,8 @@ class Verdict:
     @cached_property
     def largest(self) -> float:
         """Largest modulus of all multipliers; the band of the infinite chain has 1."""
+        if self.stable is None:
+            return math.nan
         if self.threshold is None:
             return float(np.abs(self.multipliers).max(initial=1.0))
         return float(np.abs(self.map.over_period).max(initial=self.map.idle))
@@ -106,8 +118,21 @@ class Verdict:
             "chain; ask symmetric(a, gamma, k).stability() for it."
         )
 
+    def table(self) -> Sheet:
+        """The numbers behind it."""
+        rows: list[tuple[str, Any]] = [
+            ("stable", {True: "yes", False: "no", None: None}[self.stable]),
+            ("multipliers beyond", None if self.stable is None else self.unstable),
+        ]
+        if self.threshold is not None:
+            rows += [("threshold", self.threshold), ("largest |multiplier|", self.largest)]
+        rows += [("multiplier", complex(mu)) for mu in self.multipliers]
+        return Sheet.of([(name, None if value != value else value) for name, value in rows])
+
     def describe(self) -> str:
         """The verdict as a sentence."""
+        if self.stable is None:
+            return f"{self.lattice}: nothing is said of stability where an impact vanishes"
         several = f"{self.unstable or 'no'} multiplier{'s' * (self.unstable > 1)}"
         if self.threshold is None:
             word = "stable, " if self.stable else "unstable, "

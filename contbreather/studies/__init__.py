@@ -6,8 +6,9 @@ with the rest.
 
 from __future__ import annotations
 
+from contbreather.studies.plan import Plan, plan
 from contbreather.studies.report import Report
 from contbreather.studies.run import run
 from contbreather.studies.validation import read
 
-__all__ = ["Report", "read", "run"]
+__all__ = ["Plan", "Report", "plan", "read", "run"]

@@ -12,7 +12,7 @@ from contbreather.orbits.zones_many import slices_of
 from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
 from contbreather.runs import Run, load
 from contbreather.studies.report import Report
-from contbreather.studies.schema import Figure, Study
+from contbreather.studies.schema import Figure, Study, part
 from contbreather.studies.tasks import Task
 from contbreather.workers import Failed
 
@@ -27,9 +27,11 @@ def drawn(study: Study, tasks: Sequence[Task], report: Report) -> None:
             path = report.folder / f"{name}{ATLAS}"
             report.written.append(save_atlas(path, shown.atlas(name)))
     for name, figure in study.figure.items():
-        missing = [one for one in figure.draws if not shown.there(one.partition("/")[0])]
-        if missing:
-            report.failed[f"figure {name}"] = f"there is nothing of {', '.join(missing)} to draw"
+        missing = [one for one in figure.draws if not shown.there(one)]
+        lost = [one for one in missing if not shown.absent(one)]
+        if lost or len(missing) == len(figure.draws):
+            why = f"there is nothing of {', '.join(lost or missing)} to draw"
+            (report.failed if lost else report.absent)[f"figure {name}"] = why
             continue
         path = report.folder / (figure.file or f"{name}.png")
         try:
@@ -47,19 +49,26 @@ class _Shown:
         for task in tasks:
             self.families.setdefault(task.family, []).append(task)
 
+    def tasks(self, name: str) -> list[Task]:
+        """Those that a figure names."""
+        wanted = part(name)
+        return [task for task in self.families[wanted.family] if wanted.has(task.values)]
+
     def there(self, name: str) -> bool:
-        return any(task.name not in self.report.failed for task in self.families[name])
+        return any(task.name not in self.report.missing for task in self.tasks(name))
+
+    def absent(self, name: str) -> bool:
+        return all(task.name in self.report.absent for task in self.tasks(name))
 
     def results(self, name: str) -> list[Any]:
-        """All of a family, as far as they are there; arms one by one."""
-        family, _, member = name.partition("/")
-        found: list[Any] = []
-        for task in self.families[family]:
-            if task.name in self.report.failed:
+        """All that is named, as far as it is there; arms one by one."""
+        arm, found = part(name).arm, list[Any]()
+        for task in self.tasks(name):
+            if task.name in self.report.missing:
                 continue
             one = load(task.file(self.report.folder))
             several = one.values() if isinstance(one, Run) else [one]
-            found += [one[member]] if member and isinstance(one, Run) else several
+            found += [one[arm]] if arm and isinstance(one, Run) else several
         return found
 
     def atlas(self, name: str) -> Any:

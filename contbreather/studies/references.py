@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 
+from contbreather.checks import combinations
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.studies.schema import Chain, Figure, Study
+from contbreather.studies.schema import Chain, Figure, FromPoint, Grid, Study, part
 
-Fault = tuple[tuple[str, ...], str]  # where it is said, and what is wrong
+Place = tuple[str, ...]
+Fault = tuple[Place, str]  # where it is said, and what is wrong
 KINDS = ("branch", "arms", "boundary", "zones", "atlas")
 FIGURES = (".png", ".pdf", ".svg")
+EVENTS = {"arms": ("PF", "PD", "BP"), "boundary": ("LP", "PF", "PD", "NS", "GR", "VI", "BP")}
+MEASURES = ("p", "phi", "c", "asymmetry", "unstable", "condition", "nu", "arclength", "residual")
+NUMBERED = re.compile(r"[tpJc]\d*|norm\([qr]\)")  # columns that some branches have more than one of
 
 
 def faults(study: Study, unread: Collection[str] = ()) -> Iterator[Fault]:
@@ -48,7 +54,7 @@ def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
     sources = {**study.branch, **study.arms, **study.boundary}
     for kind in ("arms", "boundary"):
         for name, table in getattr(study, kind).items():
-            source, _, member = table.of.partition("/")
+            source, _, arm = part(table.of)
             if source in unread:
                 continue
             if source not in sources:
@@ -57,11 +63,48 @@ def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
                     (kind, name, "of"),
                     f"no branch, arms or boundary {source!r}; there are {have}",
                 )
-            elif (source in study.arms) != bool(member):
+            elif (source in study.arms) != bool(arm):
                 wanted = f"{source}/arm1" if source in study.arms else source
                 yield (kind, name, "of"), f"{wanted!r} was expected, got {table.of!r}"
             elif name in _origins(study, source):
                 yield (kind, name, "of"), f"it comes from itself, by way of {source!r}"
+            else:
+                yield from _no_member(study, (kind, name, "of"), table.of, unread)
+                yield from _no_event(study, kind, name)
+
+
+def _no_member(study: Study, place: Place, named: str, unread: Collection[str]) -> Iterator[Fault]:
+    """A member of a scan that is not in it."""
+    wanted = part(named)
+    if not wanted.member or {*_origins(study, wanted.family)} & {*unread}:
+        return
+    there = list(members(study, wanted.family))
+    if there and not any(map(wanted.has, there)):
+        values = {name: dict.fromkeys(at[name] for at in there) for name in there[0]}
+        have = "; ".join(f"{name} = {', '.join(map(str, of))}" for name, of in values.items())
+        yield place, f"{wanted.family} has no {named.split('/')[1]}; it has {have}"
+
+
+def members(study: Study, family: str) -> Iterator[dict[str, float]]:
+    """The values of each member of a family: of a grid all, else those of what it starts from."""
+    table = study.results[family]
+    if isinstance(table, Grid):
+        yield from combinations(table.grid)
+    elif isinstance(table, FromPoint):
+        source = part(table.of)
+        yield from filter(source.has, members(study, source.family))
+
+
+def _no_event(study: Study, kind: str, name: str) -> Iterator[Fault]:
+    """A label that no special point of the source has from which anything of this kind sets out."""
+    at, source = getattr(study, kind)[name].at, study.results[name].source
+    if source in study.boundary:  # where two kinds meet there are names of many sorts
+        return
+    # symmetric breathers have no PD: it is that of an arm that leaves them at a pitchfork
+    known = [one for one in EVENTS[kind] if one != "PD" or source not in study.branch]
+    if at.rstrip("0123456789") not in known:
+        what = f"{kind} of {'a branch' if source in study.branch else 'arms'} start"
+        yield (kind, name, "at"), f"{what} at {', '.join(known)}, 'PF1' for instance; got {at!r}"
 
 
 def _names_there(read: Collection[str], unread: Collection[str]) -> str:
@@ -172,7 +215,7 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
             ("figure", name, "file"),
             f"one of {', '.join(FIGURES)} was expected, got {figure.file!r}",
         )
-    draws = [one.partition("/")[0] for one in figure.draws]
+    draws = [part(one).family for one in figure.draws]
     if set(draws) & set(unread):
         return
     for one in draws:
@@ -187,6 +230,18 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
         yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"
         return
     fit = {"over", "at"} if alone else set() if kinds == {"Zones"} else {"x", "y"}
+    if not unread:
+        for one in figure.draws:
+            yield from _no_member(study, ("figure", name, "draws"), one, unread)
+    columns = {*MEASURES, *PAIRS, "damping", "spring", *study.chain.drive.params}
+    for key in sorted({"x", "y"} & fit & figure.model_fields_set):
+        column = getattr(figure, key)
+        if column not in columns and not NUMBERED.fullmatch(column):
+            yield (
+                ("figure", name, key),
+                f"no branch of a study has a column {column!r}; there are "
+                f"{', '.join(sorted(columns))}, and of each impact t1, p1",
+            )
     for key in sorted({"x", "y", "over", "at"} & figure.model_fields_set - fit):
         yield (
             ("figure", name, key),

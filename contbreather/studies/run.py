@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 from contbreather.errors import BadInput, partial_result
-from contbreather.files import named
 from contbreather.studies.figures import drawn
+from contbreather.studies.plan import plan
 from contbreather.studies.report import Report
-from contbreather.studies.tasks import Task, Worker, tasks_of
-from contbreather.studies.validation import read
+from contbreather.studies.tasks import Task, Worker
 from contbreather.workers import Failed, each
+
+Tell = Callable[[str], object]
 
 
 def run(
@@ -22,6 +25,7 @@ def run(
     executor: Executor | int | None = None,
     progress: bool | None = None,
     again: bool = False,
+    tell: Tell | None = None,
 ) -> Report:
     """Do what a study file says, or the rest of it.
 
@@ -39,6 +43,8 @@ def run(
     again : bool
         Replace results of other settings, and try once more what failed; such results are
         refused otherwise.
+    tell : callable, optional
+        ``tell(line)`` is called with one line on each part as it ends, for a log.
 
     Returns
     -------
@@ -65,17 +71,23 @@ def run(
     >>> run(path).computed, run(path).kept
     (['first'], ['first'])
     """
-    study = read(path)
-    place = named("write", folder) if folder is not None else Path(path).with_suffix("")
-    place = place.resolve()
-    tasks, report = tasks_of(study), Report(place)
-    _made(place)
-    _check(tasks, place, again)
+    asked = plan(path, folder=folder, again=again)
+    report, todo = Report(asked.folder), asked.left
+    ended = _told(tell, len(todo))
+    _made(report.folder)
+    for task in asked.tasks:
+        if not asked.wants(task):
+            report.enter(task.name, *task.outcome(report.folder))
     with partial_result(report.so_far):
-        for level in sorted({task.level for task in tasks}):
-            todo = _left([task for task in tasks if task.level == level], report, again)
-            _do(todo, report, executor, progress)
-        drawn(study, tasks, report)
+        for level in sorted({task.level for task in todo}):
+            work = [task for task in todo if task.level == level and _begun(task, report, ended)]
+            computed = each(
+                Worker(report.folder), work, executor=executor, progress=progress, unit="parts",
+                together=1, ended=ended,
+            )  # fmt: skip
+            for task, result in zip(work, computed, strict=False):
+                report.enter(task.name, *_outcome(result))
+        drawn(asked.study, asked.tasks, report)
     return report
 
 
@@ -86,44 +98,30 @@ def _made(folder: Path) -> None:
         raise BadInput(f"cannot write to {folder}: {error.strerror}; name a folder") from error
 
 
-def _check(tasks: Sequence[Task], folder: Path, again: bool) -> None:
-    """Refuse to replace what may have taken weeks."""
-    other = [
-        task.name
-        for task in tasks
-        if (mark := task.known(folder)) and mark["settings"] != task.fingerprint
-    ]
-    if other and not again:
-        raise BadInput(
-            f"{folder} has results of other settings: {', '.join(other)}. Name another folder, or "
-            "have them replaced (again, --again)"
-        )
+def _begun(task: Task, report: Report, ended: Callable[[Task, Any], object]) -> bool:
+    """Whether there is what it starts from."""
+    if task.needs is None or task.needs.name not in report.missing:
+        return True
+    outcome, why = task.lacking("absent" if task.needs.name in report.absent else "failed")
+    report.enter(task.name, outcome, why)
+    ended(task, why)
+    return False
 
 
-def _left(level: Sequence[Task], report: Report, again: bool) -> list[Task]:
-    """What is not finished, and can be begun."""
-    todo = []
-    for task in level:
-        mark = task.known(report.folder)
-        done = mark is not None and mark["settings"] == task.fingerprint
-        if task.needs is not None and task.needs.name in report.failed:
-            report.failed[task.name] = f"there is no {task.needs.name} to start from"
-        elif not done or (again and mark and mark["failed"]):
-            todo.append(task)
-        elif mark and mark["failed"]:
-            report.failed[task.name] = mark["failed"]
-        else:
-            report.kept.append(task.name)
-    return todo
+def _outcome(result: Failed | str) -> tuple[str, str]:
+    """What became of a part that was not there, and why."""
+    if isinstance(result, Failed):
+        return "failed", result.reason
+    return "absent" if result else "computed", result
 
 
-def _do(
-    todo: Sequence[Task], report: Report, executor: Executor | int | None, progress: bool | None
-) -> None:
-    work = Worker(report.folder)
-    results = each(work, todo, executor=executor, progress=progress, unit="parts", together=1)
-    for task, found in zip(todo, results, strict=False):
-        if isinstance(found, Failed):
-            report.failed[task.name] = found.reason
-        else:
-            report.computed.append(task.name)
+def _told(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
+    """Called with each part as it ends."""
+    numbers = count(1)
+
+    def told(task: Task, result: Failed | str) -> None:
+        _, why = _outcome(result)
+        if tell is not None:
+            tell(f"{next(numbers)} of {total}, {task.name}{f': none, {why}' if why else ''}")
+
+    return told

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from typing import Annotated, Any
+from contextlib import suppress
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import (
     AfterValidator,
@@ -23,8 +25,37 @@ from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD
 
+_PART = re.compile(r"([^/=]+)(?:/([^/=]+=[^/]+))?(?:/([^/=]+))?")
 SPREAD = {"from", "to", "count"}
 WANTED = "a value"
+
+
+class Part(NamedTuple):
+    """What `of` and `draws` name: a family, its members with these values, one of their arms."""
+
+    family: str
+    member: Mapping[str, float]
+    arm: str
+
+    def has(self, at: Mapping[str, float]) -> bool:
+        """Whether the member with these values is among those that are named."""
+        return all(at.get(name) == value for name, value in self.member.items())
+
+
+def part(named: str) -> Part:
+    """``scan/gamma=0.02,k=0.8/arm1`` taken apart; only the family has to be there."""
+    if found := _PART.fullmatch(named):
+        family, member, arm = found.groups(default="")
+        pairs = (one.partition("=") for one in member.split(",") if one)
+        with suppress(ValueError):
+            return Part(family, {name.strip(): float(value) for name, _, value in pairs}, arm)
+    raise ValueError(f"{named!r}: NAME, NAME/gamma=0.02 or NAME/gamma=0.02/arm1 was expected")
+
+
+def a_part(given: str) -> str:
+    """The name of a part, as it was typed."""
+    part(given)
+    return given
 
 
 def values(given: Any) -> list[float]:
@@ -57,6 +88,7 @@ def in_range(given: Any, info: ValidationInfo) -> Any:
     return given
 
 
+Named = Annotated[str, AfterValidator(a_part)]
 Values = Annotated[list[float], PlainValidator(values)]
 Ranged = Annotated[list[float], PlainValidator(values), AfterValidator(in_range)]
 Window = Annotated[list[float], PlainValidator(window)]
@@ -71,7 +103,7 @@ class Table(BaseModel):
     @property
     def source(self) -> str:
         """What it starts from, empty if that is nothing."""
-        return str(getattr(self, "of", "")).partition("/")[0]
+        return part(self.of).family if isinstance(self, FromPoint) else ""
 
     @property
     def plain(self) -> dict[str, Any]:
@@ -149,6 +181,7 @@ class Branch(Grid):
     free: str
     window: Window | None = None
     root: Annotated[int, Field(ge=1)] | None = None
+    optional: bool = False
     largest: Annotated[float, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
@@ -162,21 +195,23 @@ class Branch(Grid):
         return self
 
 
-class Arms(Table):
+class FromPoint(Table):
+    """What starts from a special point of another part."""
+
+    of: Named
+    at: str
+    within: dict[str, Window] = Field(default_factory=dict)
+    optional: bool = False
+
+
+class Arms(FromPoint):
     """What leaves a branch at a special point."""
 
-    of: str
-    at: str
-    within: dict[str, Window] = Field(default_factory=dict)
 
-
-class Boundary(Table):
+class Boundary(FromPoint):
     """A special point as a curve in two parameters."""
 
-    of: str
-    at: str
     pair: list[str] = Field(min_length=2, max_length=2)
-    within: dict[str, Window] = Field(default_factory=dict)
     largest: Annotated[float, Field(gt=0.0)] | None = None
 
 
@@ -213,7 +248,7 @@ class Atlas(Zones):
 class Figure(Table):
     """What is drawn together."""
 
-    draws: list[str] = Field(min_length=1)
+    draws: list[Named] = Field(min_length=1)
     file: str | None = None
     x: str | None = None
     y: str | None = None

@@ -12,13 +12,13 @@ from typing import Any
 from contbreather.checks import combinations
 from contbreather.continuation import Branch, Point, Steps, boundary, trace
 from contbreather.continuation.switching import switch
-from contbreather.errors import BadInput, ContbreatherError
+from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import write_whole
 from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.orbits.zones_many import Slice, drawn
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
-from contbreather.studies.schema import Chain, Study, Table
+from contbreather.studies.schema import Chain, FromPoint, Study, part
 
 MARKS = ".study"  # the folder of what is known of the tasks
 
@@ -32,6 +32,7 @@ class Task:
     kind: str  # branch, arms, boundary or zones
     asked: Mapping[str, Any]  # all that its result depends on, but for the part it starts from
     needs: Task | None = None  # that task
+    optional: bool = False  # whether it may be that there is nothing to start from
 
     @property
     def name(self) -> str:
@@ -40,6 +41,11 @@ class Task:
     @property
     def level(self) -> int:
         return 0 if self.needs is None else 1 + self.needs.level
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Of the parameters, as far as the study fixes them."""
+        return dict(self.asked["at"]) if self.needs is None else self.needs.values
 
     @property
     def fingerprint(self) -> str:
@@ -55,16 +61,38 @@ class Task:
         return folder / MARKS / f"{self.name.replace('/', '@')}.json"
 
     def known(self, folder: Path) -> dict[str, Any] | None:
-        """What is known of it: of which settings its result is, and why there is none."""
+        """What is known of it: of which settings its result is, and why there is none: it `failed`,
+        or what it starts from is `absent`."""
         try:
-            mark: dict[str, Any] = json.loads(self._mark(folder).read_text(encoding="utf-8"))
+            mark = {"absent": "", **json.loads(self._mark(folder).read_text(encoding="utf-8"))}
         except (FileNotFoundError, ValueError):
             return None
-        return mark if mark["failed"] or self.file(folder).exists() else None
+        return mark if mark["failed"] or mark["absent"] or self.file(folder).exists() else None
 
-    def mark(self, folder: Path, failed: str = "") -> None:
+    def outcome(self, folder: Path, again: bool = False) -> tuple[str, str]:
+        """What is on disk of it, "kept", "failed" or "absent", and why; nothing where it is to be
+        computed, `again` where there is no result."""
+        before = "" if self.needs is None else self.needs.outcome(folder, again)[0]
+        if before in ("failed", "absent"):
+            return self.lacking(before)
+        mark = self.known(folder)
+        if mark is None or mark["settings"] != self.fingerprint:
+            return "", ""
+        why: str = mark["failed"] or mark["absent"]
+        if not why:
+            return "kept", ""
+        absent = self.optional and not mark["failed"]
+        return ("", "") if again else ("absent" if absent else "failed", why)
+
+    def lacking(self, before: str) -> tuple[str, str]:
+        """Its outcome where what it starts from failed, or is absent."""
+        assert self.needs is not None
+        absent = self.optional and before == "absent"
+        return "absent" if absent else "failed", f"there is no {self.needs.name} to start from"
+
+    def mark(self, folder: Path, failed: str = "", absent: str = "") -> None:
         """Say that it is finished; last of all, so that what is said is there."""
-        text = json.dumps({"settings": self.fingerprint, "failed": failed})
+        text = json.dumps({"settings": self.fingerprint, "failed": failed, "absent": absent})
         self._mark(folder).parent.mkdir(parents=True, exist_ok=True)
         write_whole(self._mark(folder), lambda file: file.write(text.encode()))
 
@@ -77,14 +105,18 @@ def tasks_of(study: Study) -> list[Task]:
         found[name] = _over(name, "branch", branch.grid, {**branch.plain, "chain": chain})
     for name, zones in {**study.zones, **study.atlas}.items():
         found[name] = _over(name, "zones", zones.grid, {**zones.plain, "chain": chain})
-    rest: dict[str, Table] = {**study.arms, **study.boundary}
+    rest: dict[str, FromPoint] = {**study.arms, **study.boundary}
     while rest:
         for name, table in list(rest.items()):
-            source = table.source
-            if source in found:
+            source = part(table.of)
+            if source.family in found:
                 kind = "arms" if name in study.arms else "boundary"
+                # a result is the same, be it asked for alone or with the others of its family
+                asked = table.plain | {"of": "/".join(filter(None, (source.family, source.arm)))}
                 found[name] = [
-                    Task(name, one.label, kind, table.plain, one) for one in found[source]
+                    _task(name, one.label, kind, asked, one)
+                    for one in found[source.family]
+                    if source.has(one.values)
                 ]
                 del rest[name]
     return sorted((one for family in found.values() for one in family), key=lambda one: one.level)
@@ -100,8 +132,20 @@ def _over(
     family = []
     for at in combinations(grid):
         label = ",".join(f"{one}={at[one]!r}" for one in several)
-        family.append(Task(name, label, kind, {**alike, "at": at}))
+        family.append(_task(name, label, kind, {**alike, "at": at}))
     return family
+
+
+def _task(
+    family: str, label: str, kind: str, said: Mapping[str, Any], needs: Task | None = None
+) -> Task:
+    """What it comes to does not depend on whether it may be absent."""
+    asked = {name: value for name, value in said.items() if name != "optional"}
+    return Task(family, label, kind, asked, needs, said.get("optional", False))
+
+
+class NoStart(BadInput):
+    """What a part starts from is not there."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +154,8 @@ class Worker:
 
     folder: Path
 
-    def __call__(self, task: Task) -> Task:
-        """The part, once its result is on disk.
+    def __call__(self, task: Task) -> str:
+        """Nothing, once the result is on disk; of an optional part why there is none.
 
         Raises
         ------
@@ -120,6 +164,11 @@ class Worker:
         """
         try:
             result = _COMPUTED[task.kind](task, self.folder)
+        except NoStart as error:
+            task.mark(self.folder, absent=str(error))
+            if task.optional:
+                return str(error)
+            raise
         except ContbreatherError as error:
             task.mark(self.folder, str(error))
             raise
@@ -130,7 +179,7 @@ class Worker:
         else:
             save(path, **{task.kind: result})
         task.mark(self.folder)
-        return task
+        return ""
 
 
 # --- what is computed -------------------------------------------------------------------------
@@ -150,9 +199,11 @@ def _branch(task: Task, folder: Path) -> Branch:
     span = tuple(asked.get("window") or window_of(free))
     at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
     near = (at[free], at[free]) if free in at else span
-    start = find_symmetric(
-        free, near, root=asked.get("root"), **{**at, **chain.on, "forcing": drive}
-    )
+    given = {**at, **chain.on, "forcing": drive}
+    try:
+        start = find_symmetric(free, near, root=asked.get("root"), **given)
+    except NoSolution as error:
+        raise NoStart(str(error)) from error
     problem = problem_with(start, free, threshold=chain.verge)
     return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
 
@@ -195,8 +246,15 @@ def _within(task: Task) -> dict[str, tuple[float, float]]:
 def _source(task: Task, folder: Path) -> Point:
     """The special point that it starts from."""
     assert task.needs is not None
-    found, member = load(task.needs.file(folder)), task.asked["of"].partition("/")[2]
-    branch: Branch = found[member] if member and not isinstance(found, Branch) else found
-    if not isinstance(branch, Branch):
-        raise BadInput(f"{task.name}: no {member!r} in {task.needs.name}; it has {list(found)}")
-    return branch.first(task.asked["at"])
+    found, arm = load(task.needs.file(folder)), part(task.asked["of"]).arm
+    if isinstance(found, Branch):  # also where there is one arm alone
+        found = {"": found, "arm1": found}
+    if arm not in found:
+        raise NoStart(f"{task.needs.name} has no {arm}; it has {', '.join(filter(None, found))}")
+    branch, at = found[arm], task.asked["at"]
+    try:
+        return branch.first(at)
+    except BadInput as error:
+        labels = ", ".join(point.label for point in branch.special)
+        name = "/".join(filter(None, (task.needs.name, arm)))
+        raise NoStart(f"{name} has no {at}; it has {labels}") from error

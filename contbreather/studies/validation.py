@@ -18,6 +18,20 @@ if TYPE_CHECKING:
     from contbreather.studies.schema import Study
 
 Place = tuple[str, ...]
+WANTED = {  # by what pydantic calls a mistake
+    "string": "a text in quotes",
+    "int": "a whole number",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "bool": "true or false",
+    "list": "a list",
+    "dict": "a table of names and values",
+    "model": "a table of keys",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+}
 ONE_BY_ONE = ("branch", "arms", "boundary", "zones", "atlas", "figure")  # tables of tables
 _HEADER = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*([\w.\-"' ]+?)\s*=""")
@@ -107,9 +121,16 @@ def _sentences(error: ValidationError, study: Any) -> Iterator[tuple[Place, str]
                 yield place, f"unknown here{_guess(place, study)}"
             case "value_error":
                 yield place, str(one["ctx"]["error"])
-            case _:
-                wanted = one["msg"][0].lower() + one["msg"][1:]
-                yield place, f"{wanted.replace('input should', 'it should')}, got {given!r}"
+            case kind:
+                wanted = WANTED[kind.removesuffix("_type")].format(**one.get("ctx", {}))
+                yield place, f"{wanted} was expected, got {_typed(given)}"
+
+
+def _typed(given: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(given, dict):
+        return "a table"
+    return str(given).lower() if isinstance(given, bool) else repr(given)
 
 
 def _guess(place: Place, study: Any) -> str:

@@ -196,3 +196,16 @@ def test_pitchforks_of_neighbours_are_followed_where_their_impacts_are_close(lat
     line = cb.boundary(first, ("gamma", "a"), within={"gamma": (0.04, 0.045)})
     assert line[-1]["gamma"] == 0.045
     assert line[-1]["a"] == pytest.approx(fork(0.045)["a"], abs=1e-10)
+
+
+def test_a_point_of_a_branch_of_the_single_oscillator_stands_for_a_site() -> None:
+    branch = cb.trace(cb.symmetric(0.5, 0.0, 0.8), "a", within={"a": (0.5, 0.6)})
+    point = branch.first("EP")
+    found, wanted = (
+        cb.multibreather({0: one, 3: one}, a=point["a"], gamma=0.02, k=0.8, lattice=cb.Ring(9))
+        for one in (point, point.solution)
+    )
+    assert found.times.tolist() == wanted.times.tolist()
+    refused = r"^sites 0 \(period 2 pi, impacts 0\+, half of a symmetric orbit\), 3 \(upper\): this"
+    with pytest.raises(cb.NoSolution, match=refused):
+        cb.multibreather({0: point, 3: "upper"}, a=point["a"], gamma=0.2, k=0.8, lattice=cb.Ring(9))

@@ -116,7 +116,7 @@ def noise(sites: int, periods: int = 120) -> np.ndarray:
 def test_every_kind_of_motion_is_a_word_and_what_it_means() -> None:
     words = [kind.value.split(": ") for kind in Kind]
     assert [word for word, _ in words] == [
-        "periodic", "locked", "quasi-periodic", "chaotic", "delocalised", "synchronised",
+        "periodic", "locked", "quasi-periodic", "chaotic", "delocalised", "noisy", "synchronised",
         "undecided",
     ]  # fmt: skip
     assert all(len(meaning.split()) > 3 for _, meaning in words)
@@ -170,7 +170,7 @@ def test_smooth_energy_all_over_the_ring_is_delocalised() -> None:
     v[:, :4] += 1.0
     found = judge(run_of("smooth", u, v))
     assert found.kind is Kind.DELOCALISED
-    assert found.reason == "participation ratio 4.0 of 5"
+    assert found.reason.startswith("participation ratio 4.0 of 5; undecided, ")
     v[:, 1:4] -= 1.0
     assert judge(run_of("smooth", u, v)).kind is not Kind.DELOCALISED
 
