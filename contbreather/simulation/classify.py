@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
 from contbreather.display import HtmlRepr
-from contbreather.errors import NotConverged
+from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.chunks import RunStop
 from contbreather.simulation.energy import forced, localised
 from contbreather.simulation.lyapunov import exponents
@@ -148,6 +148,8 @@ def judge(run: Run | SmoothRun) -> Verdict:
     'PERIODIC'
     """
     check_kind(run, (Run, SmoothRun), "a run of simulate")
+    if len(run.times) < 2:
+        raise BadInput("a verdict is about whole periods; the run has none.")
     evidence = _where(run)
     kind, reason = _lost(run, evidence) or (None, "")
     if isinstance(run, Run) and run.noise:
@@ -231,10 +233,10 @@ def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, Periodi
 def _returns(run: Ran) -> tuple[int, Array]:
     """After how many periods a run comes back best, and how close after each number of them."""
     x = np.concatenate(run.strobe, axis=1)
-    longest = min(LONGEST, len(x) // 3)
+    longest = max(1, min(LONGEST, len(x) // 3))
     # the last eight states, each against that so many periods before: chance returns one, not eight
     gaps = np.array(
-        [np.abs(x[-1 - n :: -1][:8] - x[:n:-1][:8]).max() for n in range(1, longest + 1)]
+        [np.abs(x[-1 - n :: -1][:8] - x[: n - 1 : -1][:8]).max() for n in range(1, longest + 1)]
     )
     # the shortest of those that are as good as the best: its multiples return as well
     return 1 + int(np.argmax(gaps < max(CLOSED, 2.0 * gaps.min()))), gaps

@@ -310,3 +310,13 @@ def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
     found = judge(simulate_smooth(orbit.state, periods=50, **shared))
     assert found.kind is Kind.UNDECIDED
     assert "it repels" in found.reason
+
+
+@pytest.mark.parametrize("periods", [1, 2, 3, 5])
+def test_a_few_periods_are_looked_at_and_none_is_refused(periods: int) -> None:
+    values = {"a": 0.5, "gamma": 0.08, "k": 0.8}
+    state = cb.symmetric(**values).state(6)
+    seen = judge(cb.simulate(state, periods=periods, **values))
+    assert seen.evidence["return"] < 1e-12
+    with pytest.raises(cb.BadInput, match="about whole periods"):
+        judge(cb.simulate(state, periods=0.5, **values))
