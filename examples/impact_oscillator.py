@@ -17,10 +17,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 import contbreather as cb
+from contbreather.flows import Collocation
 from contbreather.plotting import new_figure, plot_orbit, save_figure, style
 
 PARAMS = {"z": 0.02, "e": 0.8, "s": 0.1, "w": 2.2}  # damping, restitution, wall, frequency
 START = {"x": -0.2, "v": 0.0}
+MESH = {"collocation": Collocation(intervals=8)}
 WINDOW = {"w": (2.1, 4.2)}
 
 
@@ -60,11 +62,11 @@ def touching() -> float:
 def branches() -> tuple[cb.Branch, cb.Branch, cb.Branch]:
     """No impact, one impact a period, and two in two periods."""
     free = cb.trace(
-        cb.cycle(FREE, start=oscillating(3.8), params={**PARAMS, "w": 3.8}, period=turn),
+        cb.cycle(FREE, start=oscillating(3.8), params={**PARAMS, "w": 3.8}, period=turn, **MESH),
         "w", within=WINDOW, towards="both", progress=False,
     )  # fmt: skip
     hitting = cb.trace(
-        cb.cycle([HITS], start=START, params=PARAMS, period=turn, settle=40),
+        cb.cycle([HITS], start=START, params=PARAMS, period=turn, settle=30, **MESH),
         "w", within=WINDOW, towards="both", progress=False,
     )  # fmt: skip
     grazing, vanishing = free.first("GR")["w"], hitting.first("VI")["w"]

@@ -66,7 +66,7 @@ def main(folder: Path = Path()) -> list[Path]:
     symmetric, arms, double = doubling()
     with style():
         figure, panels = new_figure(2, 2, width=17.5)
-        cb.plot(response, x="w", y="x", ax=panels[0])
+        cb.plot(response, x="w", y="max(x)", ax=panels[0])
         cb.plot(folds, x="w", y="g", ax=panels[1])
         cb.plot(symmetric, *arms, double, x="g", y="max(x)", ax=panels[2])
         for branch, colour in zip((symmetric, arms[0], double), ("C0", "C1", "C2"), strict=True):
