@@ -28,7 +28,8 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
-    "links",  # beside this file
+    "links",  # these two are beside this file
+    "topics",
     "sphinx-mathjax-offline",  # MathJax beside the pages: formulas need no network either
 ]
 # What the gallery leaves beside its pages is not a page.
@@ -55,6 +56,7 @@ html_title = f"contbreather {release}"
 html_show_sourcelink = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = "search.js"
 
 
 def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -> str:
