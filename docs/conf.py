@@ -56,7 +56,8 @@ html_title = f"contbreather {release}"
 html_show_sourcelink = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
-html_search_scorer = "search.js"
+html_js_files = ["site.js"]
+html_search_scorer = str(HERE / "search.js")
 
 
 def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -> str:

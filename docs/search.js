@@ -1,7 +1,7 @@
 // Which page answers what people type: how to do a thing first, then what it is; why it is so, and what it was, last.
 const TOPICS = {
   "start": "install installation pip python version first begin beginner quick tutorial",
-  "auto_examples/lorenz": "lorenz homoclinic",
+  "auto_examples/lorenz": "lorenz homoclinic orbit",
   "auto_examples/pendulum": "pendulum resonance",
   "auto_examples/impact_oscillator": "impact oscillator grazing",
   "auto_examples/stick_slip": "stick slip friction",
@@ -32,8 +32,7 @@ const TOPICS = {
 const LAST = [
   [/^(changelog|decisions|architecture|contributing)/, -60],
   [/^(limits|comparison|index|api|what-the-paper|figure2)/, -15],
-  [/^generated\//, -10],
-  [/^auto_examples\//, -3]
+  [/^generated\//, -10]
 ];
 
 // Stems of the words of a text, as the index has them.
