@@ -255,6 +255,10 @@ class Page:
     def render(self) -> None:
         """Draw what has changed."""
         self._due = False
+        busy = self.explorer.busy
+        if self.explorer.state is self.drawn and busy == self.stop.visible:
+            self._render_status()  # how far work is: no reason to go through everything else
+            return
         with self._quietly():
             new, old = self.explorer.state, self.drawn
             self.drawn = new

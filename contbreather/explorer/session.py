@@ -151,7 +151,8 @@ class Session:
             name, k, *of = self._wanted
             left = [one for one in LADDER if ("k", one, "", "") not in self._planes]
             usual = name == "k" and not any(of)
-            if not self._looks_ahead or not usual or not left or self._quick.waiting:
+            waits = self.busy or self._quick.waiting
+            if not self._looks_ahead or not usual or not left or waits:
                 return
             self._ahead = True
             nearest = min(left, key=lambda one: abs(one - k))
@@ -183,7 +184,8 @@ class Session:
         there = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
         there |= [state.fixed]
         here: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
-        self.choose(self._breather(**{name: there[name] for name in NEEDED}, **here))
+        here |= {name: there[name] for name in NEEDED}
+        self.choose(self._breather(**here))
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
@@ -249,6 +251,8 @@ class Session:
 
         def done(value: Any, cut: bool, trouble: str) -> None:
             self.progress = ""
+            if not self._quick.busy:
+                self._next_ahead()
             if value is None:
                 self.tell(trouble or f"{title}: stopped, nothing was done by then.")
             else:
@@ -257,6 +261,10 @@ class Session:
 
         self.message = ""
         say("under way")
+        with self._changing:
+            if self._ahead:
+                self._quick.stop()  # what is computed ahead can wait
+            self._ahead = False
         self._long.begin(job, say=say, done=done)
 
     def _take(self, name: str, lines: tuple[str, ...], value: Any) -> None:

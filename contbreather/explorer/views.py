@@ -41,6 +41,7 @@ SPECIAL = ("x", "y", "text", "colour", "mark", "what")
 ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its page
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
+SEEN = 2000  # stretches of a line, more than a figure has pixels
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
@@ -419,7 +420,7 @@ class MotionView:
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
         colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}
-        rows = ((times, u, colours[n], f"site {n}") for n, u in by_site.items())
+        rows = ((*thinned(times, u), colours[n], f"site {n}") for n, u in by_site.items())
         _fill(self.lines, rows)
         _reach(self.figure.x_range, times[[0, -1]])
         return colours
@@ -430,6 +431,19 @@ class MotionView:
         _fill(self.walls, ((ends, [wall, wall]) for wall in there))
         u = [value for line in self.lines.data["ys"] for value in (min(line), max(line))]
         _reach(self.figure.y_range, [*there, *u])
+
+
+def thinned(times: Array, u: Array) -> tuple[Array, Array]:
+    """Of a long line what a figure can show: the lowest and the highest point of each stretch."""
+    length = -(-times.size // SEEN)
+    if length == 1:
+        return times, u
+    stretches = u[: u.size // length * length].reshape(-1, length)
+    begins = length * np.arange(len(stretches))
+    ends = (0, u.size - 1)
+    at = [begins + stretches.argmin(axis=1), begins + stretches.argmax(axis=1), ends]
+    seen = np.unique(np.concatenate(at))
+    return times[seen], u[seen]
 
 
 class MultipliersView:

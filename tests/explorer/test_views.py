@@ -299,3 +299,19 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, rea
     view.nothing("too large")
     assert fig.title.text == "too large"
     assert not any(map(len, view.dots.data.values()))
+
+
+def test_of_a_long_line_its_extremes_are_drawn() -> None:
+    times = np.linspace(0.0, 500.0, 100_001)
+    u = np.sin(2 * np.pi * times) * np.exp(-times / 300)
+    seen, drawn = views.thinned(times, u)
+    assert seen.size < 5000
+    assert (seen[0], seen[-1]) == (0.0, 500.0)
+    assert np.all(np.diff(seen) > 0)
+    same(drawn, u[np.searchsorted(times, seen)])
+    for start in range(0, 500, 50):
+        stretch = (times >= start) & (times < start + 50)
+        there = drawn[(seen >= start) & (seen < start + 50)]
+        assert (there.min(), there.max()) == (u[stretch].min(), u[stretch].max())
+    short = views.thinned(times[:1000], u[:1000])
+    same(short[1], u[:1000])
