@@ -28,7 +28,8 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
-    "links",  # beside this file
+    "links",  # these two are beside this file
+    "topics",
     "sphinx-mathjax-offline",  # MathJax beside the pages: formulas need no network either
 ]
 # What the gallery leaves beside its pages is not a page.
@@ -55,6 +56,8 @@ html_title = f"contbreather {release}"
 html_show_sourcelink = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
+html_search_scorer = str(HERE / "search.js")
 
 
 def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -> str:
@@ -70,7 +73,8 @@ def saved_figures(block: Any, found: dict[str, Any], settings: dict[str, Any]) -
 
 STORY = (
     "breather", "branch", "zones", "switching", "lattice", "shooting", "simulate", "smooth_walls",
-    "your_own_problem", "henon", "bouncing_ball", "stick_slip",
+    "your_own_problem", "henon", "lorenz", "pendulum", "bouncing_ball", "impact_oscillator",
+    "stick_slip",
 )  # fmt: skip
 
 

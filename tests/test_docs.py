@@ -24,7 +24,14 @@ from contbreather.cli import main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("how-to/*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    *(
+        page
+        for folder in (DOCS, DOCS / "how-to", DOCS / "decisions")
+        for page in sorted(folder.glob("*.md"))
+    ),
+]
 TEXT = {page: page.read_text(encoding="utf-8") for page in PAGES}
 FLAGS = NUMBER | doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -213,7 +220,8 @@ def test_a_link_that_leads_nowhere_and_a_file_from_elsewhere_are_seen(tmp_path: 
 
 
 def test_every_page_is_in_the_contents() -> None:
-    blocks = re.findall(r"```{toctree}\n(.*?)```", TEXT[DOCS / "index.md"], flags=re.DOTALL)
+    contents = TEXT[DOCS / "index.md"] + TEXT[DOCS / "decisions.md"]
+    blocks = re.findall(r"```{toctree}\n(.*?)```", contents, flags=re.DOTALL)
     listed = {line for block in blocks for line in block.split() if not line.startswith(":")}
     there = {str(page.relative_to(DOCS).with_suffix("")) for page in PAGES[1:]} - {"index"}
     assert there - listed == set()

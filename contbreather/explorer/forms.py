@@ -67,12 +67,16 @@ class Forms:
     # --- one breather -----------------------------------------------------------------------------
 
     def _breather(self) -> Any:
-        first = {"a": "0.5", "gamma": "0.08", "k": f"{self.explorer.state.k:g}", "site": "0"}
+        name, value = self.explorer.state.fixed
+        first = {"a": "0.5", "gamma": "0.08", "k": "0.8", "site": "0", name: f"{value:g}"}
         how = {"lattice": optional(self._lattice, ""), "site": a_count("site", 0, MOST - 1)}
         self.breather = {
             name: of_the_model(name, first.get(name, ""), how.get(name, str.strip))
             for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
         }
+        # 1 has the largest p, admissible or not
+        root = optional(a_count("root", 1, 99))
+        self.breather["root"] = Field("root, by p", "", root, hint="upper")
         self.breather_trouble = ErrorLabel()
         button = self._button("Show", self._show, self.breather_trouble, color="primary")
         return card("Breather", in_rows(self.breather.values(), 2), button,
@@ -229,7 +233,7 @@ class Forms:
             value = getattr(orbit, name)
             texts[name] = f"{value:.10g}" if value or name in chosen.free else ""
         texts["site"] = str(orbit.section.hit[0])
-        texts["walls"] = as_typed(orbit.walls)
+        texts |= {"walls": as_typed(orbit.walls), "root": ""}
         texts |= {name: "" if value is None else str(value) for name, value in chosen.typed}
         texts["lattice"] = dict(chosen.typed).get("lattice") or self.explorer.lattice_of(chosen)
         for name, text in texts.items():
@@ -242,5 +246,4 @@ def offered(select: Any, names: list[str], value: str | None = None) -> None:
     wanted = select.value if value is None else value
     if select.options != names:
         select.options = names
-    if names:
-        select.value = wanted if wanted in names else names[0]
+    select.value = wanted if wanted in names else next(iter(names), None)

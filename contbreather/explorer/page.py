@@ -43,9 +43,20 @@ from contbreather.explorer.views import (
     ProfileView,
     ZonesView,
     marked,
+    symbol,
 )
+from contbreather.orbits.zone_search import PAIRS
 
-STEP = 0.01  # of the slider for k
+# Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
+# at first. Beyond an amplitude of 1 there is nothing.
+SLIDERS = {
+    "k": ("restitution k", 0.01, 0.99, 0.01, 0.8),
+    "gamma": ("coupling \N{GREEK SMALL LETTER GAMMA}", 0.005, 0.245, 0.005, 0.08),
+    "a": ("amplitude a", 0.05, 0.99, 0.01, 0.5),
+}
+PLANES = {
+    f"{symbol(x)}, {symbol(y)}": name for name, (x, y) in PAIRS.items()
+}  # by what is fixed in each
 TAPS = ("tap", "doubletap")  # the second of two quick clicks comes as the latter alone
 NOWHERE = -1  # at no special point
 
@@ -75,18 +86,21 @@ class Page:
             pn.state.on_session_destroyed(lambda _: forget())
             explorer.look_ahead()
         if explorer.state.plane is None:
-            explorer.look_at(explorer.state.k)
+            explorer.look_at(explorer.state.fixed[1])
         self.render()
 
     # ------------------------------------------------------------------------------ what is there
 
     def _zone_controls(self) -> None:
-        self.k = pn.widgets.FloatSlider(
-            label="restitution k", start=0.01, end=0.99, step=STEP, value=self.explorer.state.k,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
+        name, value = self.explorer.state.fixed
+        self.plane = pn.widgets.Select(label="plane", options=PLANES, value=name, width=90)
+        label, start, end, step, _ = SLIDERS[name]
+        self.slider = pn.widgets.FloatSlider(
+            label=label, start=start, end=end, step=step, value=value, sizing_mode="stretch_width"
+        )
         self.zones_trouble = ErrorLabel()
-        self._on(self.k, lambda k: self.explorer.look_at(round(k, 9)))
+        self._on(self.slider, lambda value: self.explorer.look_at(round(value, 9)))
+        self._on(self.plane, self._other_plane)
         for tap in TAPS:
             self.zones.figure.on_event(tap, self._zones_tapped)
 
@@ -98,6 +112,10 @@ class Page:
         )
         self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
+        self.remove = pn.widgets.Button(label="Remove curve", width=120)
+        self.undo = pn.widgets.Button(label="Undo", width=80)
+        self.remove.on_click(lambda _: self.explorer.remove(self.curve.value))
+        self.undo.on_click(lambda _: tried(self.explorer.undo, self._tell))
         self._on(self.x, lambda x: self.explorer.change(axes=(x, self.y.value)))
         self._on(self.y, lambda y: self.explorer.change(axes=(self.x.value, y)))
         self._on(self.curve, lambda _: self._pick(0))
@@ -127,13 +145,19 @@ class Page:
         )
         asked = pn.Row(*(field.view for field in self.asked.values()), margin=0)
         parts: dict[str, tuple[Any, ...]] = {
-            "zones": ("Zones", self.k, self.zones.figure, self.zones_trouble.view),
-            "branches": ("Branches", which, self.branches.figure, self.shown),
+            "zones": (
+                "Zones", pn.Row(self.plane, self.slider, margin=0, sizing_mode="stretch_width"),
+                self.zones.figure, self.zones_trouble.view,
+            ),
+            "branches": (
+                "Branches", which, self.branches.figure, self.shown,
+                pn.Row(self.remove, self.undo, margin=0),
+            ),
             "profile": ("Profile", self.profile.figure),
             "motion": ("Motion over a period", asked, self.motion.figure),
             "multipliers": ("Multipliers", self.multipliers.figure),
             "words": ("What it is", self.words.view),
-        }
+        }  # fmt: skip
         figures = [card(title, *own, css=[name]) for name, (title, *own) in parts.items()]
         self.run_card = card("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
@@ -161,9 +185,19 @@ class Page:
         if trouble:
             self.explorer.tell(trouble)
 
+    def _other_plane(self, name: str) -> None:
+        """The plane through what is looked at, if the slider reaches it."""
+        _, start, end, step, value = SLIDERS[name]
+        chosen = self.explorer.state.chosen
+        if chosen is not None and chosen.orbit is not None:
+            value = min(max(float(getattr(chosen.orbit, name)), start), end)
+        self.explorer.look_at(round(step * round(value / step), 9), fixed=name)
+
     def _zones_tapped(self, event: Any) -> None:
-        look = partial(self.explorer.choose_at, a=event.y, gamma=event.x)
-        tried(look, self.zones_trouble.say)
+        drawn = self.explorer.state.preview
+        if drawn is not None:
+            place = dict(zip(drawn.pair, (event.x, event.y), strict=True))
+            tried(partial(self.explorer.choose_at, **place), self.zones_trouble.say)
 
     def _branch_tapped(self, event: Any) -> None:
         state = self.explorer.state
@@ -221,6 +255,10 @@ class Page:
     def render(self) -> None:
         """Draw what has changed."""
         self._due = False
+        busy = self.explorer.busy
+        if self.explorer.state is self.drawn and busy == self.stop.visible:
+            self._render_status()  # how far work is: no reason to go through everything else
+            return
         with self._quietly():
             new, old = self.explorer.state, self.drawn
             self.drawn = new
@@ -242,19 +280,24 @@ class Page:
         self.stop.visible = self.explorer.busy
 
     def _render_zones(self, new: State, old: State) -> None:
-        self.k.value = new.k
+        name, value = new.fixed
+        label, start, end, step, _ = SLIDERS[name]
+        self.plane.value = name
+        self.slider.param.update(label=label, start=start, end=end, step=step, value=value)
         self.zones.title(new)
-        if new.preview is not None and new.preview is not old.preview:
+        if new.preview is None:
+            return
+        if new.preview is not old.preview:
             self.zones.show(new.preview)
-        k = new.k if new.preview is None else new.preview.k
-        self.zones.boundaries(new.curves, k)
-        lattice = "" if new.preview is None else new.preview.lattice
-        self.zones.choose(new.chosen, k, lattice)
+        self.zones.boundaries(new.curves, new.preview)
+        self.zones.choose(new.chosen, new.preview)
 
     def _render_branches(self, new: State, old: State) -> None:
         x, y = new.columns
         codes = [one.code for one in new.curves]
         offered(self.curve, codes)
+        self.remove.disabled = not codes
+        self.undo.disabled = self.explorer.busy or not self.explorer.undoes
         self.shown.options = codes
         self.shown.value = [code for code in codes if code not in new.hidden]
         names = _common(new)

@@ -27,24 +27,26 @@ LADDER = (0.02, 0.05, *(round(0.05 * i, 2) for i in range(2, 20)), 0.98)
 class Preview:
     """What is drawn of a diagram."""
 
-    k: float
+    fixed: tuple[str, float]
     lattice: str  # in words
     exact: bool  # False for what is between two neighbours
     curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
-    regions: tuple[Region, ...]  # with the verdicts of breathers at this k in any case
+    regions: tuple[Region, ...]  # with the verdicts of breathers in this plane in any case
     meetings: tuple[Meeting, ...]
+    pair: tuple[str, str] = ("gamma", "a")
 
 
 def preview_of(zones: Zones) -> Preview:
     """A diagram that is computed."""
     curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
     return Preview(
-        zones.fixed[1],
+        zones.fixed,
         _lattice(zones),
         True,
         curves,
         zones.regions,
         tuple(names_of_meetings(zones)),
+        zones.pair,
     )
 
 
@@ -77,9 +79,8 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
     lines = [line for kind in KINDS for line in curves[kind]]
     places = np.vstack(lines)
     box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
-    return Preview(
-        k, _lattice(one), False, curves, regions(lines, box, there.unstable, there.lower), meetings
-    )
+    judged = regions(lines, box, there.unstable, there.lower)
+    return Preview(("k", k), _lattice(one), False, curves, judged, meetings)
 
 
 def _lattice(zones: Zones) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,8 @@ from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.runs import load, save
 
 Listener = Callable[[State], object]
+Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing and ring
+UNDONE = ("curves", "hidden", "axes", "run", "lines")  # of a state
 KEPT = 200  # zone diagrams that are remembered
 WIDEST = 0.06  # distance of two restitutions between which a diagram may be carried on
 DIGITS = 6  # of what is clicked at: a pixel has no more
@@ -35,12 +38,13 @@ class Session:
     """What an `Explorer` does, whoever shows it; its parameters are those of that."""
 
     def __init__(self, *curves: Branch, run: str | Path | None = None, k: float = 0.8) -> None:
-        self.state = State(k=parameter("k", k))
+        self.state = State(fixed=("k", parameter("k", k)))
         self.message = self.progress = ""
         self._listeners: list[Listener] = []
         self._changing = threading.RLock()
         self._long, self._quick = JobThread(), JobThread()
-        self._planes: dict[tuple[float, str, str], Zones] = {}  # by k, forcing and ring
+        self._planes: dict[Plane, Zones] = {}
+        self._before: list[dict[str, Any]] = []  # what `undo` goes back to
         self.lattices: dict[str, OnLattice] = {}  # by what is typed for them
         self._looks_ahead = self._ahead = False
         self._count = 0
@@ -73,12 +77,12 @@ class Session:
 
     # --------------------------------------------------------------------------------- the zones
 
-    def look_at(self, k: float, forcing: str | None = None) -> None:
-        """Have the zone diagram of another restitution: until it is computed what lies between
-        known neighbours is shown, or the last one stays."""
+    def look_at(self, value: float, forcing: str | None = None, *, fixed: str = "") -> None:
+        """Have the zone diagram at another restitution, or at another value of what is `fixed`:
+        until it is computed what lies between known neighbours is shown, or the last one stays."""
         forcing = self.state.forcing if forcing is None else forcing
-        k = parameter("k", k)
-        self.change(k=k, forcing=forcing)
+        name = fixed or self.state.fixed[0]
+        self.change(fixed=(name, parameter(name, value)), forcing=forcing)
         if self._wanted in self._planes:
             self._show_plane()
             return
@@ -90,8 +94,8 @@ class Session:
             self._compute(self._wanted, self._arrived)
 
     @property
-    def _wanted(self) -> tuple[float, str, str]:
-        return self.state.k, self.state.forcing, self.state.zones_of
+    def _wanted(self) -> Plane:
+        return *self.state.fixed, self.state.forcing, self.state.zones_of
 
     def _show_plane(self) -> None:
         plane = self._planes[self._wanted]
@@ -103,22 +107,21 @@ class Session:
         if not self._quick.busy:
             self._next_ahead()
 
-    def _rough(self, k: float, *of: str) -> Preview | None:
-        known = [known for known, *other in self._planes if other == [*of]]
+    def _rough(self, name: str, k: float, *of: str) -> Preview | None:
+        known = [known for which, known, *other in self._planes if (which, *other) == ("k", *of)]
         below = max((one for one in known if one < k), default=None)
         above = min((one for one in known if one > k), default=None)
-        if below is None or above is None or above - below > WIDEST:
+        if name != "k" or below is None or above is None or above - below > WIDEST:
             return None
-        return between(self._planes[below, of[0], of[1]], self._planes[above, of[0], of[1]], k)
+        one, other = (self._planes["k", end, of[0], of[1]] for end in (below, above))
+        return between(one, other, k)
 
-    def _compute(
-        self, wanted: tuple[float, str, str], then: Callable[[Zones | None, str], object]
-    ) -> None:
-        k, forcing, ring = wanted
-        chain = lattice_by(ring) if ring else None
+    def _compute(self, wanted: Plane, then: Callable[[Zones | None, str], object]) -> None:
+        name, value, forcing, ring = wanted
+        on: dict[str, Any] = {name: value, "lattice": lattice_by(ring) if ring else None}
 
         def job(progress: Progress) -> Zones:
-            found = zones(k=k, forcing=forcing or None, lattice=chain, progress=progress.points())
+            found: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
             _ = found.regions  # here, not where pages are drawn
             return found
 
@@ -145,13 +148,15 @@ class Session:
     def _next_ahead(self) -> None:
         """Begin with the nearest diagram that is not known yet, unless another one waits."""
         with self._changing:
-            k, *of = self._wanted
-            left = [one for one in LADDER if (one, "", "") not in self._planes]
-            if not self._looks_ahead or any(of) or not left or self._quick.waiting:
+            name, k, *of = self._wanted
+            left = [one for one in LADDER if ("k", one, "", "") not in self._planes]
+            usual = name == "k" and not any(of)
+            waits = self.busy or self._quick.waiting
+            if not self._looks_ahead or not usual or not left or waits:
                 return
             self._ahead = True
             nearest = min(left, key=lambda one: abs(one - k))
-            self._compute((nearest, "", ""), lambda *_: None)
+            self._compute(("k", nearest, "", ""), lambda *_: None)
 
     # ------------------------------------------------------------------------- what is looked at
 
@@ -168,15 +173,19 @@ class Session:
         before = self._wanted
         self.change(conditions=tuple(more.items()))
         self.choose(chosen)
-        if (typed["k"], typed["forcing"], self.state.zones_of) != before:
-            self.look_at(typed["k"], typed["forcing"])
+        name = self.state.fixed[0]
+        if (name, typed[name], typed["forcing"], self.state.zones_of) != before:
+            self.look_at(typed[name], typed["forcing"])
 
-    def choose_at(self, a: float, gamma: float) -> None:
-        """Look at the breather at a place of the zone diagram, on the lattice that is set."""
-        a, gamma = (float(f"{value:.{DIGITS}g}") for value in (a, gamma))
+    def choose_at(self, **place: float) -> None:
+        """Look at the breather at a place of the zone diagram, by the two parameters of that, on
+        the lattice that is set."""
         state = self.state
-        here: dict[str, Any] = {"forcing": state.forcing, "k": state.k, **dict(state.conditions)}
-        self.choose(self._breather(a=a, gamma=gamma, **here))
+        there = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
+        there |= [state.fixed]
+        here: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
+        here |= {name: there[name] for name in NEEDED}
+        self.choose(self._breather(**here))
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
@@ -234,19 +243,28 @@ class Session:
         if self.busy:
             raise BadInput("something is under way; stop it, or wait for its end.")
 
+        began = time.monotonic()
+
         def say(how_far: str) -> None:
-            self.progress = f"{title}: {how_far}"
+            self.progress = f"{title}: {how_far}, {time.monotonic() - began:.0f} s"
             self._say()
 
         def done(value: Any, cut: bool, trouble: str) -> None:
             self.progress = ""
+            if not self._quick.busy:
+                self._next_ahead()
             if value is None:
                 self.tell(trouble or f"{title}: stopped, nothing was done by then.")
             else:
+                self.message = f"{title}: done in {time.monotonic() - began:.1f} s."
                 taken(value, cut)
 
         self.message = ""
         say("under way")
+        with self._changing:
+            if self._ahead:
+                self._quick.stop()  # what is computed ahead can wait
+            self._ahead = False
         self._long.begin(job, say=say, done=done)
 
     def _take(self, name: str, lines: tuple[str, ...], value: Any) -> None:
@@ -255,7 +273,34 @@ class Session:
         name = f"{name}{self._count}"
         *setup, last = lines
         with self._changing:
+            self._remember()
             self.state = self.state.with_result(name, (*setup, last.replace("{}", name, 1)), value)
+        self._say()
+
+    def _remember(self) -> None:
+        self._before.append({name: getattr(self.state, name) for name in UNDONE})
+
+    def remove(self, code: str) -> None:
+        """Take a curve away, by the name that the script has for it."""
+        with self._changing:
+            self._remember()
+            self.state = self.state.without(code)
+        self._say()
+
+    @property
+    def undoes(self) -> bool:
+        """Whether there is something to take back."""
+        return bool(self._before)
+
+    def undo(self) -> None:
+        """Take back the last result, or bring back what was removed last."""
+        if not self._before:
+            raise BadInput("there is nothing to take back.")
+        with self._changing:
+            state = replace(self.state, **self._before.pop())
+            chosen = state.chosen
+            gone = chosen is not None and chosen.curve not in ("", *(c.code for c in state.curves))
+            self.state = replace(state, chosen=None) if gone else state
         self._say()
 
     @property
@@ -327,8 +372,8 @@ class Session:
     def _drawn(self, what: str) -> Any:
         state = self.state
         if what == "zones" and state.plane is not None:
-            if state.plane.fixed[1] != state.k:
-                raise BadInput(f"the zones at k = {state.k:g} are being computed; wait a moment.")
+            if state.plane.fixed != state.fixed:
+                raise BadInput(f"the zones at {state.title} are being computed; wait a moment.")
             return plot_zones(state.plane)
         if what == "branches" and state.shown:
             x, y = state.columns

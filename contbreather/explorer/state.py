@@ -66,7 +66,7 @@ class Chosen:
 class State:
     """All that is seen; of zones those that are wanted, which may still be computed."""
 
-    k: float = 0.8
+    fixed: tuple[str, float] = ("k", 0.8)  # what is constant in the plane of the zones
     forcing: str = ""
     conditions: tuple[tuple[str, Any], ...] = ()  # besides: lattice, site, spring, ... as typed
     plane: Zones | None = None  # the last that was computed
@@ -103,7 +103,8 @@ class State:
     @property
     def title(self) -> str:
         """What the zone diagram is about."""
-        return f"k = {self.k:g}" + (f", F = a ({self.forcing})" if self.forcing else "")
+        name, value = self.fixed
+        return f"{name} = {value:g}" + (f", F = a ({self.forcing})" if self.forcing else "")
 
     @property
     def zones_of(self) -> str:
@@ -118,12 +119,18 @@ class State:
         """The curve that the script calls so."""
         return next(one.branch for one in self.curves if one.code == code)
 
+    def without(self, code: str) -> State:
+        """Without a curve; the script goes on making it, for others may come from it."""
+        curves = tuple(one for one in self.curves if one.code != code)
+        here = self.chosen is not None and self.chosen.curve == code
+        return replace(self, curves=curves, chosen=None if here else self.chosen)
+
     def with_result(self, name: str, lines: Iterable[str], value: Any) -> State:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(leaves(name, value))
         curves = [Named(code, one) for code, one in parts.items() if isinstance(one, Branch)]
         runs = [(c, one) for c, one in parts.items() if isinstance(one, Run) and one.record]
-        planes = [one for one in parts.values() if isinstance(one, Zones) and one.fixed[0] == "k"]
+        planes = [one for one in parts.values() if isinstance(one, Zones)]
         plane = planes[-1] if planes else self.plane
         return replace(
             self,
@@ -132,8 +139,18 @@ class State:
             run=runs[-1] if runs else self.run,
             plane=plane,
             preview=preview_of(plane) if planes and plane is not None else self.preview,
-            k=plane.fixed[1] if planes and plane is not None else self.k,
+            fixed=plane.fixed if planes and plane is not None else self.fixed,
+            axes=self._axes_for(curves),
         )
+
+    def _axes_for(self, new: Iterable[Named]) -> tuple[str, str]:
+        """Those of the diagram when curves join it: of one in two parameters its own plane, until a
+        branch comes."""
+        pairs = [one.branch.curve.varied for one in new if len(one.branch.curve.varied) > 1]
+        if pairs:
+            return pairs[-1][0], pairs[-1][1]
+        in_plane = any(self.axes == one.branch.curve.varied for one in self.curves)
+        return ("", "") if in_plane and new else self.axes
 
     def script(self) -> str:
         """Python that computes and draws what is seen, to the last digit."""
@@ -144,7 +161,8 @@ class State:
         yield ""
         more = f", forcing={self.forcing!r}" if self.forcing else ""
         more += f", lattice={as_code(self.zones_of)}" if self.zones_of else ""
-        yield f"zones = cb.zones(k={self.k!r}{more})"
+        name, value = self.fixed
+        yield f"zones = cb.zones({name}={value!r}{more})"
         yield from self.lines
 
     def _asked(self) -> Iterator[str]:

@@ -38,9 +38,11 @@ MARKS = {
 }  # fmt: skip
 OTHER = "hex"
 SPECIAL = ("x", "y", "text", "colour", "mark", "what")
-ROOM = (560.0, 330.0)  # pixels inside of a figure, about: it is as wide as its page
+ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its page
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
+SEEN = 2000  # stretches of a line, more than a figure has pixels
+MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
 LINES = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
@@ -143,6 +145,8 @@ class ZonesView:
         fig.multi_line("xs", "ys", source=self.traced, color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
         _legend(fig, theme)
+        fig.legend[0].ncols = 2
+        fig.add_layout(fig.legend[0], "below")  # inside it would cover curves of some planes
 
     def show(self, drawn: Preview) -> None:
         """Another diagram."""
@@ -152,6 +156,8 @@ class ZonesView:
             _fill(source, (one.T for one in drawn.curves[kind]))
         _fill(self.meetings, drawn.meetings)
         _fill(self.letters, ((one.x, one.y, one.verdict) for one in shaded))
+        x, y = drawn.pair
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
@@ -164,30 +170,37 @@ class ZonesView:
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
         drawn = wanted.preview
-        words = "no diagram yet" if drawn is None else f"{drawn.lattice}, k = {drawn.k:g}"
-        if drawn is None or drawn.k != wanted.k:
-            words += f"; k = {wanted.k:g} is being computed"
+        words = "no diagram yet" if drawn is None else f"{drawn.lattice}, {_at(drawn.fixed)}"
+        if drawn is None or drawn.fixed != wanted.fixed:
+            words += f"; {_at(wanted.fixed)} is being computed"
         elif not drawn.exact:
             words += ", between its neighbours; the exact one is being computed"
         self.figure.title.text = words
 
-    def boundaries(self, curves: Iterable[Named], k: float) -> None:
+    def boundaries(self, curves: Iterable[Named], drawn: Preview) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
+        (x, y), (name, value) = drawn.pair, drawn.fixed
         there = (
             one.branch
             for one in curves
-            if set(one.branch.curve.varied) == {"gamma", "a"}
-            and one.branch.problem.params.get("k") == k
+            if {*one.branch.curve.varied} == {x, y} and one.branch.problem.params.get(name) == value
         )
-        _fill(self.traced, ((one["gamma"], one["a"]) for one in there))
+        _fill(self.traced, ((one[x], one[y]) for one in there))
 
-    def choose(self, chosen: Chosen | None, k: float, lattice: str) -> None:
+    def choose(self, chosen: Chosen | None, drawn: Preview) -> None:
         """Mark what is looked at, if it lies in this plane and is of this lattice."""
+        (x, y), (name, value) = drawn.pair, drawn.fixed
         orbit = None if chosen is None else chosen.orbit
-        if orbit is None or abs(orbit.k - k) > 1e-9 or about(orbit) != lattice:
+        if orbit is None or abs(getattr(orbit, name) - value) > 1e-9:
             _fill(self.here, [])
+        elif about(orbit) == drawn.lattice:
+            _fill(self.here, [(getattr(orbit, x), getattr(orbit, y))])
         else:
-            _fill(self.here, [(orbit.gamma, orbit.a)])
+            _fill(self.here, [])
+
+
+def _at(fixed: tuple[str, float]) -> str:
+    return f"{symbol(fixed[0])} = {fixed[1]:g}"
 
 
 def about(orbit: Any) -> str:
@@ -251,7 +264,9 @@ class BranchView:
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
-        self.figure.title.text = ", ".join(one.code for one in curves) or "no branch yet"
+        codes = [one.code for one in curves]
+        many = f"{len(codes)} curves" if len(codes) > MANY else ", ".join(codes)
+        self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
         data: dict[str, Any] = {name: [one[i] for one in marked] for i, name in enumerate(SPECIAL)}
@@ -260,7 +275,10 @@ class BranchView:
             (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
             for name, axis in zip("xy", ends, strict=True)
         )
-        data |= spread(ROOM[0] * across, ROOM[1] * (1.0 - up), data["text"])
+        # as wide and high as it is in the browser, once that has said so
+        said = self.figure.properties_with_values(include_defaults=False)
+        wide, high = said.get("inner_width", ROOM[0]), said.get("inner_height", ROOM[1])
+        data |= spread(wide * across, high * (1.0 - up), data["text"], wide)
         self.special.data = data
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
@@ -283,17 +301,22 @@ class BranchView:
         return min(found)[1:] if found else None
 
 
-def spread(x: Array, y: Array, words: Sequence[str]) -> dict[str, list[Any]]:
+def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> dict[str, list[Any]]:
     """Words beside points given in pixels, y downwards, that do not cover each other: on whichever
-    side there is room; where there is none, or the same stands there already, the mark has to do,
-    which says what it is under the pointer."""
+    side there is room, in a figure so wide; where there is none, or the same stands there already,
+    the mark has to do, which says what it is under the pointer."""
     taken: list[tuple[str, float, float, float, float]] = []
     found: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
     for at, word in enumerate(words):
         width = LETTER * len(word)
         sides = [(dx, dy) for dy in (-5.0, 17.0) for dx in (7.0, -7.0 - width)]
         dx, dy = next(
-            (side for side in sides if _free(taken, x[at] + side[0], y[at] + side[1], width)),
+            (
+                side
+                for side in sides
+                if x[at] + side[0] + width <= wide
+                and _free(taken, x[at] + side[0], y[at] + side[1], width)
+            ),
             (0.0, 0.0),
         )
         again = any(
@@ -397,7 +420,7 @@ class MotionView:
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
         colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}
-        rows = ((times, u, colours[n], f"site {n}") for n, u in by_site.items())
+        rows = ((*thinned(times, u), colours[n], f"site {n}") for n, u in by_site.items())
         _fill(self.lines, rows)
         _reach(self.figure.x_range, times[[0, -1]])
         return colours
@@ -408,6 +431,19 @@ class MotionView:
         _fill(self.walls, ((ends, [wall, wall]) for wall in there))
         u = [value for line in self.lines.data["ys"] for value in (min(line), max(line))]
         _reach(self.figure.y_range, [*there, *u])
+
+
+def thinned(times: Array, u: Array) -> tuple[Array, Array]:
+    """Of a long line what a figure can show: the lowest and the highest point of each stretch."""
+    length = -(-times.size // SEEN)
+    if length == 1:
+        return times, u
+    stretches = u[: u.size // length * length].reshape(-1, length)
+    begins = length * np.arange(len(stretches))
+    ends = (0, u.size - 1)
+    at = [begins + stretches.argmin(axis=1), begins + stretches.argmax(axis=1), ends]
+    seen = np.unique(np.concatenate(at))
+    return times[seen], u[seen]
 
 
 class MultipliersView:

@@ -28,7 +28,7 @@ from .equations import Equations
 from .flow import Params
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
-_PER, _HALVINGS = 8, 50  # looks into each interval for extrema, and how they are located
+_PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
 _MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
@@ -174,16 +174,21 @@ class Cycle(HtmlRepr):
 def _top(flight: Flight, i: int, sign: float) -> float:
     """The largest value of a state on a flight: where its slope vanishes beside the largest of
     many, at the other end of a closed one, too."""
+    from scipy.optimize import brentq
+
     times, states = flight.sampled(_PER)
     last, j = times.size - 1, int((sign * states[i]).argmax())
     tops = []
+
+    def slope(s: float) -> float:
+        return float(sign * flight.rates(np.array([s]))[i, 0])
+
     for k in {j, last} if j == 0 else {j}:
         low, high = times[max(k - 1, 0)], times[min(k + 1, last)]
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            rising = sign * flight.rates(np.array([middle]))[i, 0] > 0
-            low, high = (middle, high) if rising else (low, middle)
-        tops.append(float(sign * flight.at(np.array([low]))[i, 0]))
+        rises = [slope(low) > 0, slope(high) > 0]
+        # off by s at its top a state is off by s^2
+        top = brentq(slope, low, high, xtol=_PLACE) if rises == [True, False] else high
+        tops.append(float(sign * flight.at(np.array([top if rises[0] else low]))[i, 0]))
     return max(tops)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,8 +24,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Values = tuple[tuple[str, float], ...]  # of parameters, by their names
+Word = tuple[Point, float, str, str]  # a point, how high it is drawn, its name and the colour
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
+LARGEST = 200  # unknowns of a flow whose eigenvalues are found for a picture
+ZERO = 1e-10  # of the largest eigenvalue; one that is zero all along is rounding
 STABLE: Literal["-"] = "-"
 UNSTABLE: Literal["--"] = "--"
 BEYOND: Literal[":"] = ":"
@@ -55,17 +58,22 @@ def plot(
 ) -> Drawn:
     """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
 
-    Where walls were lifted (``inadmissible=True``) the part behind them is dotted. Where branches
+    Of cycles a state is drawn by its envelope, its largest and its smallest value. Equilibria are
+    dashed where an eigenvalue has a positive real part; anybody's equations are taken for those of
+    a flow, ``x' = F``, where Hopf points are among the events looked for. Where walls were lifted
+    (``inadmissible=True``) the part behind them is dotted. Where branches
     differ in a parameter that is fixed along each, colours go by it, and a legend says so.
 
     Parameters
     ----------
     *branches : Branch
         Of one problem or several, as long as all have the columns that are drawn. Without a
-        column ``unstable``, and on boundaries, lines are solid.
+        column ``unstable`` and without Hopf points among the events, and on boundaries, lines are
+        solid.
     x, y : str, optional
         Columns. By default the free parameter of the first branch, and its first unknown (on a
-        boundary the other parameter). An array unknown is drawn by its largest entry.
+        boundary the other parameter; of cycles the first state). An array unknown is drawn by its
+        largest entry.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
     labels : bool, optional
@@ -115,17 +123,23 @@ def plot(
         key = _key(axes, alike, bool(members))
         shades = [key[one] for one in alike] if colours is None else _given(colours, marked)
         styles: set[str] = set()
-        for branch, points, colour in zip(branches, marked, shades, strict=True):
-            styles |= _lines(axes, branch, x, y, colour)
-            _markers(axes, points, x, y, colour)
+        heights = [ordinates(branch, y) for branch in branches]
+        for branch, points, colour, names in zip(branches, marked, shades, heights, strict=True):
+            looks = _styles(branch)
+            styles |= {*looks.tolist()} or {STABLE}
+            for name in names:
+                for style, *line in pieces(branch, x, name, looks):
+                    axes.plot(*line, style, color=colour)
+                _markers(axes, points, x, name, colour)
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
-        words = _words(axes, marked, x, y, shades if members else [TEXT] * len(shades))
+        tops = [names[0] for names in heights]
+        words = _words(axes, marked, x, tops, shades if members else [TEXT] * len(shades))
         named = len(words) <= CROWD if labels is None else labels
         legend = {**_by_colour(key if members else {}), **_by_style(styles)}
         _legend(axes, legend | ({} if named else _by_marker(marked)))
         if named:
-            _write(axes, branches, words, x, y)
+            _write(axes, words, x)
     return drawn
 
 
@@ -188,7 +202,17 @@ def _members(branches: tuple[Branch, ...]) -> list[Values]:
 
 def _ordinate(branch: Branch) -> str:
     varied = branch.curve.varied
-    return varied[1] if len(varied) > 1 else next(iter(branch.problem.start))
+    if len(varied) > 1:
+        return varied[1]
+    names = (name[len("max(") : -1] for name in branch.problem.record if name.startswith("max("))
+    swinging = (name for name in names if len(ordinates(branch, name)) > 1)
+    return next(swinging, next(iter(branch.problem.start)))
+
+
+def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
+    """The columns that are drawn for `y`: of a state of cycles its envelope."""
+    envelope = f"max({y})", f"min({y})"
+    return envelope if y not in branch.names and {*envelope} <= {*branch.names} else (y,)
 
 
 def column_of(branch: Branch, name: str) -> Array:
@@ -262,18 +286,37 @@ def _unstable(branch: Branch) -> NDArray[np.bool_]:
     between two special points one more that lies there.
     """
     stretches = np.zeros(max(len(branch) - 1, 0), dtype=bool)
-    if STABILITY not in branch.names or branch.problem.beneath is not None:
+    count = _count(branch)
+    if count is None:
         return stretches
-    unstable = np.asarray(branch[STABILITY]) > 0
+    recorded = STABILITY in branch.names
+    unstable = np.asarray(branch[STABILITY] if recorded else [*map(count, branch)]) > 0
     special = np.array([bool(point.kind) for point in branch])
     for i in range(stretches.size):
         ends = [j for j in (i, i + 1) if not special[j]]
         inside = None if ends else between(branch[i], branch[i + 1])
         if inside is not None:
-            stretches[i] = inside[STABILITY] > 0
+            stretches[i] = count(inside) > 0
         else:
             stretches[i] = any(unstable[j] for j in ends or (i, i + 1))
     return stretches
+
+
+def _count(branch: Branch) -> Callable[[Point], float] | None:
+    """What counts unstable directions: the column, or of anybody's flow its eigenvalues."""
+    if branch.problem.beneath is not None:
+        return None
+    if STABILITY in branch.names:
+        return lambda point: float(point[STABILITY])
+    asked = branch.settings.events if branch.settings else None
+    events = branch.problem.events if asked is None else asked
+    flow = any(event.kind == "HB" for event in events)
+    return _to_the_right if flow and branch.curve.size <= LARGEST else None
+
+
+def _to_the_right(point: Point) -> int:
+    values = point.curve.spectrum(point.z)
+    return int((values.real > ZERO * abs(values).max(initial=0.0)).sum())
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:
@@ -285,21 +328,15 @@ def _styles(branch: Branch) -> NDArray[np.str_]:
     return styles
 
 
-def pieces(branch: Branch, x: str, y: str) -> Iterator[tuple[str, Array, Array]]:
+def pieces(
+    branch: Branch, x: str, y: str, styles: NDArray[np.str_] | None = None
+) -> Iterator[tuple[str, Array, Array]]:
     """The stretches of a branch that are drawn alike: how, and both columns."""
-    styles = _styles(branch)
+    styles = _styles(branch) if styles is None else styles
     cuts = [0, *(1 + np.flatnonzero(styles[1:] != styles[:-1])), len(branch) - 1]
     for start, end in pairwise(cuts):
         curve = _curve(branch[start : end + 1], x, y)
         yield str(styles[start]) if styles.size else STABLE, *curve
-
-
-def _lines(ax: Axes, branch: Branch, x: str, y: str, colour: str) -> set[str]:
-    drawn = set()
-    for style, xs, ys in pieces(branch, x, y):
-        ax.plot(xs, ys, style, color=colour)
-        drawn.add(style)
-    return drawn
 
 
 def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> None:
@@ -365,19 +402,24 @@ def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
 
 
 def _words(
-    ax: Axes, marked: Sequence[Sequence[Point]], x: str, y: str, colours: Sequence[str]
-) -> list[tuple[Point, str, str]]:
-    """What to write beside which point, and its colour."""
+    ax: Axes, marked: Sequence[Sequence[Point]], x: str, tops: Sequence[str], colours: Sequence[str]
+) -> list[Word]:
+    """What to write beside which point, at which height, and its colour."""
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(marked) > 1 else ""
     near = SAME * Labels(ax).pixel
-    words: list[tuple[Point, str, str]] = []
+    words: list[Word] = []
     for colour in dict.fromkeys(colours):
-        own = [points for points, its in zip(marked, colours, strict=True) if its == colour]
-        points = [(p, i) for i, its in enumerate(own) for p in its if p.kind != quiet]
-        places = [ax.transData.transform((value_of(p, x), value_of(p, y))) for p, _ in points]
+        points = [
+            (point, i)
+            for i, (its, shade) in enumerate(zip(marked, colours, strict=True))
+            for point in its
+            if shade == colour and point.kind != quiet
+        ]
+        places = [ax.transData.transform((value_of(p, x), value_of(p, tops[i]))) for p, i in points]
         for group in _gathered(zip(points, places, strict=True), near):
-            words.append((group[0][0], _text(group), colour))
+            point, i = group[0]
+            words.append((point, value_of(point, tops[i]), _text(group), colour))
     return words
 
 
@@ -391,18 +433,16 @@ def _text(group: Sequence[tuple[Point, int]]) -> str:
     return (point.label if point.located else f"{point.label}?") + several
 
 
-def _write(
-    ax: Axes, branches: Iterable[Branch], words: Sequence[tuple[Point, str, str]], x: str, y: str
-) -> None:
+def _write(ax: Axes, words: Sequence[Word], x: str) -> None:
     """Labels come last, when the limits of the axes are known; what is special comes first."""
     labels = Labels(ax)
     labels.keep_off([ax.get_legend()])
-    for branch in branches:
-        labels.avoid(column_of(branch, x), column_of(branch, y))
-    for point, _, _ in words:
-        labels.announce(value_of(point, x), value_of(point, y))
-    for point, text, colour in sorted(words, key=lambda one: one[0].kind == "EP"):
+    for line in ax.get_lines():
+        labels.avoid(line.get_xdata(), line.get_ydata())
+    for point, y, _, _ in words:
+        labels.announce(value_of(point, x), y)
+    for point, y, text, colour in sorted(words, key=lambda one: one[0].kind == "EP"):
         style: dict[str, Any] = {"fontsize": "small", "color": colour}
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}
-        labels.place(value_of(point, x), value_of(point, y), text, **style)
+        labels.place(value_of(point, x), y, text, **style)

@@ -13,12 +13,13 @@ from contbreather.continuation.branch import Branches
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.run import Run as Kept
 from contbreather.errors import ContbreatherError
+from contbreather.flows import Cycle, Trajectory
 from contbreather.orbits import Orbit
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import inline, symbol
 from contbreather.plotting.diagrams import plot_diagram
-from contbreather.plotting.orbits import plot_orbit
+from contbreather.plotting.orbits import plot_orbit, solution_of
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation import Basin, Run, SmoothRun, Sweep
@@ -38,7 +39,7 @@ def card(value: Any) -> str:
     Parameters
     ----------
     value : Branch, several of them, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, a
-        verdict, margins, or what is on disk
+        verdict, margins, a cycle of flows, a trajectory, or what is on disk
 
     Examples
     --------
@@ -98,8 +99,7 @@ def _drawn(value: Any) -> Callable[[Axes], object] | None:
         case Zones():
             return lambda ax: plot_zones(value, ax, legend=False)
         case Point():
-            known = value.ground.curve.problem.interpret is not None
-            draw: Any = plot_orbit if known and isinstance(value.solution, Orbit) else _place
+            draw: Any = plot_orbit if isinstance(solution_of(value), Orbit | Cycle) else _place
         case Run() | SmoothRun():
             draw = plot_localisation if value.record is None else plot_motion
         case _:
@@ -110,6 +110,8 @@ def _drawn(value: Any) -> Callable[[Axes], object] | None:
 _PLOTS: dict[type, Any] = {
     Branch: plot,
     Orbit: plot_orbit,
+    Cycle: plot_orbit,
+    Trajectory: plot_motion,
     Diagram: plot_diagram,
     Sweep: plot_sweep,
     Basin: plot_basin,

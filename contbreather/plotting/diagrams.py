@@ -11,7 +11,7 @@ from contbreather.checks import check_kind
 from contbreather.continuation import Branch, Point, refined, with_columns
 from contbreather.continuation.diagram import Diagram
 from contbreather.errors import BadInput
-from contbreather.plotting.branches import plot
+from contbreather.plotting.branches import ordinates, plot
 from contbreather.plotting.canvas import Drawn
 
 if TYPE_CHECKING:
@@ -73,7 +73,8 @@ def plot_diagram(
         name = getattr(y, "__name__", "y")
         branches = [with_columns(branch, **{name: y}) for branch in branches]
         y = name
-    shown = [refined(branch, SMOOTH) for branch in branches if y in branch.names]
+    known = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
+    shown = [refined(branch, SMOOTH) for branch in known]
     if not shown:
         there = sorted({name for branch in branches for name in branch.names})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")

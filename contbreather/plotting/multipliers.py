@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, kind_of, whole
-from contbreather.continuation import Branch
+from contbreather.continuation import Branch, Point
 from contbreather.errors import BadInput
+from contbreather.flows import Cycle
 from contbreather.lattice import Ring
 from contbreather.orbits import Orbit
 from contbreather.plotting.branches import value_of
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing, symbol
 from contbreather.plotting.labels import Labels
+from contbreather.plotting.orbits import solution_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,29 +26,32 @@ Array = NDArray[Any]
 
 NARROW = 150.0  # points: in axes narrower than that a pair takes two lines
 ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong to it
+LONG = 20.0  # beyond it moduli are drawn by their logarithms
 FAR = 2.0  # from 0: what is farther out is shown at the rim of the figure
 NAMED = 8  # multipliers that have their value beside them; of more none could be read
 
 
 def plot_multipliers(
-    breather: Orbit,
+    breather: Orbit | Cycle | Point,
     *,
     sites: int | None = None,
     half: bool = False,
     digits: int = 4,
     ax: Axes | None = None,
 ) -> Drawn:
-    """Draw the Floquet multipliers of a breather on a ring, or of an orbit on its own lattice.
+    """Draw the Floquet multipliers of a breather on a ring, of an orbit on its own lattice, or of a
+    cycle of flows.
 
     The unit circle, the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for the
     half map; on the circle ``exp(-damping pi)`` with damping), all 2N multipliers of the ring, and
     the values of those off the band: of the eight that are farthest from it. What is farther than 2
     from 0 is a triangle at the rim, so that the circle stays a circle one can read. Finite lattices
-    other than rings have no band; there the circle of free modes is drawn.
+    other than rings have no band; there the circle of free modes is drawn, of a cycle neither. The
+    trivial multiplier of an autonomous cycle is left out.
 
     Parameters
     ----------
-    breather : Orbit
+    breather : Orbit, flows.Cycle, or a Point of a branch of either
     sites : int, optional
         Length of the ring; that of the breather's own lattice, or 400 on the infinite chain.
     half : bool
@@ -68,20 +73,26 @@ def plot_multipliers(
     >>> sorted(word.get_text() for word in ax.texts if word.get_text())
     ['0.6158', '1.0628']
     """
-    if not hasattr(breather, "multipliers") or isinstance(breather, type):
-        raise BadInput(f"a breather was expected, got {kind_of(breather)}")
+    orbit = solution_of(breather)
+    if not hasattr(orbit, "multipliers") or isinstance(orbit, type):
+        raise BadInput(f"a breather was expected, got {kind_of(orbit)}")
     whole("digits", digits, 0)
-    own = breather.lattice.sites
-    if sites is None and own is None:
-        sites = 400
-    mu = np.asarray(breather.multipliers(sites=sites, half=half))
-    waves = band(breather, half)
-    alone = off_the_band(mu, waves, sites or own or 1)
+    if isinstance(orbit, Cycle):
+        _not_of_cycles(sites, half)
+        mu, waves = orbit.others, np.empty((0, 0))
+        alone = np.ones(mu.size, dtype=bool)
+    else:
+        own = orbit.lattice.sites
+        if sites is None and own is None:
+            sites = 400
+        mu = np.asarray(orbit.multipliers(sites=sites, half=half))
+        waves = band(orbit, half)
+        alone = off_the_band(mu, waves, sites or own or 1)
     with drawing(ax, height=8.5) as drawn:
         axes = drawn.axes
         _circle_and_band(axes, waves)
         shown = _within(mu)
-        _frame(axes, shown, half)
+        _frame(axes, shown, half or isinstance(orbit, Cycle))
         _dots(axes, mu, shown, alone)
         labels = Labels(axes)
         labels.avoid(*_circle())
@@ -96,6 +107,11 @@ def plot_multipliers(
     return drawn
 
 
+def _not_of_cycles(sites: int | None, half: bool) -> None:
+    if sites is not None or half:
+        raise BadInput("sites= and half= are about lattices; a cycle of flows has its multipliers")
+
+
 def plot_spectrum(
     branch: Branch,
     *,
@@ -105,12 +121,13 @@ def plot_spectrum(
     ax: Axes | None = None,
 ) -> Drawn:
     """What decides on stability along a branch: of orbits the moduli of their multipliers, with the
-    circle they cross; of other problems the real parts of the eigenvalues, with 0.
+    circle they cross, far outside by their logarithm; of other problems the real parts of the
+    eigenvalues, with 0.
 
     Parameters
     ----------
     branch : Branch
-        Of orbits, or of anybody's equilibria.
+        Of orbits or cycles, or of anybody's equilibria.
     x : str, optional
         The free parameter unless given.
     sites : int, optional
@@ -136,19 +153,26 @@ def plot_spectrum(
     check_kind(branch, Branch, "a branch")
     if len(branch.curve.free) > 1:
         raise BadInput("a boundary has two parameters; take a branch in one of them")
-    of_orbits = isinstance(branch[0].curve.problem.interpret and branch[0].solution, Orbit)
-    if of_orbits and branch[0].solution.lattice.sites is None and sites is None:
+    first = solution_of(branch[0])
+    of_orbits = isinstance(first, Orbit | Cycle)
+    if isinstance(first, Orbit) and first.lattice.sites is None and sites is None:
         sites = 40
+    elif isinstance(first, Cycle):
+        _not_of_cycles(sites, half)
     x = branch.free if x is None else x
     values = []
     for point in branch:
-        if of_orbits:
+        if isinstance(first, Cycle):
+            values.append(np.abs(point.solution.others))
+        elif of_orbits:
             values.append(np.sort(np.abs(point.solution.multipliers(sites=sites, half=half))))
         else:
             values.append(np.sort(point.curve.spectrum(point.z).real))
     with drawing(ax) as drawn:
         axes = drawn.axes
         axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
+        if of_orbits and np.max(values, initial=0.0) > LONG:
+            axes.set_yscale("symlog", linthresh=1.0)  # as it is within the circle
         axes.axhline(1.0 if of_orbits else 0.0, color=GREY, linewidth=0.6, zorder=0)
         for point in branch.special:
             axes.axvline(value_of(point, x), color=GREY, linewidth=0.5, linestyle=":", zorder=0)

@@ -1,10 +1,10 @@
-"""One orbit in time: the motion of chosen sites between their walls."""
+"""One orbit in time: the motion of chosen sites between their walls, or the states of flows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from contbreather.checks import MOST, whole
 from contbreather.continuation import Point
 from contbreather.errors import BadInput
+from contbreather.flows import Cycle
 from contbreather.orbits import Orbit
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
+from contbreather.plotting.states import draw_states
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,15 +26,25 @@ PIECES = 400  # of a period
 
 
 def plot_orbit(
-    orbit: Orbit | Point, *, sites: Sequence[int] | None = None, ax: Axes | None = None
+    orbit: Orbit | Cycle | Point,
+    *,
+    sites: Sequence[int] | None = None,
+    x: str | None = None,
+    y: str | Sequence[str] | None = None,
+    ax: Axes | None = None,
 ) -> Drawn:
-    """Displacements of an orbit over one period, its walls and its impacts.
+    """Displacements of an orbit over one period, its walls and its impacts; of a cycle of flows its
+    states, over time or, as a phase portrait, over one of them.
 
     Parameters
     ----------
-    orbit : Orbit, or a Point of a branch of orbits
+    orbit : Orbit, flows.Cycle, or a Point of a branch of either
     sites : sequence of int, optional
-        The sites that hit, and the neighbours of the first of them, unless given.
+        The sites that hit, and the neighbours of the first of them, unless given. Orbits of
+        lattices alone have sites.
+    x, y : str, optional
+        Of a cycle: what to draw over what. Every state over the time ``"t"`` unless given; `y` may
+        be several names. Where a condition ends a flow there is a dot.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -44,7 +56,7 @@ def plot_orbit(
     Raises
     ------
     BadInput
-        For what is not an orbit.
+        For what is not an orbit, a state it has not, sites of a cycle or states of a lattice.
 
     Examples
     --------
@@ -52,7 +64,22 @@ def plot_orbit(
     >>> ax = plot_orbit(cb.symmetric(a=0.5, gamma=0.08, k=0.8), sites=(0, 1, 2)).axes
     >>> [line.get_label() for line in ax.get_lines()[:3]]
     ['$u_{0}$', '$u_{1}$', '$u_{2}$']
+    >>> ring = cb.cycle(lambda t, x, p: [x[1], (1 - x[0]**2) * x[1] - x[0]],
+    ...                 start={"u": 2.0, "v": 0.0}, params={}, settle=30)
+    >>> plot_orbit(cb.flows.cycle_of(ring), x="u", y="v").axes.get_ylabel()
+    'v'
     """
+    cycle = solution_of(orbit)
+    if isinstance(cycle, Cycle):
+        if sites is not None:
+            raise BadInput(
+                f"sites = {sites!r}: a cycle of flows has states, y={cycle.equations.states[0]!r}"
+            )
+        with drawing(ax) as drawn:
+            draw_states(drawn.axes, cycle, x, y)
+        return drawn
+    if x is not None or y is not None:
+        raise BadInput("x and y are states of a cycle of flows; of a lattice choose sites=")
     whole = orbit_of(orbit)
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
@@ -71,9 +98,15 @@ def plot_orbit(
     return drawn
 
 
+def solution_of(given: Any) -> Any:
+    """What a point of a branch is to its user; all else itself."""
+    known = isinstance(given, Point) and given.ground.curve.problem.interpret is not None
+    return given.solution if known else given
+
+
 def orbit_of(given: object) -> Orbit:
     """An orbit, or that of a point of a branch of orbits."""
-    orbit = given.solution if isinstance(given, Point) else given
+    orbit = solution_of(given)
     if not isinstance(orbit, Orbit):
         raise BadInput(f"{given!r} is not an orbit: symmetric() finds one")
     return orbit

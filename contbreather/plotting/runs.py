@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, one_of, row, whole
 from contbreather.errors import BadInput
+from contbreather.flows import Trajectory
 from contbreather.plotting.canvas import (
     BLUE,
     CYCLE,
@@ -21,6 +23,7 @@ from contbreather.plotting.canvas import (
     drawing,
     symbol,
 )
+from contbreather.plotting.states import draw_states
 from contbreather.simulation import Basin, Outcome, Record, Run, SmoothRun, Sweep
 from contbreather.simulation.energy import localised
 from contbreather.simulation.states import PERIOD
@@ -51,12 +54,15 @@ COLUMNS = {
 
 
 def plot_motion(
-    record: Record | Run | SmoothRun,
+    record: Record | Run | SmoothRun | Trajectory,
     *,
     periods: tuple[float, float] | None = None,
+    x: str | None = None,
+    y: str | Sequence[str] | None = None,
     ax: Axes | None = None,
 ) -> Drawn:
-    """Displacements of the recorded sites over time in periods.
+    """Displacements of the recorded sites over time in periods; of a trajectory of flows its
+    states.
 
     More than 20 periods are drawn by their envelopes, the largest and the smallest displacement in
     each period. Of a run with impacts these are part of the lines: its sites reach their walls
@@ -64,10 +70,14 @@ def plot_motion(
 
     Parameters
     ----------
-    record : Record, simulation.Run or SmoothRun
-        A run that was asked for ``sample=Sample(sites)``, or its ``record``.
+    record : Record, simulation.Run, SmoothRun or flows.Trajectory
+        A run that was asked for ``sample=Sample(sites)``, or its ``record``; or what `integrate`
+        returns.
     periods : pair of float, optional
-        From which to which time, in periods of the forcing; all of it unless given.
+        From which to which time, in periods of the forcing, of a trajectory in its own unit; all of
+        it unless given.
+    x, y : str, optional
+        Of a trajectory, as for `plot_orbit`: every state over the time unless given.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -85,6 +95,13 @@ def plot_motion(
     >>> len(plot_motion(run.record).axes.get_lines())
     2
     """
+    if isinstance(record, Trajectory):
+        within = None if periods is None else _window(record.t, periods)
+        with drawing(ax) as drawn:
+            draw_states(drawn.axes, record, x, y, within)
+        return drawn
+    if x is not None or y is not None:
+        raise BadInput("x and y are states of a trajectory of flows; sites are chosen by Sample")
     if isinstance(record, RUNS):
         if record.record is None:
             raise BadInput(

@@ -26,7 +26,7 @@ def plane() -> Any:
 @pytest.fixture
 def page(plane: Any) -> Iterator[Page]:
     explorer = Explorer()
-    explorer._planes[0.8, "", ""] = plane
+    explorer._planes["k", 0.8, "", ""] = plane
     yield Page(explorer)
     explorer.stop()
 
@@ -301,7 +301,8 @@ def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library
     areas = re.findall(r"grid-area: (\w+)", GRID)
     cards = [[area for area in areas if area in one.css_classes] for one in page.layout[0]]
     assert sorted(cards) == sorted([area] for area in areas)
-    assert (page.k.start, page.k.end, page.k.step, page.k.value) == (0.01, 0.99, 0.01, 0.8)
+    slider = page.slider
+    assert (slider.start, slider.end, slider.step, slider.value) == (0.01, 0.99, 0.01, 0.8)
     assert (page.forms.first.value, page.forms.second.value) == ("gamma", "a")
     ends_of = {"gamma": ("0", "0.2499"), "k": ("0.01", "0.999"), "a": ("0.01", "1.2")}
     for name, ends in ends_of.items():
@@ -309,3 +310,30 @@ def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library
         assert tuple(field.input.value for field in page.forms.window.values()) == ends
     page.forms.what.value, page.forms.suffix.value = "motion", ".svg"
     assert (page.forms.figure.filename, page.forms.script.filename) == ("motion.svg", "explored.py")
+
+
+def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.12, y=0.5))
+    page.plane.value = "gamma"
+    assert page.explorer.state.fixed == ("gamma", 0.12)
+    assert (page.slider.label, page.slider.value) == ("coupling \N{GREEK SMALL LETTER GAMMA}", 0.12)
+    assert page.explorer.wait(HUNG)
+    page.render()
+    axes = page.zones.figure.xaxis.axis_label, page.zones.figure.yaxis.axis_label
+    assert axes == ("k", "a")
+    assert page.zones.here.data == {"x": [0.8], "y": [0.5]}
+    page._zones_tapped(SimpleNamespace(x=0.7, y=0.5))
+    assert page.explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.12, k=0.7)"
+
+
+def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
+    assert page.remove.disabled
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    press(page, "Continue")
+    page.remove.clicks += 1
+    assert page.shown.options == []
+    page.undo.clicks += 1
+    assert page.shown.options == ["branch1"]
+    page.undo.clicks += 1
+    assert page.undo.disabled
+    assert page.shown.options == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +28,7 @@ def do(explorer: Explorer, one: Work) -> None:
     """Begin work and wait for its end."""
     explorer.begin(one)
     assert explorer.wait(HUNG)
-    assert explorer.message == ""
+    assert re.fullmatch(rf"{re.escape(one.title)}: done in [\d.]+ s\.", explorer.message)
 
 
 @pytest.fixture(scope="module")
@@ -206,15 +207,15 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
 def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one() -> None:
     left, right = cb.zones(k=[0.75, 0.8])
     explorer = Explorer(k=0.8)
-    explorer._planes |= {(0.75, "", ""): left, (0.8, "", ""): right}
+    explorer._planes |= {("k", 0.75, "", ""): left, ("k", 0.8, "", ""): right}
     explorer.look_at(0.77)
     rough = explorer.state.preview
     assert rough is not None
-    assert (rough.k, rough.exact) == (0.77, False)
+    assert (rough.fixed[1], rough.exact) == (0.77, False)
     assert explorer.wait(HUNG)
     exact = explorer.state.preview
     assert exact is not None
-    assert (exact.k, exact.exact) == (0.77, True)
+    assert (exact.fixed[1], exact.exact) == (0.77, True)
     for kind in ("LP", "GR", "PF", "NS"):
         for guess, line in zip(rough.curves[kind], exact.curves[kind], strict=True):
             far = LineString(guess).hausdorff_distance(LineString(line))
@@ -239,7 +240,7 @@ def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
     assert arrived.wait(HUNG)
     assert explorer.state.plane is not None
     assert explorer.state.plane.fixed[1] == 0.81
-    assert next(iter(explorer._planes)) == (0.81, "", "")
+    assert next(iter(explorer._planes)) == ("k", 0.81, "", "")
     explorer._looks_ahead = False
 
 
@@ -256,13 +257,13 @@ def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wa
 
     monkeypatch.setattr(session, "zones", slowly)
     explorer = Explorer(k=0.8)
-    explorer._planes[0.8, "", ""] = right
+    explorer._planes["k", 0.8, "", ""] = right
     explorer.look_at(0.6)
     explorer.look_at(0.8)
     may_come.set()
     assert explorer.wait(HUNG)
     assert explorer.state.preview is not None
-    assert explorer.state.preview.k == explorer.state.k == 0.8
+    assert explorer.state.preview.fixed == explorer.state.fixed == ("k", 0.8)
     assert explorer.state.plane is right
 
 
@@ -324,8 +325,9 @@ def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
         ((0.7, 0.755), (0.7, 0.755, 0.73)), ((0.7, 0.765), None), ((0.7, 0.72), None),
         ((0.68, 0.7, 0.73, 0.75, 0.76), (0.7, 0.75, 0.73)), ((0.74, 0.75), None),
     ):  # fmt: skip
-        explorer._planes = {(one, "", ""): one for one in known} | {(0.731, "cos(t)", ""): 0.0}
-        assert explorer._rough(0.73, "", "") == wanted
+        explorer._planes = {("k", one, "", ""): one for one in known}
+        explorer._planes |= {("k", 0.731, "cos(t)", ""): 0.0, ("gamma", 0.731, "", ""): 0.0}
+        assert explorer._rough("k", 0.73, "", "") == wanted
 
 
 @pytest.mark.parametrize("turned", [1, -1])
@@ -335,3 +337,61 @@ def test_curves_between_two_do_not_depend_on_the_way_either_was_walked(turned: i
     found = _mixed(low, high[::turned], 0.25)
     np.testing.assert_allclose(found[[0, -1]], [[0.0, 0.25], [1.0, 1.25]], atol=1e-12)
     np.testing.assert_allclose(found[:, 1], found[:, 0] ** 2 + 0.25, atol=1e-4)
+
+
+def test_the_zones_of_other_planes_are_shown_and_clicked_into() -> None:
+    explorer = Explorer()
+    explorer.look_at(0.12, fixed="gamma")
+    assert explorer.wait(HUNG)
+    state = explorer.state
+    assert state.preview is not None
+    assert (state.preview.pair, state.preview.fixed) == (("k", "a"), ("gamma", 0.12))
+    explorer.choose_at(k=0.8, a=0.5)
+    assert explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.12, k=0.8)"
+    made: dict[str, Any] = {}
+    script = explorer.script().replace("zones = cb.zones", "zones = dict")
+    exec("\n".join(line for line in script.splitlines() if "save_figure" not in line), made)
+    assert made["zones"] == {"gamma": 0.12}
+
+
+def test_another_root_is_chosen_and_stays_so_at_a_click() -> None:
+    explorer = Explorer()
+    usual = {"forcing": "", "lattice": ""}
+    explorer.choose_typed(a=0.5, gamma=0.08, k=0.8, root=2, **usual)
+    assert explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.08, k=0.8, root=2)"
+    lower = explorer.chosen.orbit.p
+    assert lower == cb.symmetric(a=0.5, gamma=0.08, k=0.8, root=2).p
+    explorer.choose_at(a=0.5, gamma=0.08)
+    assert explorer.chosen.orbit.p == lower
+    explorer.choose_typed(a=0.5, gamma=0.08, k=0.8, root=None, **usual)
+    assert explorer.chosen.orbit.p > lower
+    explorer.stop()
+
+
+def test_a_curve_is_removed_and_everything_taken_back_step_by_step(told: Any) -> None:
+    branch = told.state.curves[0].branch
+    explorer = Explorer(branch, branch)
+    lines = explorer.state.lines
+    explorer.choose_point("given1", 3)
+    explorer.remove("given1")
+    assert [one.code for one in explorer.state.curves] == ["given2"]
+    assert explorer.state.chosen is None
+    assert explorer.state.lines == lines  # others may come from it
+    explorer.undo()
+    assert [one.code for one in explorer.state.curves] == ["given1", "given2"]
+    explorer.choose_point("given2", 3)
+    explorer.undo()
+    assert [one.code for one in explorer.state.curves] == ["given1"]
+    assert explorer.state.chosen is None
+    explorer.undo()
+    with pytest.raises(BadInput, match="nothing to take back"):
+        explorer.undo()
+
+
+def test_a_curve_in_two_parameters_is_drawn_in_its_plane_until_a_branch_comes(told: Any) -> None:
+    line = next(one.branch for one in told.state.curves if len(one.branch.curve.varied) > 1)
+    branch = told.state.curves[0].branch
+    explorer = Explorer(branch, line)
+    assert explorer.state.columns == line.curve.varied
+    explorer._take("later", ("{} = ...",), branch)
+    assert explorer.state.columns == ("a", "p")

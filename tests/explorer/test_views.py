@@ -182,14 +182,17 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
         ),
         ((0.8, "chain", True), "chain, k = 0.8"),
     ):
-        view.title(State(k=0.8, preview=preview and Preview(*preview, {}, (), ())))
+        known = preview and Preview(("k", preview[0]), *preview[1:], {}, (), ())
+        view.title(State(preview=known))
         assert view.figure.title.text == words
 
 
 def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, plane: Any) -> None:
     view, line = views.ZonesView(LIGHT), plane["NS"][0]
+    drawn = preview_of(plane)
     for k, wanted in ((0.8, [line]), (0.7, [])):
-        view.boundaries([Named("branch1", branch), Named("line2", line)], k)
+        there = replace(drawn, fixed=("k", k))
+        view.boundaries([Named("branch1", branch), Named("line2", line)], there)
         same(view.traced.data["xs"], [one["gamma"] for one in wanted])
         same(view.traced.data["ys"], [one["a"] for one in wanted])
     damped = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(12), damping=0.01)
@@ -197,7 +200,7 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
     for orbit, off in ((B, 5e-10), (B, 2e-9), (None, 0), (B.on(cb.Ring(12)), 0), (damped, 0),
                        (soft, 0)):  # fmt: skip
         chosen = None if orbit is None else Chosen("b", orbit)
-        view.choose(chosen, 0.8 + off, "infinite chain")
+        view.choose(chosen, replace(drawn, fixed=("k", 0.8 + off)))
         there = orbit is B and off < 1e-9
         assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
 
@@ -296,3 +299,19 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, rea
     view.nothing("too large")
     assert fig.title.text == "too large"
     assert not any(map(len, view.dots.data.values()))
+
+
+def test_of_a_long_line_its_extremes_are_drawn() -> None:
+    times = np.linspace(0.0, 500.0, 100_001)
+    u = np.sin(2 * np.pi * times) * np.exp(-times / 300)
+    seen, drawn = views.thinned(times, u)
+    assert seen.size < 5000
+    assert (seen[0], seen[-1]) == (0.0, 500.0)
+    assert np.all(np.diff(seen) > 0)
+    same(drawn, u[np.searchsorted(times, seen)])
+    for start in range(0, 500, 50):
+        stretch = (times >= start) & (times < start + 50)
+        there = drawn[(seen >= start) & (seen < start + 50)]
+        assert (there.min(), there.max()) == (u[stretch].min(), u[stretch].max())
+    short = views.thinned(times[:1000], u[:1000])
+    same(short[1], u[:1000])

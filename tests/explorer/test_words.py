@@ -34,3 +34,9 @@ def test_a_word_alone_stands_to_the_upper_right() -> None:
     assert spread(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
         "text": ["LP1"], "dx": [7.0], "dy": [-5.0],
     }  # fmt: skip
+
+
+def test_a_word_stays_inside_the_figure() -> None:
+    place = spread(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
+    assert place["text"] == ["LP1"]
+    assert place["dx"][0] < 0.0

@@ -1,0 +1,180 @@
+"""Pictures of anybody's equations: stability of equilibria, cycles by envelope and by their states.
+
+Born at mu = 0: the cycle x = sqrt(mu) cos t, y = sqrt(mu) sin t, with the multiplier exp(-4 pi mu).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.plotting import (
+    plot,
+    plot_diagram,
+    plot_motion,
+    plot_multipliers,
+    plot_orbit,
+    plot_spectrum,
+)
+from contbreather.plotting.cards import card
+
+MOST = 0.5
+
+
+def field(t, x, p):
+    square = x[0] ** 2 + x[1] ** 2
+    return [p["mu"] * x[0] - x[1] - x[0] * square, x[0] + p["mu"] * x[1] - x[1] * square]
+
+
+def lines(ax) -> list:
+    """Those that are curves, with more than the two points of a mark."""
+    return [line for line in ax.get_lines() if len(line.get_xdata()) > 2]
+
+
+def ends(line) -> tuple[float, float]:
+    return float(min(line.get_xdata())), float(max(line.get_xdata()))
+
+
+@pytest.fixture(scope="module")
+def rest():
+    few = cb.flows.Collocation(intervals=8, points=5)
+    start = cb.equilibrium(field, {"x": 0.0, "y": 0.0}, {"mu": -0.5}, collocation=few)
+    return cb.trace(start, "mu", within={"mu": (-1, 1)})
+
+
+@pytest.fixture(scope="module")
+def cycles(rest):
+    return cb.switch(rest.first("HB"), within={"mu": (-1, MOST)})[0][::8]  # enough to be seen
+
+
+FALL = cb.Flow(
+    lambda t, x, p: [x[1], -1.0],
+    until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
+    reset=lambda t, x, p: [x[0], -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)],
+)
+TABLE = {"A": 0.6, "e": 0.8}
+
+
+@pytest.fixture(scope="module")
+def ball():
+    start = {"y": 0.46, "v": 3.1}
+    made = cb.cycle([FALL], start=start, params=TABLE, period=2 * np.pi, t0=0.9, settle=10)
+    return cb.flows.cycle_of(made)
+
+
+def dashed_from_zero(ax) -> bool:
+    """Whether a line is solid up to mu = 0 and dashed from there on."""
+    style = {line.get_linestyle(): ends(line) for line in lines(ax)}
+    return style == {"-": pytest.approx((-1, 0), abs=1e-9), "--": pytest.approx((0, 1), abs=1e-9)}
+
+
+def test_equilibria_are_dashed_beyond_their_hopf_point(rest) -> None:
+    assert dashed_from_zero(plot(rest).axes)
+
+
+def test_equations_of_a_flow_are_dashed_without_a_column() -> None:
+    mine = cb.Problem(lambda x, p: np.array(field(0.0, x, p)), {"x": 0.0, "y": 0.0}, {"mu": -0.5})
+    branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
+    assert "unstable" not in branch.names
+    assert dashed_from_zero(plot(branch).axes)
+
+
+def test_equations_of_which_nobody_said_that_they_are_a_flow_are_solid() -> None:
+    mine = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": -1.0}, {"mu": 1.0})
+    branch = cb.trace(mine, "mu", within={"x": (-2, 2)}, events=[cb.fold()])
+    assert {line.get_linestyle() for line in lines(plot(branch).axes)} == {"-"}
+
+
+def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest, cycles) -> None:
+    ax = plot(rest, cycles, y="x").axes
+    curves = [(np.array(line.get_xdata()), np.array(line.get_ydata())) for line in lines(ax)]
+    top, bottom = (y for mu, y in curves if abs(y).max() > 0.1)
+    mu = next(mu for mu, y in curves if y is top)
+    np.testing.assert_allclose(top, np.sqrt(mu), atol=1e-6)
+    np.testing.assert_allclose(bottom, -np.sqrt(mu), atol=1e-6)
+
+
+def test_the_first_state_is_what_cycles_are_drawn_by(cycles) -> None:
+    assert plot(cycles).axes.get_ylabel() == "x"
+
+
+def test_special_points_of_cycles_are_marked_on_both_sides_and_named_once(rest, cycles) -> None:
+    ax = plot(cycles).axes
+    stars = [line for line in ax.get_lines() if line.get_marker() == "*"]
+    assert len(stars) == 2
+    assert sorted(word.get_text() for word in ax.texts if word.get_text()) == ["HB1"]
+
+
+def test_a_diagram_has_equilibria_and_cycles(rest, cycles) -> None:
+    assert len(lines(plot_diagram([rest, cycles], y="y").axes)) == 4  # solid, dashed; two sides
+
+
+def test_an_orbit_of_a_flow_is_drawn_over_time_and_as_a_phase_portrait(cycles) -> None:
+    ax = plot_orbit(cycles[-1]).axes
+    x, y = (line.get_ydata() for line in lines(ax))
+    mu = cycles["mu"][-1]
+    np.testing.assert_allclose(x**2 + y**2, mu, atol=1e-6)
+    assert ax.get_xlabel() == "$t$"
+    assert ends(lines(ax)[0]) == pytest.approx((0.0, 2 * math.pi))
+    (round,) = lines(plot_orbit(cycles[-1].solution, x="x", y="y").axes)
+    np.testing.assert_allclose(np.hypot(*round.get_data()), math.sqrt(mu), atol=1e-6)
+
+
+def test_where_a_condition_ends_a_flow_there_is_a_dot_and_the_reset_is_dotted(ball) -> None:
+    ax = plot_orbit(ball, x="y", y="v").axes
+    dot = next(line for line in ax.get_lines() if line.get_marker() == "o")
+    jump = next(line for line in ax.get_lines() if line.get_linestyle() == ":")
+    assert dot.get_ydata()[0] == pytest.approx(-math.pi)
+    assert list(jump.get_ydata()) == pytest.approx([-math.pi, math.pi])
+
+
+def test_a_trajectory_is_drawn_from_impact_to_impact() -> None:
+    run = cb.integrate([FALL], {"y": 0.6, "v": 3.1}, TABLE, time=25.0, t0=0.9)
+    ax = plot_motion(run, y="y").axes
+    dots = [line.get_xdata()[0] for line in ax.get_lines() if line.get_marker() == "o"]
+    assert dots == pytest.approx([event.time for event in run.events])
+    later = lines(plot_motion(run, y="y", periods=(8.0, 25.0)).axes)
+    first, second = (ends(line)[0] for line in later[:2])
+    assert first == pytest.approx(8.0, abs=0.5)
+    assert second == pytest.approx(run.events[1].time)
+
+
+def test_multipliers_of_cycles_are_drawn_along_their_branch_and_in_the_plane(cycles) -> None:
+    ax = plot_spectrum(cycles).axes
+    dots = next(line for line in ax.get_lines() if line.get_marker() == ".")
+    np.testing.assert_allclose(dots.get_ydata(), np.exp(-4 * np.pi * dots.get_xdata()), atol=1e-6)
+    (word,) = (w for w in plot_multipliers(cycles[-1], digits=5).axes.texts if w.get_text())
+    assert word.get_text() == f"{math.exp(-4 * math.pi * cycles['mu'][-1]):.5f}"
+
+
+def test_multipliers_far_outside_do_not_hide_those_at_the_circle() -> None:
+    flow = cb.cycle(
+        lambda t, x, p: [*field(t, x, p), p["s"] * x[2]], start={"x": 1.0, "y": 0.0, "z": 0.0},
+        params={"mu": 1.0, "s": 0.9}, settle=0,
+    )  # fmt: skip
+    branch = cb.trace(flow, "s", within={"s": (0.89, 0.91)})
+    assert plot_spectrum(branch).axes.get_yscale() == "symlog"
+
+
+def test_a_notebook_shows_cycles_and_trajectories(ball) -> None:
+    run = cb.integrate([FALL], {"y": 0.6, "v": 3.1}, TABLE, events=2, t0=0.9)
+    for value in (ball, run):
+        assert "<svg" in card(value)
+
+
+@pytest.mark.parametrize(
+    ("draw", "said"),
+    [
+        (lambda ball: plot_orbit(ball, y="w"), r"no state 'w'; there are \['y', 'v'\]"),
+        (lambda ball: plot_orbit(ball, sites=(0,)), "a cycle of flows has states, y='y'"),
+        (lambda ball: plot_multipliers(ball, half=True), "are about lattices"),
+        (lambda ball: plot_orbit(cb.symmetric(0.5, 0.08, 0.8), y="v"), "choose sites="),
+        (lambda ball: plot_motion(ball), "a run with densely recorded sites"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(ball, draw, said) -> None:
+    with pytest.raises(cb.BadInput, match=said):
+        draw(ball)
