@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .compiled_steps import Corrector, Loops
+from .dense import Dense
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
-    Dense,
     Solution,
     Undefined,
     factors_of,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from ..continuation.curve import Curve
+from ..continuation.derivatives import RELATIVE, directional
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Locus, Point
 from .collocation import Flight
@@ -30,11 +30,72 @@ def _slowest(point: Point) -> float:
 def _slowest_locus(point: Point) -> Locus:
     orbit: Cycle = point.ground.solution
     number = int(orbit.equations.paces(orbit.x, orbit.params).argmin())
-    return Locus({}, partial(_pace, orbit.equations, number))
+    ends = [i for i, flow in enumerate(orbit.equations.flows) if flow.until]
+    until = orbit.equations.flows[ends[number]].until
+    assert until is not None
+    slow = _Slow(orbit.equations, ends[number], until)
+    return Locus({}, slow.conditions, slow.derivative)
 
 
-def _pace(equations: Equations, number: int, curve: Curve, z: Array, extra: Array) -> Array:
-    return equations.paces(z[: curve.size], curve.params(z))[[number]]
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """A wall, and how fast it changes along the flow, at a place of a flow."""
+
+    equations: Equations
+    flow: int
+    wall: Function
+
+    def both(self, curve: Curve, z: Array, s: float) -> Array:
+        x, p = z[: curve.size], curve.params(z)
+        t, state = self.equations.place(self.flow, s, x, p)
+        return self._both(t, state, p, ())[0]
+
+    def slopes(self, curve: Curve, z: Array, s: float) -> Array:
+        """Their derivatives in z and s."""
+        x, p, names = z[: curve.size], curve.params(z), curve.free
+        t, state = self.equations.place(self.flow, s, x, p)
+        own = self._both(t, state, p, names)[1]
+        n = state.size + 1  # of the state and the time
+        found = own[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
+        found[:, curve.size : -1] += own[:, n:]
+        return found
+
+    def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
+        """Both at a time and a state, and their derivatives in state, time and parameters."""
+
+        def gradient(z: Array) -> Array:
+            return slopes(self.wall, z[-1], z[:-1, None], p, names)[1][0, :, 0]
+
+        at, n = np.append(x, t), x.size
+        f, df = (
+            of[..., 0] for of in slopes(self.equations.flows[self.flow].f, t, x[:, None], p, names)
+        )
+        own, way = gradient(at), np.append(f, 1.0)
+        # (grad w . f)' = w'' f + grad w . f', and w'' f is how the gradient changes along f
+        step = RELATIVE * (1 + np.linalg.norm(at)) / np.linalg.norm(way)
+        turned = directional(gradient, at, step * way) / step
+        value = values(self.wall, t, x[:, None], p)[0, 0]
+        return np.array([value, own[: n + 1] @ way]), np.stack([own, turned + own[:n] @ df])
+
+
+class _Slow(_Reached):
+    """The condition that ends a flow does not change there."""
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return -self.both(curve, z, 1.0)[1:]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return -self.slopes(curve, z, 1.0)[1:, :-1]
+
+
+class _Touched(_Reached):
+    """The wall is zero in between, and does not change there."""
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.both(curve, z, float(extra[0]))
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.slopes(curve, z, float(extra[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +155,8 @@ def _clearance_locus(point: Point) -> Locus:
     touch, equations = lowest(point.ground.solution), equations_of(point.ground)
     if touch is None:
         raise Undefined("no wall comes close between the ends of a flow")
-    return Locus({"touch": touch.place}, partial(_touched, equations, touch))
-
-
-def _touched(equations: Equations, touch: Touch, curve: Curve, z: Array, extra: Array) -> Array:
-    """The wall and how fast it changes, both zero where it is touched."""
-    p = curve.params(z)
-    flight = equations.flights(z[: curve.size], p)[touch.flow]
-    return np.array(_wall(touch.wall, flight, p, float(extra[0])))
+    touched = _Touched(equations, touch.flow, touch.wall)
+    return Locus({"touch": touch.place}, touched.conditions, touched.derivative)
 
 
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
