@@ -26,6 +26,7 @@ from .multipliers import multipliers, without_direction
 
 _DENSE = 400  # unknowns up to which a dense derivative is the faster one
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
+_SLOWEST = 1e-16  # pace of a condition where rounding leaves none
 _RECENT = 4  # solutions that are kept, and derivatives, to begin the next from the nearest
 
 
@@ -49,11 +50,11 @@ class Linear(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """Where values belong among the entries of a matrix, `count` for those that belong nowhere; of
+    """Where values belong among the entries of a matrix, `cells` for those that belong nowhere; of
     a sparse one the row of each, and where columns end."""
 
     places: Places
-    count: int
+    cells: int
     rows: Places
     ends: Places
 
@@ -314,7 +315,7 @@ class Equations:
         shape = self.size, self.size + len(names)
         values = np.concatenate([np.ravel(block) for block in self._blocks(x, p, names)])
         pattern = self._pattern(len(names))
-        data = np.bincount(pattern.places, values, pattern.count + 1)[:-1]
+        data = np.bincount(pattern.places, values, pattern.cells + 1)[:-1]
         if self.size <= _DENSE:
             return data.reshape(shape)
         from scipy.sparse import csc_array
@@ -447,8 +448,8 @@ class Equations:
 
     def _of_period(self, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None
-        own = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0] if names else []
-        return np.append(np.ones(self.lengths.size), np.multiply(-self.turns, own))
+        slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
+        return np.append(np.ones(self.lengths.size), -self.turns * slope)
 
     # --- small perturbations ----------------------------------------------------------------------
 
@@ -475,7 +476,8 @@ class Equations:
         after = values(self.flows[j].f, flights[j].start, flights[j].states[:, :1], p)[:, 0]
         gate, pace = one.condition[0, :n], one.condition[0, n]
         jump = after - reset @ before - one.reset[:, n]
-        return np.asarray(reset + np.outer(jump, gate) / (gate @ before + pace))
+        rate = gate @ before + pace or -_SLOWEST  # at VI multipliers grow beyond all bounds
+        return np.asarray(reset + np.outer(jump, gate) / rate)
 
     def multipliers(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
         """Those that are not trivial, and the trivial one: NaN where there is none."""

@@ -951,7 +951,9 @@ CURVES = [
     Curve("langford", "NS", ("rho", "l"), {"l": (0.4, 0.9), "rho": (0.2, 2)},
           lambda at: (at["rho"] * (at["l"] + 0.7 - 0.343 / 3 - 0.357), 0.51)),
     Curve("linear beside a wall", "GR", ("F", "w"), {"w": (0.8, 1.8), "F": (0, 4)},
-          lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"])), most=3),
+          lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"]))),
     Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
           lambda at: (at["F"], Impacting(at["w"]).fold)),
+    Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.5, 1.7), "F": (0, 4)},
+          lambda at: (at["F"], Impacting(at["w"]).touching)),
 ]  # fmt: skip
