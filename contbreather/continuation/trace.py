@@ -158,6 +158,7 @@ def trace(
             halves.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
             first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
+            first.curve.asked = events
             for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
                 halves.append(Half(iterator))
                 look = partial(start.finer, along=along)

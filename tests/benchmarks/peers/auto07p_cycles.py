@@ -1,4 +1,4 @@
-"""Cycles by AUTO-07p: a branch from an orbit given as a table, and its curve of period doublings."""
+"""Cycles by AUTO-07p: a branch from an orbit in a table, and its curve of period doublings."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ CURVE = """\
 names = ['{free}', '{second}', 'period']
 first = run(branch('PD1'), ICP=names, ISW=2, NMX=5)
 ends = {{'{second}': [{low}, {high}]}}
-curves = [run(first('EP'), ICP=names, ISW=2, NMX=1000, DS=sign * {ds}, DSMAX=10 * {dsmax}, UZSTOP=ends)
-          for sign in (-1, 1)]
+how = {{'ICP': names, 'ISW': 2, 'NMX': 1000, 'DSMAX': 10 * {dsmax}, 'UZSTOP': ends}}
+curves = [run(first('EP'), DS=sign * {ds}, **how) for sign in (-1, 1)]
 """
 SAY = """\
 special = [(point['TY'], point['{free}'], point['period']) for point in branch()]
