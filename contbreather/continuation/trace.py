@@ -24,7 +24,7 @@ from .curve import Curve
 from .defining_systems import Singular
 from .event_detection import Ends, Found, find, without_candidate
 from .interpolant import StepInterpolant
-from .newton import Undefined
+from .newton import Array, Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in

@@ -506,7 +506,7 @@ def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
 
 
 def test_a_curve_that_runs_to_infinity_ends_there_unless_its_unknown_is_bounded() -> None:
-    """``x = lam e^x`` turns back at ``lam = 1/e`` and tends to ``lam = 0``; ``x = mu^2`` goes on."""
+    """``x = lam e^x`` turns back at ``1/e`` and tends to ``lam = 0``; ``x = mu^2`` goes on."""
     problem = Problem(
         lambda x, p: np.array([x[0] - p["lam"] * np.exp(x[0])]), {"x": 0.0}, {"lam": 0.0}
     )
