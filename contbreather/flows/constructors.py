@@ -101,6 +101,7 @@ def cycle(
     """
     scheme, forcing = collocation or Collocation(), _period(period)
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
+    flows = _timed(flows, period)
     if isinstance(start, tuple):
         flights, parts, names = _sampled(flows, start, params, scheme)
         _, params = named_state(dict.fromkeys(names, 0.0), params)
@@ -119,6 +120,9 @@ def cycle(
         turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
         shift = begin[0] if length is None else turned * length
         flights = [replace(flight, start=flight.start - shift) for flight in flights]
+    parts = tuple(
+        flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
+    )
     turns = 1
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
@@ -142,6 +146,13 @@ def named_state(
         raise BadInput(f"{twice} are named twice, among states and parameters")
     state = np.array([float(numbers(name, value)) for name, value in start.items()])
     return state, {name: float(numbers(name, value)) for name, value in params.items()}
+
+
+def _timed(flows: Any, period: Any) -> Any:
+    """The flows, with the period of which clocks strike a part."""
+    if isinstance(flows, list | tuple):
+        return [_timed(flow, period) for flow in flows]
+    return flows.timed(period) if isinstance(flows, Flow) else flows
 
 
 def _alone(flows: Any) -> Flow | None:

@@ -533,8 +533,9 @@ class Equations:
             )
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
+        flows = (*self.flows, *(flow.later(self.turns) for flow in self.flows))
         return Equations(
-            self.flows * 2, (*flights, *again), self.period, 2 * self.turns, self.states,
+            flows, (*flights, *again), self.period, 2 * self.turns, self.states,
             self.sizes * 2,
         )  # fmt: skip
 
