@@ -24,9 +24,11 @@ _MOST_POINTS = 12
 _ITERATIONS = 12
 _SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
+_STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest, count as this
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
 _HALVINGS = 50
 _ADAPTIONS = 4
+_AT_REST = 1e-7  # how far an orbit goes at least, in its size: what does not move has a mesh, too
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
@@ -181,17 +183,20 @@ class Flight:
         flat = states.reshape(len(self.states), -1)
         return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
 
-    def shares(self, sizes: Array, length: float) -> tuple[Array, Array]:
+    def shares(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """The share of each interval in the motion, with a path of this length, and in the time.
 
-        The slope in the slopes inside, of shape (n, intervals, points), comes with it. Meshes make
-        all shares equal, 1 here; so they are close where much happens and nowhere too wide. The
-        unit of the path is that for which the shares of the time add up to two thirds.
+        The slope in the slopes inside, of shape (n, intervals, points), and minus that in the
+        logarithm of the path come with it. Meshes make all shares equal, 1 here; so they are close
+        where much happens and nowhere too wide. The unit of the path is that for which the shares
+        of the time add up to two thirds.
         """
-        moved = self.slopes / sizes[:, None, None] / length
-        pace = np.sqrt(np.diff(self.knots)[:, None] ** 2 + (moved**2).sum(axis=0))
+        steps, moved = np.diff(self.knots)[:, None], self.slopes / sizes[:, None, None] / length
+        path = (steps * _AT_REST / length) ** 2 + (moved**2).sum(axis=0)
+        pace = np.sqrt(steps**2 + path)
         unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
-        return pace @ unit, unit * moved / sizes[:, None, None] / length / pace
+        slope = unit * moved / sizes[:, None, None] / length / pace
+        return pace @ unit, slope, (path / pace) @ unit
 
     def path(self, sizes: Array) -> float:
         """The unit of the path for which all shares add up to their number, or a little more."""
@@ -243,28 +248,36 @@ class Slopes:
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(
-    flow: Flow, flight: Flight, p: Params, near: tuple[Array, Array | None] | None = None
+    flow: Flow,
+    flight: Flight,
+    p: Params,
+    unit: float,
+    near: tuple[Array, Array | None] | None = None,
 ) -> Flight:
     """The flight from these states on, solved for the slopes inside.
 
-    From a guess of these, `near`, perhaps with an inverse of one near by; from what a Runge-Kutta
-    method gives, or where the flow is stiff from slopes as they are where each interval begins.
+    To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
+    of one near by; from what a Runge-Kutta method gives, or where the flow is stiff from slopes as
+    they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
     for way in (near, _predicted, _constant) if near else (_predicted, _constant):
         try:
             guess, inverse = (way(flow, flight, p), None) if callable(way) else way
-            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse))
+            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse, unit))
         except Undefined as error:
             failed = error
     raise failed
 
 
-def _newton(flow: Flow, flight: Flight, p: Params, k: Array, inverse: Array | None) -> Array:
+def _newton(
+    flow: Flow, flight: Flight, p: Params, k: Array, inverse: Array | None, unit: float
+) -> Array:
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
     makes corrections shrink."""
     before, lengths = np.inf, flight.lengths[:, None]
+    still = _STILL * max(unit, abs(flight.states).max())
     for _ in range(_ITERATIONS):
         fresh = inverse is None
         if inverse is None:
@@ -275,7 +288,7 @@ def _newton(flow: Flow, flight: Flight, p: Params, k: Array, inverse: Array | No
         off = (k - f.reshape(k.shape) * lengths).transpose(1, 2, 0)
         step = (inverse @ off.reshape(len(off), -1, 1)).reshape(off.shape)
         k = k - step.transpose(2, 0, 1)
-        size = float(abs(step).max() / (abs(k).max() or 1.0))
+        size = float(abs(step).max() / max(abs(k).max(), still))
         if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
             return k
         if not (fresh or size <= _SHRINKS * before):

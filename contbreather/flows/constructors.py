@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 
 from ..checks import check_kind, number, numbers, shown
-from ..continuation.newton import Array
+from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
 from .collocation import Collocation, Flight, fitted
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
+from .filippov import Filippov
 from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
 from .orbit import CycleProblem, problem_of
+from .walls import sliding
 
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
@@ -33,7 +35,7 @@ _SAMPLES = 8  # looks into each step of a simulation for a return
 
 
 def cycle(
-    flows: Flow | Function | Sequence[Flow],
+    flows: Flow | Function | Sequence[Flow] | Filippov,
     start: Mapping[str, float] | tuple[Any, Any],
     params: Mapping[str, float],
     *,
@@ -72,7 +74,8 @@ def cycle(
     events : iterable of Event, optional
         What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
         to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
-        impact loses its velocity) and GR (a wall is touched in between).
+        impact loses its velocity) and GR (a wall is touched in between); of a Filippov system SL
+        (an orbit begins to slide, or to cross where it slid).
     label : str, optional
         Shown in tables.
 
@@ -128,6 +131,8 @@ def cycle(
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / _length(forcing, params)))
     made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
+    if events is None and isinstance(flows, Filippov):
+        events = (*events_of(made), sliding(flows))
     return _closed(made, params, None if events is None else tuple(events), label or "cycle")
 
 
@@ -339,9 +344,10 @@ def _closed(
     for _ in range(2):
         try:
             solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
-        except NotConverged as error:
+        except (NotConverged, Undefined) as error:
             raise NotConverged(
-                f"no periodic orbit was found from there: {error}", residual=error.residual
+                f"no periodic orbit was found from there: {error}",
+                residual=getattr(error, "residual", math.nan),
             ) from error
         flights = made.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]

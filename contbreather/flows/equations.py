@@ -27,6 +27,7 @@ from .multipliers import multipliers, without_direction
 _DENSE = 400  # unknowns up to which a dense derivative is the faster one
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
 _SLOWEST = 1e-16  # pace of a condition where rounding leaves none
+_AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
 _RECENT = 4  # solutions that are kept, and derivatives, to begin the next from the nearest
 
 
@@ -43,7 +44,7 @@ class Linear(NamedTuple):
 
     ends: Array  # (intervals, n, n + 2 + parameters)
     shares: Array  # (intervals, n + 2 + parameters): of the density of the mesh
-    moved: Array  # (intervals,): minus the same in the logarithm of the path
+    longer: Array  # (intervals,): minus the same in the logarithm of the path
     waited: Array  # (intervals,): and in the length relative to the duration
     reset: Array
     condition: Array | None
@@ -186,7 +187,8 @@ class Equations:
         t = float(x[-1]) if self.phased else self.start[0].start
         for i, flow in enumerate(self.flows):
             plain = self._flight(i, x, t)
-            made.append(flown(flow, plain, p, near and near.of(i, plain, p)))
+            unit = float(self.sizes[i].max())
+            made.append(flown(flow, plain, p, unit, near and near.of(i, plain, p)))
             t += plain.duration
         self._recent[:] = [(key, tuple(made)), *self._recent[: _RECENT - 1]]
         return self._recent[0][1]
@@ -297,18 +299,16 @@ class Equations:
         names: tuple[str, ...],
     ) -> Linear:
         flow, n = self.flows[i], len(flight.states)
-        share, slope = flight.shares(self.sizes[i], path)
+        share, slope, longer = flight.shares(self.sizes[i], path)
         shares = np.einsum("nkc,kcnd->kd", slope, own.inside)
-        moved = (slope * flight.slopes).sum(axis=(0, 2))  # what is left of a share is of the time
+        timed = share - (slope * flight.slopes).sum(axis=(0, 2))  # what is left is of the time
         state, reset = flight.end[:, None], np.eye(n, n + 1 + len(names))
         if flow.reset is not None:
             reset = slopes(flow.reset, flight.last, state, p, names)[1][..., 0]
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(
-            own.ends, shares, moved, (share - moved) / np.diff(flight.knots), reset, condition
-        )
+        return Linear(own.ends, shares, longer, timed / np.diff(flight.knots), reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
@@ -334,7 +334,7 @@ class Equations:
             yield -self._spread(i, flight, one.ends)[:-1]
             yield -self._carried(i, flight, one.reset, one.ends[-1])
             yield shares
-            yield -one.moved
+            yield -one.longer
             if one.condition is not None:
                 yield self._carried(i, flight, one.condition, one.ends[-1])
             else:
@@ -546,5 +546,10 @@ def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:
     for flight in flights:
         states = flight.sampled(2)[1]
         size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
-        found.append(np.maximum(size, 1e-3 * size.max()) if size.any() else size + 1.0)
-    return tuple(found)
+        found.append(np.maximum(size, 1e-3 * size.max()))
+    largest = max(size.max() for size in found) or 1.0
+    rests = [size.max() < _AT_REST * largest for size in found]
+    return tuple(
+        np.full_like(size, largest) if at_rest else size
+        for size, at_rest in zip(found, rests, strict=True)
+    )

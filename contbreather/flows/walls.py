@@ -1,4 +1,5 @@
-"""VI, an impact that loses its velocity, and GR, a wall that is touched in between."""
+"""VI, an impact that loses its velocity, GR, a wall that is touched in between, and SL, where an
+orbit of a Filippov system begins to slide, or to cross where it slid."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Locus, Point
 from .collocation import Flight
 from .equations import Equations
+from .filippov import Filippov
 from .flow import Function, Params, slopes, values
 from .orbit import Cycle, equations_of
 
@@ -157,6 +159,56 @@ def _clearance_locus(point: Point) -> Locus:
         raise Undefined("no wall comes close between the ends of a flow")
     touched = _Touched(equations, touch.flow, touch.wall)
     return Locus({"touch": touch.place}, touched.conditions, touched.derivative)
+
+
+# --- where a surface is reached ------------------------------------------------------------------
+
+
+class _Tangent(_Reached):
+    """A field that is tangent to the surface which the flow ends at."""
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.both(curve, z, 1.0)[:1]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.slopes(curve, z, 1.0)[:1, :-1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrivals:
+    """Where an orbit comes to the surface of a Filippov system: the field of the other side points
+    away from the surface where the orbit crosses it, and at it where it slides."""
+
+    system: Filippov
+
+    def __call__(self, point: Point) -> float:
+        return min((margin for margin, _, _ in self._found(point)), default=math.nan)
+
+    def locus(self, point: Point) -> Locus:
+        _, i, field = min(self._found(point), key=lambda found: found[0])
+        tangent = _Tangent(equations_of(point.ground), i, field)
+        return Locus({}, tangent.conditions, tangent.derivative)
+
+    def _found(self, point: Point) -> list[tuple[float, int, Function]]:
+        orbit: Cycle = point.ground.solution
+        numbers = [self.system.flows.index(flow) for flow in orbit.equations.flows]
+        fields = [self.system.to_minus.until, self.system.to_plus.until]
+        found = []
+        for i, flight in enumerate(orbit.flights):
+            if numbers[i] >= len(fields):
+                continue  # it leaves the surface there
+            field, follows = fields[numbers[i]], numbers[(i + 1) % len(numbers)]
+            assert field is not None
+            points_at_it = values(field, flight.last, flight.end[:, None], orbit.params)[0, 0]
+            slides = follows >= len(fields)
+            found.append((float(points_at_it if slides else -points_at_it), i, field))
+        return found
+
+
+def sliding(system: Filippov) -> Event:
+    """SL, of the cycles of a Filippov system."""
+    arrivals = _Arrivals(system)
+    return Event("SL", arrivals, locus=arrivals.locus, ends="domain")
 
 
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
