@@ -121,7 +121,7 @@ def cycle(
         flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
         # in the first period, or at no time at all
         turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
-        shift = begin[0] if length is None else turned * length
+        shift = flights[0].start if length is None else turned * length
         flights = [replace(flight, start=flight.start - shift) for flight in flights]
     parts = tuple(
         flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
@@ -260,14 +260,15 @@ def _smooth(
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
-    speed = values(flow.f, t0, state[:, None], params)[:, 0]
     for wait in np.multiply(settle or _WAIT, _LONGER):
+        speed = values(flow.f, t0, state[:, None], params)[:, 0]
         ran = run(x0=state, time=float(wait), t0=t0)
         _refuse_rest(values(flow.f, t0, ran.final[:, None], params)[:, 0], ran.final)
-        found = _returns(flow, ran, state, speed, params)
+        found, since = _returns(flow, ran, state, speed, params), t0
         if min((off for off, _ in found), default=math.inf) <= _BACK:
             break
-    return ran, t0, float(_first_close(found, ran))
+        t0, state = t0 + float(wait), ran.final  # it was not settled yet
+    return ran, since, float(_first_close(found, ran))
 
 
 def _returns(

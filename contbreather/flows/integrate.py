@@ -169,8 +169,10 @@ class Trajectory(Columns):
         if times.size and not (begins[0] <= times.min() and times.max() <= end):
             raise BadInput(f"the trajectory goes from t = {begins[0]:g} to {end:g}, not {shown(t)}")
         number = np.searchsorted(begins, times.ravel(), side="right") - 1
-        columns = [self.pieces[i](at) for i, at in zip(number, times.ravel(), strict=True)]
-        return np.stack(columns, axis=-1).reshape(-1, *times.shape)
+        found = np.empty((len(self.pieces[0].x), times.size))
+        for i in np.unique(number):
+            found[:, number == i] = self.pieces[i](times.ravel()[number == i])
+        return found.reshape(-1, *times.shape)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Time and states at the steps of the integrator."""
