@@ -123,6 +123,7 @@ class _Stored:
         else:
             longer, events = active_events(problem, asked.events, inadmissible=asked.inadmissible)
         curve = self._curve(longer)
+        curve.asked = asked.events
         if list(longer.start) != content["unknowns"] or set(longer.names) != set(here):
             raise BadInput(f"the file has {list(here)}, the problem has {list(longer.names)}")
         if not content["boundary"]:

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 from .curve import Curve
 from .defining_systems import Singular, signed_smallest
+from .dense import solve
 from .linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
-from .newton import Solution, Undefined, solve
+from .newton import Solution, Undefined
 from .point import Event, Locus, Point
-from .sparse import Factors, Matrix, above, beside, is_sparse
+from .sparse import Factors, Matrix, above, beside, is_large, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -137,7 +138,7 @@ def bordered(point: Point) -> Matrix:
     """The derivative and the row of the tangent, in the scales of the unknowns."""
     curve, row = point.curve, point.curve.dual(point.direction)
     matrix = curve.jacobian(point.z)
-    if is_sparse(matrix):
+    if is_large(matrix):
         factors = curve.factors(point.z, row)
         assert isinstance(factors, Factors)
         return Bordered(factors, row, curve.scales)

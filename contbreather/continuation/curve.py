@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .compiled_steps import Corrector, Loops
+from .dense import Dense
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
-    Dense,
     Solution,
     Undefined,
     factors_of,
@@ -86,6 +86,8 @@ class Curve:
         mean square, so that a refined mesh keeps its steps.
     hint : str
         What would make a large problem cheaper; empty if there is nothing to say.
+    asked : tuple of Event or None
+        What was looked for on it, None for the events of its problem: arms that set out have it.
     rows : ndarray
         Size of the derivative of each equation along the latest piece of curve: what is small
         against it counts as zero.
@@ -116,6 +118,7 @@ class Curve:
         self._corrector: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
+        self.asked: tuple[Any, ...] | None = None
         self.hint = ""  # what would make all of this cheaper
         self._known: dict[str, list[tuple[Array, Any]]] = {}
 

@@ -24,11 +24,12 @@ from ..kernels import bound
 from . import derivatives, null_loops
 from .compiled_steps import Loops
 from .curve import Curve, Params
+from .dense import solve
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
-from .newton import Undefined, solve
+from .newton import Undefined
 from .point import Event, Locus, Point
 from .problem import Problem
-from .sparse import Matrix, above, beside, is_sparse, shifted
+from .sparse import Matrix, above, beside, is_large, shifted
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -109,7 +110,7 @@ def signed_smallest(matrix: Matrix) -> float:
     """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
     if isinstance(matrix, Bordered):
         return matrix.signed_least()
-    if is_sparse(matrix):
+    if is_large(matrix):
         weak = least_singular(matrix)
         return weak.sign * weak.size
     left, values, right = np.linalg.svd(matrix)  # det M = det left . det right . product of values

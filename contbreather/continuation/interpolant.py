@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from .curve import Curve
+from .dense import Dense
 from .linear_algebra import least_singular, sense
-from .newton import Array, Dense, Solution, Undefined
+from .newton import Array, Solution, Undefined
 from .point import Point
 from .sparse import Matrix
 

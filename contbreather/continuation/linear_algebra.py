@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .newton import Undefined
-from .sparse import Factors, Matrix, any_vector, beside, factorised, is_sparse
+from .sparse import Factors, Matrix, any_vector, beside, factorised, is_large, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def solved(matrix: Matrix, right: NDArray[Any], why: str) -> NDArray[Any]:
 
 def least_singular(matrix: Matrix) -> LeastSingular:
     """Least singular values and vectors of a matrix with at least as many columns as rows."""
-    if not is_sparse(matrix):
+    if not is_large(matrix):
         return _dense(matrix)
     if matrix.shape[0] < _FEW:
         return _dense(matrix.toarray())

@@ -6,7 +6,6 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..errors import ContbreatherError
 from ..kernels import bound
 from . import sparse
 from . import step as rules
+from .dense import Dense, solve
 from .sparse import Matrix
 
 Array = NDArray[np.float64]
@@ -45,49 +45,9 @@ class Solution:
     correction: float  # length of the last step, an estimate of the error before it
 
 
-@cache
-def _lapack() -> Any:
-    from scipy.linalg import lapack  # dear to import: looking at a breather needs none
-
-    return lapack
-
-
-def solve(matrix: Array, right: Array) -> Array | None:
-    """Solution of a small dense system, or None where the matrix is singular."""
-    _, _, solution, info = _lapack().dgesv(matrix, right)
-    return solution if info == 0 else None
-
-
-class Dense:
-    """A dense derivative with a row below, unless that is None, factorised."""
-
-    def __init__(self, matrix: Array, row: Array | None) -> None:
-        self.row, self.whole = row, matrix
-        if row is not None:
-            self.whole = np.empty((row.size, row.size))
-            self.whole[:-1], self.whole[-1] = matrix, row
-        self._factors, self._pivots, info = _lapack().dgetrf(self.whole)
-        self.exact = info == 0
-
-    def solve(self, right: Array, last: float = 0.0) -> Array | None:
-        """The solution, `last` being the right side of the row; None where it is singular."""
-        whole = right if self.row is None else np.append(right, last)
-        return _lapack().dgetrs(self._factors, self._pivots, whole)[0] if self.exact else None
-
-    def sign(self) -> int:
-        """Of the determinant; 0 where the matrix is singular."""
-        if not self.exact:
-            return 0
-        sign, diagonal = 1, self._factors.diagonal().tolist()
-        for i, (pivot, row) in enumerate(zip(diagonal, self._pivots.tolist(), strict=True)):
-            if (pivot < 0) != (row != i):
-                sign = -sign
-        return sign
-
-
 def factors_of(matrix: Matrix, row: Array | None) -> Dense | sparse.Factors:
     """What solves for corrections: of a dense matrix those with this row below."""
-    return sparse.Factors(matrix) if sparse.is_sparse(matrix) else Dense(matrix, row)
+    return sparse.Factors(matrix) if sparse.is_large(matrix) else Dense(matrix, row)
 
 
 def newton(

@@ -2,6 +2,7 @@
 
 All that is asked of such a derivative are solutions of linear systems, and one factorisation
 answers them all: with one condition or another below, transposed, with the sign of its determinant.
+So does that of an array with many rows, whose singular values would take 40 times as long.
 scipy.sparse is imported where a problem turns out to be sparse, not before.
 """
 
@@ -15,9 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .dense import Dense
+
 Array = NDArray[np.float64]
 Matrix = Any  # an array, or a scipy.sparse.csc_array
 
+_MANY = 120  # rows of an array from which on its factors are asked for all
 _STEEP = 1e3  # an unknown that moves this much with the last ones is kept fixed in their place
 _PIVOT = 0.1  # an entry of the diagonal this large, relative to its column, is taken as a pivot
 _BAND = 8  # entries no farther off the diagonal fill no more than their band
@@ -28,6 +32,11 @@ _SHIFT = 1e-14  # relative size of what is added where a matrix is singular to t
 def is_sparse(matrix: object) -> bool:
     """Whether a matrix, or what was given for one, comes from scipy.sparse."""
     return hasattr(matrix, "tocsc")
+
+
+def is_large(matrix: Matrix) -> bool:
+    """Whether all that is asked of a matrix are solutions: a sparse one, or one of many rows."""
+    return is_sparse(matrix) or len(matrix) >= _MANY
 
 
 def canonical(given: Any) -> Matrix:
@@ -80,11 +89,12 @@ def columns_of(matrix: Matrix) -> NDArray[np.intp]:
     return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
 
 
-def scaled(matrix: Matrix, rows: Array, columns: Array) -> Matrix:
-    """A matrix, dense or sparse, with each row and each column multiplied by a number."""
+def scaled(matrix: Matrix, rows: Array, columns: Array | None = None) -> Matrix:
+    """A matrix, dense or sparse, with each row, and each column, multiplied by a number."""
     if not is_sparse(matrix):
-        return matrix * columns * rows[:, None]
-    return _with(matrix, matrix.data * rows[matrix.indices] * columns[columns_of(matrix)])
+        return (matrix if columns is None else matrix * columns) * rows[:, None]
+    data = matrix.data * rows[matrix.indices]
+    return _with(matrix, data if columns is None else data * columns[columns_of(matrix)])
 
 
 def row_sizes(matrix: Matrix, scales: Array) -> Array:
@@ -104,7 +114,7 @@ def _with(matrix: Matrix, data: Array) -> Matrix:
 
 
 class Factors:
-    """A sparse matrix of n rows and n + k columns, factorised so as to solve all it is asked for.
+    """A large matrix of n rows and n + k columns, factorised so as to solve all it is asked for.
 
     What is factorised are n of its columns, which leaves them as sparse as they are. The others
     give the null vectors, and with these follow the solutions for any k rows below: no system is
@@ -113,7 +123,7 @@ class Factors:
 
     Attributes
     ----------
-    matrix : csc_array, shape (n, n + k)
+    matrix : csc_array or ndarray, shape (n, n + k)
     null : ndarray, shape (n + k, k)
         Its null vectors, an identity matrix in the unknowns that are set apart.
     """
@@ -135,20 +145,20 @@ class Factors:
         self._order, self._inside = order, order[:n]
         self._in_order = bool((order[:n] == np.arange(n)).all())
         core = first_columns(self.matrix, n) if self._in_order else self.matrix[:, self._inside]
-        core = _with(core, core.data * self._rows[core.indices])
-        self.exact = True
-        try:
-            self._lu = factorised(core)
-        except RuntimeError:  # a pivot that is exactly zero
-            self.exact = False
-            self._lu = factorised(_shifted(core))
+        core = scaled(core, self._rows)
+        kind = _Sparse if is_sparse(core) else Dense
+        self._lu = kind(core)
+        self.exact = self._lu.exact
+        if not self.exact:  # a pivot that is exactly zero
+            self._lu = kind(_shifted(core))
         self.null = np.zeros((width, width - n))
         for i, column in enumerate(order[n:]):
             self.null[column, i] = 1.0
             self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
 
     def _inner(self, right: Array) -> Array:
-        found: Array = self._lu.solve(right * self._rows)
+        found = self._lu.solve(right * self._rows)
+        assert found is not None
         return found
 
     def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
@@ -174,7 +184,7 @@ class Factors:
         if rows is not None and len(rows):
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
-        y = self._lu.solve(right[self._inside], "T") * self._rows
+        y = self._lu.transposed(right[self._inside]) * self._rows
         return np.concatenate([y, weights])
 
     def least(self, right: Array, *, refined: bool = True) -> Array:
@@ -189,11 +199,8 @@ class Factors:
 
     @cached_property
     def _own_sign(self) -> int:
-        lu = self._lu
-        turns = 0 if self._in_order else _odd(self._order)
-        if (lu.perm_r != lu.perm_c).any():
-            turns += _odd(lu.perm_r) + _odd(lu.perm_c)
-        return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
+        turned = not self._in_order and _odd(self._order)
+        return -self._lu.sign() if turned else self._lu.sign()
 
     def sign(self, rows: Array | None = None) -> int:
         """Sign of the determinant of the matrix with `rows` below; 0 where it is singular."""
@@ -202,6 +209,29 @@ class Factors:
         if rows is None or not len(rows):
             return self._own_sign
         return self._own_sign * int(np.sign(np.linalg.det(rows @ self.null)))
+
+
+class _Sparse:
+    """The factors of a square sparse matrix, as `Dense` of an array."""
+
+    def __init__(self, matrix: Matrix) -> None:
+        self.exact = True
+        try:
+            self._lu = factorised(matrix)
+        except RuntimeError:
+            self.exact = False
+
+    def solve(self, right: Array) -> Array:
+        return np.asarray(self._lu.solve(right))
+
+    def transposed(self, right: Array) -> Array:
+        return np.asarray(self._lu.solve(right, "T"))
+
+    def sign(self) -> int:
+        lu, turns = self._lu, 0
+        if (lu.perm_r != lu.perm_c).any():
+            turns = _odd(lu.perm_r) + _odd(lu.perm_c)
+        return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
 
 
 def factorised(matrix: Matrix) -> Any:
@@ -233,6 +263,8 @@ def _diagonal_leads(matrix: Matrix) -> bool:
 
 
 def _column(matrix: Matrix, number: int) -> Array:
+    if not is_sparse(matrix):
+        return np.asarray(matrix[:, number])
     column, entries = np.zeros(matrix.shape[0]), slice(*matrix.indptr[number : number + 2])
     column[matrix.indices[entries]] = matrix.data[entries]
     return column
@@ -248,6 +280,8 @@ def _shifted(matrix: Matrix) -> Matrix:
     from scipy.sparse import diags_array
 
     shifts = _SHIFT * (1.5 + np.cos(np.arange(matrix.shape[0])))
+    if not is_sparse(matrix):
+        return matrix + np.diag(shifts)
     return (matrix + diags_array(shifts)).tocsc()
 
 

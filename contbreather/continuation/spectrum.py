@@ -1,9 +1,10 @@
 """Eigenvalues of large derivatives: a few of them, next to the imaginary axis.
 
 Disks are laid along the axis, the first around zero, and the eigenvalues in each of them found by
-shift and invert. How far up pairs can be at all is known beforehand, by the skew part of the matrix
-(I. Bendixson, Acta Math. 25, 359, 1902): of a symmetric one there are none. Beyond the last disk
-nothing is known, and `NearestEigenvalues.reach` says so.
+shift and invert; up to some hundred unknowns it takes no longer to find all. How far up pairs can
+be at all is known beforehand, by the skew part of the matrix (I. Bendixson, Acta Math. 25, 359,
+1902): of a symmetric one there are none. Beyond the last disk nothing is known, and
+`NearestEigenvalues.reach` says so.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from .sparse import Factors, Matrix, any_vector, factorised, scaled, shifted
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
+_FEW = 250  # rows up to which all eigenvalues at once take less time
 _IN_A_DISK = 12  # eigenvalues that are looked for around one place of the axis
 _DISKS = 4
 _SPLIT = 4.0  # a real double eigenvalue may split into a pair this many times the rounding apart
@@ -77,6 +79,9 @@ def _near(matrix: Matrix) -> NearestEigenvalues:
     values, reach = np.empty(0, dtype=complex), 0.0
     for _ in range(_DISKS):
         if reach >= highest - rounding:
+            return NearestEigenvalues(values, math.inf, rounding)
+        if matrix.shape[0] <= _FEW:
+            values = np.linalg.eigvals(matrix.toarray()).astype(complex)
             return NearestEigenvalues(values, math.inf, rounding)
         inside, radius = _disk(matrix, reach)
         apart = abs(inside[:, None] - values).min(axis=1, initial=math.inf)

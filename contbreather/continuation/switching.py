@@ -218,9 +218,9 @@ def switch(
         A special point of a branch from which others leave: a BP of any problem, the PF and PD of
         breathers, the PD of a map.
     within, events, steps, progress, save
-        As for `trace`. The arms are walked in the parameter of the branch the point is on; an arm
-        that solves a larger problem has the events of that problem by default. Where the walls of
-        that branch are lifted, those of the arms are.
+        As for `trace`. The arms are walked in the parameter of the branch the point is on, and look
+        for what that branch did; an arm that solves a larger problem has the events of that problem
+        by default. Where the walls of that branch are lifted, those of the arms are.
 
     Returns
     -------
@@ -267,9 +267,10 @@ def switch(
             if any(comes_back(arm, seed) for arm in arms):
                 continue
             with add_partial_result(arms.append):
+                same = seed.problem.residual is point.curve.problem.residual
                 arm = follow(
-                    point, seed, within=within, events=given, steps=steps, progress=progress,
-                    save=inner,
+                    point, seed, within=within, steps=steps, progress=progress, save=inner,
+                    events=point.curve.asked if given is None and same else given,
                 )  # fmt: skip
             _keep_apart(arm, arms)
             arms.append(_with_image(arm, arms))

@@ -24,7 +24,7 @@ from .curve import Curve
 from .defining_systems import Singular
 from .event_detection import Ends, Found, find, without_candidate
 from .interpolant import StepInterpolant
-from .newton import Undefined
+from .newton import Array, Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
@@ -46,6 +46,8 @@ Piece = Sequence[Point]
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
+_STILL = 1e-6  # a parameter that moves less, relative to the largest it was, tends to a limit
+_ENDLESS = 3.0  # and where z has become so many times as long meanwhile nothing else is to come
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
 
 
@@ -158,6 +160,7 @@ def trace(
             halves.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
             first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
+            first.curve.asked = events
             for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
                 halves.append(Half(iterator))
                 look = partial(start.finer, along=along)
@@ -291,6 +294,7 @@ class ContinuationIterator:
         self.point, self.count = start, 0  # where it is, after how many steps
         self.end = End(Stop.INTERRUPTED)
         self.tests = self._first_tests()
+        self.moving, self.largest = start.z, abs(start.z)  # where parameters last moved; how far
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
@@ -335,6 +339,9 @@ class ContinuationIterator:
             # record
             if clear:
                 yield clear
+                if limit := self._limit(clear[-1].z):
+                    self.end = End(Stop.INFINITY, limit, tuple(unverified))
+                    return
                 continue
             last = line[-1].arclength if stop is Stop.EVENT else math.inf
             unverified += [point for point in found.doubtful if point.arclength <= last]
@@ -343,12 +350,32 @@ class ContinuationIterator:
                 self.end = End(stop, self._edge(line[-1], stop), tuple(unverified))
                 return
             self.point, self.tests, self.count = step.point, found.after, self.count + 1
+            if limit := self._limit(step.point.z):
+                self.end = End(Stop.INFINITY, limit, tuple(unverified))
+                return
         reason = end.reason or self._edge(self.point, end.stop)
         if self.count == 0:
             if self.directed and end.stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
         self.end = End(end.stop, reason, tuple(unverified))
+
+    def _limit(self, z: Array) -> str:
+        """What a curve tends to that runs to infinity: unknowns that nobody bounds grow and grow,
+        while all parameters stay."""
+        curve = self.curve
+        varied = [curve.slots[name] for name in curve.varied]
+        self.largest = np.maximum(self.largest, abs(z))
+        if (abs(z - self.moving)[varied] > _STILL * self.largest[varied]).any():
+            self.moving = z
+            return ""
+        bounded = any(bound.name not in curve.varied for bound in self.bounds)
+        if bounded or not curve.length(z) > _ENDLESS * (1 + curve.length(self.moving)):
+            return ""
+        sizes = {n: np.linalg.norm(z[curve.slots[n]] / curve.scales[curve.slots[n]])
+                 for n in curve.slots if n not in curve.varied}  # fmt: skip
+        limits = ", ".join(f"{name} to {z[curve.slots[name]]:.6g}" for name in curve.varied)
+        return f"{max(sizes, key=lambda n: sizes[n])} grows without bound while {limits}"
 
     # --- test ---
 

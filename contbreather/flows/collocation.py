@@ -8,7 +8,7 @@ unknowns of a cycle. What is between is solved for interval by interval, all of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,8 +24,11 @@ _MOST_POINTS = 12
 _ITERATIONS = 12
 _SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
+_STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest, count as this
+_SHRINKS = 0.05  # by so much a step, or the inverse is made anew
 _HALVINGS = 50
 _ADAPTIONS = 4
+_AT_REST = 1e-7  # how far an orbit goes at least, in its size: what does not move has a mesh, too
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
@@ -142,17 +145,18 @@ class Flight:
 
     def at(self, s: Array) -> Array:
         """States at times from 0 to 1, shape (n, len(s))."""
-        j, place = self._places(s)
+        j, place = self.places(s)
         moved = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.spread(place))
         return np.asarray(self.states[:, j] + moved)
 
     def rates(self, s: Array) -> Array:
         """Their derivatives in a time from 0 to 1."""
-        j, place = self._places(s)
+        j, place = self.places(s)
         rates = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.between(place))
         return np.asarray(rates / np.diff(self.knots)[j])
 
-    def _places(self, s: Array) -> tuple[NDArray[np.intp], Array]:
+    def places(self, s: Array) -> tuple[NDArray[np.intp], Array]:
+        """The intervals in which times from 0 to 1 lie, and where in these."""
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
         return j, (s - self.knots[j]) / np.diff(self.knots)[j]
 
@@ -179,17 +183,20 @@ class Flight:
         flat = states.reshape(len(self.states), -1)
         return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
 
-    def shares(self, sizes: Array, length: float) -> tuple[Array, Array]:
+    def shares(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """The share of each interval in the motion, with a path of this length, and in the time.
 
-        The slope in the slopes inside, of shape (n, intervals, points), comes with it. Meshes make
-        all shares equal, 1 here; so they are close where much happens and nowhere too wide. The
-        unit of the path is that for which the shares of the time add up to two thirds.
+        The slope in the slopes inside, of shape (n, intervals, points), and minus that in the
+        logarithm of the path come with it. Meshes make all shares equal, 1 here; so they are close
+        where much happens and nowhere too wide. The unit of the path is that for which the shares
+        of the time add up to two thirds.
         """
-        moved = self.slopes / sizes[:, None, None] / length
-        pace = np.sqrt(np.diff(self.knots)[:, None] ** 2 + (moved**2).sum(axis=0))
+        steps, moved = np.diff(self.knots)[:, None], self.slopes / sizes[:, None, None] / length
+        path = (steps * _AT_REST / length) ** 2 + (moved**2).sum(axis=0)
+        pace = np.sqrt(steps**2 + path)
         unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
-        return pace @ unit, unit * moved / sizes[:, None, None] / length / pace
+        slope = unit * moved / sizes[:, None, None] / length / pace
+        return pace @ unit, slope, (path / pace) @ unit
 
     def path(self, sizes: Array) -> float:
         """The unit of the path for which all shares add up to their number, or a little more."""
@@ -222,43 +229,70 @@ class Slopes:
     """Derivatives of a flight: of the state where each interval ends, and of the slopes inside.
 
     The last axis is one entry for each state where the interval begins, the time at which it
-    begins, its length, and each parameter asked for.
+    begins, its length, and each parameter asked for. `inverse` is that of the matrix of the linear
+    equations for the slopes inside, of each interval.
     """
 
     ends: Array  # (intervals, n, n + 2 + parameters)
     inside: Array  # (intervals, points, n, n + 2 + parameters)
+    inverse: Array  # (intervals, points n, points n)
+
+    def beside(self, own: Flight, other: Flight, moved: Sequence[float]) -> Array:
+        """To first order the slopes inside of another flight than their own, for parameters that
+        moved."""
+        ways = [other.begins - own.begins, other.lengths - own.lengths]
+        ways += [np.full(own.lengths.size, by) for by in moved]
+        change = np.vstack([other.states - own.states, *ways]).T
+        return own.slopes + (self.inside @ change[:, None, :, None])[..., 0].transpose(2, 0, 1)
 
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
-def flown(flow: Flow, flight: Flight, p: Params, guess: Array | None = None) -> Flight:
+def flown(
+    flow: Flow,
+    flight: Flight,
+    p: Params,
+    unit: float,
+    near: tuple[Array, Array | None] | None = None,
+) -> Flight:
     """The flight from these states on, solved for the slopes inside.
 
-    From a guess of these, that of an orbit near by, from what a Runge-Kutta method gives, or where
-    the flow is stiff from slopes as they are where each interval begins.
+    To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
+    of one near by; from what a Runge-Kutta method gives, or where the flow is stiff from slopes as
+    they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
-    ways = (_predicted, _constant) if guess is None else (guess, _predicted, _constant)
-    for way in ways:
+    for way in (near, _predicted, _constant) if near else (_predicted, _constant):
         try:
-            begin = way(flow, flight, p) if callable(way) else way
-            return replace(flight, slopes=_newton(flow, flight, p, begin))
+            guess, inverse = (way(flow, flight, p), None) if callable(way) else way
+            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse, unit))
         except Undefined as error:
             failed = error
     raise failed
 
 
-def _newton(flow: Flow, flight: Flight, p: Params, k: Array) -> Array:
-    """Newton's iteration for the slopes inside of all intervals."""
-    before = np.inf
+def _newton(
+    flow: Flow, flight: Flight, p: Params, k: Array, inverse: Array | None, unit: float
+) -> Array:
+    """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
+    makes corrections shrink."""
+    before, lengths = np.inf, flight.lengths[:, None]
+    still = _STILL * max(unit, abs(flight.states).max())
     for _ in range(_ITERATIONS):
-        f, df = _inside(flow, flight, k, p, ())
-        off = (k - f.reshape(k.shape) * flight.lengths[:, None]).transpose(1, 2, 0)
-        step = _solved(_matrix(flight, df), off.reshape(*off.shape[:1], -1, 1))
-        k = k - step.reshape(off.shape).transpose(2, 0, 1)
-        size = float(abs(step).max() / (abs(k).max() or 1.0))
+        fresh = inverse is None
+        if inverse is None:
+            f, df = _inside(flow, flight, k, p, ())
+            inverse = _inverted(_matrix(flight, df))
+        else:
+            f = values(flow.f, *_gauss(flight, k), p)
+        off = (k - f.reshape(k.shape) * lengths).transpose(1, 2, 0)
+        step = (inverse @ off.reshape(len(off), -1, 1)).reshape(off.shape)
+        k = k - step.transpose(2, 0, 1)
+        size = float(abs(step).max() / max(abs(k).max(), still))
         if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
             return k
+        if not (fresh or size <= _SHRINKS * before):
+            inverse = None
         before = size
     raise Undefined(
         "an interval of the mesh is too long for its flow: the period grows without bound, or more "
@@ -296,11 +330,11 @@ def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -
     right[..., : n + 1] = lengths[..., None] * split[..., : n + 1]
     right[..., n + 1] = own + lengths * scheme.nodes[:, None] * split[..., n]
     right[..., n + 2 :] = lengths[..., None] * split[..., n + 1 :]
-    inside = _solved(_matrix(flight, df), right.reshape(lengths.size, -1, right.shape[-1]))
-    inside = inside.reshape(right.shape)
-    ends = np.einsum("c,kcnd->knd", scheme.weights, inside)
+    inverse = _inverted(_matrix(flight, df))
+    inside = (inverse @ right.reshape(lengths.size, -1, right.shape[-1])).reshape(right.shape)
+    ends = np.tensordot(scheme.weights, inside, (0, 1))
     ends[:, :, :n] += np.eye(n)
-    return Slopes(ends, inside)
+    return Slopes(ends, inside, inverse)
 
 
 def fitted(
@@ -323,10 +357,15 @@ def _inside(
     flow: Flow, flight: Flight, k: Array, p: Params, names: tuple[str, ...]
 ) -> tuple[Array, Array]:
     """The vector field and its derivatives at all Gauss points."""
+    return slopes(flow.f, *_gauss(flight, k), p, names)
+
+
+def _gauss(flight: Flight, k: Array) -> tuple[Array, Array]:
+    """Times and states of all Gauss points."""
     scheme = flight.scheme
     states = (flight.states[..., None] + k @ scheme.matrix.T).reshape(len(k), -1)
     times = flight.begins[:, None] + flight.lengths[:, None] * scheme.nodes
-    return slopes(flow.f, times.ravel(), states, p, names)
+    return times.ravel(), states
 
 
 def _matrix(flight: Flight, df: Array) -> Array:
@@ -340,10 +379,11 @@ def _matrix(flight: Flight, df: Array) -> Array:
     return np.asarray(matrix)
 
 
-def _solved(matrix: Array, right: Array) -> Array:
-    if not np.isfinite(matrix.sum() + right.sum()):
+def _inverted(matrix: Array) -> Array:
+    """A step is one product with it, and serves flights near by as well."""
+    if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
     try:
-        return np.asarray(np.linalg.solve(matrix, right))
+        return np.asarray(np.linalg.inv(matrix))
     except np.linalg.LinAlgError as error:
         raise Undefined("an interval of the mesh is too long for its flow") from error

@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 
 from ..checks import check_kind, number, numbers, shown
-from ..continuation.newton import Array
+from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
 from .collocation import Collocation, Flight, fitted
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
+from .filippov import Filippov
 from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
 from .orbit import CycleProblem, problem_of
+from .walls import sliding
 
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
@@ -33,7 +35,7 @@ _SAMPLES = 8  # looks into each step of a simulation for a return
 
 
 def cycle(
-    flows: Flow | Function | Sequence[Flow],
+    flows: Flow | Function | Sequence[Flow] | Filippov,
     start: Mapping[str, float] | tuple[Any, Any],
     params: Mapping[str, float],
     *,
@@ -72,7 +74,8 @@ def cycle(
     events : iterable of Event, optional
         What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
         to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
-        impact loses its velocity) and GR (a wall is touched in between).
+        impact loses its velocity) and GR (a wall is touched in between); of a Filippov system SL
+        (an orbit begins to slide, or to cross where it slid).
     label : str, optional
         Shown in tables.
 
@@ -101,6 +104,7 @@ def cycle(
     """
     scheme, forcing = collocation or Collocation(), _period(period)
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
+    flows = _timed(flows, period)
     if isinstance(start, tuple):
         flights, parts, names = _sampled(flows, start, params, scheme)
         _, params = named_state(dict.fromkeys(names, 0.0), params)
@@ -117,13 +121,18 @@ def cycle(
         flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
         # in the first period, or at no time at all
         turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
-        shift = begin[0] if length is None else turned * length
+        shift = flights[0].start if length is None else turned * length
         flights = [replace(flight, start=flight.start - shift) for flight in flights]
+    parts = tuple(
+        flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
+    )
     turns = 1
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / _length(forcing, params)))
     made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
+    if events is None and isinstance(flows, Filippov):
+        events = (*events_of(made), sliding(flows))
     return _closed(made, params, None if events is None else tuple(events), label or "cycle")
 
 
@@ -142,6 +151,13 @@ def named_state(
         raise BadInput(f"{twice} are named twice, among states and parameters")
     state = np.array([float(numbers(name, value)) for name, value in start.items()])
     return state, {name: float(numbers(name, value)) for name, value in params.items()}
+
+
+def _timed(flows: Any, period: Any) -> Any:
+    """The flows, with the period of which clocks strike a part."""
+    if isinstance(flows, list | tuple):
+        return [_timed(flow, period) for flow in flows]
+    return flows.timed(period) if isinstance(flows, Flow) else flows
 
 
 def _alone(flows: Any) -> Flow | None:
@@ -244,14 +260,15 @@ def _smooth(
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
-    speed = values(flow.f, t0, state[:, None], params)[:, 0]
     for wait in np.multiply(settle or _WAIT, _LONGER):
+        speed = values(flow.f, t0, state[:, None], params)[:, 0]
         ran = run(x0=state, time=float(wait), t0=t0)
         _refuse_rest(values(flow.f, t0, ran.final[:, None], params)[:, 0], ran.final)
-        found = _returns(flow, ran, state, speed, params)
+        found, since = _returns(flow, ran, state, speed, params), t0
         if min((off for off, _ in found), default=math.inf) <= _BACK:
             break
-    return ran, t0, float(_first_close(found, ran))
+        t0, state = t0 + float(wait), ran.final  # it was not settled yet
+    return ran, since, float(_first_close(found, ran))
 
 
 def _returns(
@@ -328,9 +345,10 @@ def _closed(
     for _ in range(2):
         try:
             solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
-        except NotConverged as error:
+        except (NotConverged, Undefined) as error:
             raise NotConverged(
-                f"no periodic orbit was found from there: {error}", residual=error.residual
+                f"no periodic orbit was found from there: {error}",
+                residual=getattr(error, "residual", math.nan),
             ) from error
         flights = made.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]

@@ -20,13 +20,15 @@ from numpy.typing import NDArray
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import Flight, derivatives, flown
+from .collocation import Flight, Slopes, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .multipliers import multipliers, without_direction
 
-_DENSE = 150  # unknowns up to which a dense derivative is the faster one
+_DENSE = 400  # unknowns up to which a dense derivative is the faster one
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
-_RECENT = 4  # solutions that are kept, to begin the next from the nearest
+_SLOWEST = 1e-16  # pace of a condition where rounding leaves none
+_AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
+_RECENT = 4  # solutions that are kept, and derivatives, to begin the next from the nearest
 
 
 Places = NDArray[np.intp]
@@ -42,10 +44,38 @@ class Linear(NamedTuple):
 
     ends: Array  # (intervals, n, n + 2 + parameters)
     shares: Array  # (intervals, n + 2 + parameters): of the density of the mesh
-    moved: Array  # (intervals,): minus the same in the logarithm of the path
+    longer: Array  # (intervals,): minus the same in the logarithm of the path
     waited: Array  # (intervals,): and in the length relative to the duration
     reset: Array
     condition: Array | None
+
+
+class _Pattern(NamedTuple):
+    """Where values belong among the entries of a matrix, `cells` for those that belong nowhere; of
+    a sparse one the row of each, and where columns end."""
+
+    places: Places
+    cells: int
+    rows: Places
+    ends: Places
+
+
+class _Known(NamedTuple):
+    """A place, and the derivatives there: where flights near by begin to be solved for."""
+
+    x: Array
+    params: Params
+    names: tuple[str, ...]
+    flights: tuple[Flight, ...]
+    slopes: tuple[Slopes, ...] = ()
+    linear: tuple[Linear, ...] = ()
+
+    def of(self, i: int, flight: Flight, p: Params) -> tuple[Array, Array | None]:
+        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
+        if not self.slopes:
+            return self.flights[i].slopes, None
+        moved = [p[name] - self.params[name] for name in self.names]
+        return self.slopes[i].beside(self.flights[i], flight, moved), self.slopes[i].inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +104,12 @@ class Equations:
     states: tuple[str, ...]
     sizes: tuple[Array, ...]
     _recent: list[Any] = field(default_factory=list, init=False)
-    _linear: list[Any] = field(default_factory=list, init=False)
+    _linear: list[_Known] = field(default_factory=list, init=False)
+    _patterns: dict[int, _Pattern] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was solved lately."""
-        return {**self.__dict__, "_recent": [], "_linear": []}
+        return {**self.__dict__, "_recent": [], "_linear": [], "_patterns": {}}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -148,20 +179,26 @@ class Equations:
     def flights(self, x: Array, p: Params) -> tuple[Flight, ...]:
         """All flows, from the states and times among the unknowns."""
         key = x.tobytes(), tuple(p.items())
-        for known, _, found in self._recent:
+        for known, found in self._recent:
             if known == key:
-                return tuple(found)
-        known = [*((z, found) for _, z, found in self._recent), (self._first, self.start)]
-        z, near = min(known, key=lambda one: float(abs(one[0] - x).max()))
-        close = abs(z - x).max() <= _CLOSE * abs(x).max()
+                return found
+        near = self._nearest(x)
         made: list[Flight] = []
         t = float(x[-1]) if self.phased else self.start[0].start
         for i, flow in enumerate(self.flows):
             plain = self._flight(i, x, t)
-            made.append(flown(flow, plain, p, near[i].slopes if close else None))
+            unit = float(self.sizes[i].max())
+            made.append(flown(flow, plain, p, unit, near and near.of(i, plain, p)))
             t += plain.duration
-        self._recent[:] = [(key, x.copy(), made), *self._recent[: _RECENT - 1]]
-        return tuple(made)
+        self._recent[:] = [(key, tuple(made)), *self._recent[: _RECENT - 1]]
+        return self._recent[0][1]
+
+    def _nearest(self, x: Array) -> _Known | None:
+        """The nearest place that is known, if it is near."""
+        known = [*self._linear, _Known(self._first, {}, (), self.start)]
+        off = [float(abs(one.x - x).max()) for one in known]
+        nearest = int(np.argmin(off))
+        return known[nearest] if off[nearest] <= _CLOSE * abs(x).max() else None
 
     @cached_property
     def _first(self) -> Array:
@@ -236,104 +273,183 @@ class Equations:
 
     def linear(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> tuple[Linear, ...]:
         """All derivatives of flows, resets and conditions."""
-        key = x.tobytes(), tuple(p.items())
-        for known, those, found in self._linear:
-            if known == key and (those == names or not names):
-                return tuple(found)
-        made = [
-            self._linearised(i, flight, math.exp(x[self.knots[i][-1]]), p, names)
-            for i, flight in enumerate(self.flights(x, p))
-        ]
-        self._linear[:] = [(key, names, made), *self._linear[: _RECENT - 1]]
-        return tuple(made)
+        return self._known(x, p, names).linear
+
+    def _known(self, x: Array, p: Params, names: tuple[str, ...]) -> _Known:
+        for one in self._linear:
+            if (one.names == names or not names) and one.params == p and (one.x == x).all():
+                return one
+        flights = self.flights(x, p)
+        own = [derivatives(*of, p, names) for of in zip(self.flows, flights, strict=True)]
+        made = tuple(
+            self._linearised(i, flight, slopes, math.exp(x[self.knots[i][-1]]), p, names)
+            for i, (flight, slopes) in enumerate(zip(flights, own, strict=True))
+        )
+        found = _Known(x.copy(), dict(p), names, flights, tuple(own), made)
+        self._linear[:] = [found, *self._linear[: _RECENT - 1]]
+        return found
 
     def _linearised(
-        self, i: int, flight: Flight, path: float, p: Params, names: tuple[str, ...]
+        self,
+        i: int,
+        flight: Flight,
+        own: Slopes,
+        path: float,
+        p: Params,
+        names: tuple[str, ...],
     ) -> Linear:
         flow, n = self.flows[i], len(flight.states)
-        own = derivatives(flow, flight, p, names)
-        share, slope = flight.shares(self.sizes[i], path)
+        share, slope, longer = flight.shares(self.sizes[i], path)
         shares = np.einsum("nkc,kcnd->kd", slope, own.inside)
-        moved = (slope * flight.slopes).sum(axis=(0, 2))  # what is left of a share is of the time
+        timed = share - (slope * flight.slopes).sum(axis=(0, 2))  # what is left is of the time
         state, reset = flight.end[:, None], np.eye(n, n + 1 + len(names))
         if flow.reset is not None:
             reset = slopes(flow.reset, flight.last, state, p, names)[1][..., 0]
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(
-            own.ends, shares, moved, (share - moved) / np.diff(flight.knots), reset, condition
-        )
+        return Linear(own.ends, shares, longer, timed / np.diff(flight.knots), reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
         shape = self.size, self.size + len(names)
-        entries = list(self._entries(x, p, names))
+        values = np.concatenate([np.ravel(block) for block in self._blocks(x, p, names)])
+        pattern = self._pattern(len(names))
+        data = np.bincount(pattern.places, values, pattern.cells + 1)[:-1]
         if self.size <= _DENSE:
-            matrix = np.zeros(shape)
-            for rows, columns, value in entries:
-                matrix[rows, columns] += value
-            return matrix
-        from scipy.sparse import coo_array
+            return data.reshape(shape)
+        from scipy.sparse import csc_array
 
-        spread = [np.broadcast_arrays(*entry) for entry in entries]
-        rows, columns, data = (np.concatenate([e[k].ravel() for e in spread]) for k in range(3))
-        return coo_array((data, (rows, columns)), shape=shape).tocsc()
+        return csc_array((data, pattern.rows, pattern.ends), shape=shape)
 
-    def _entries(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
-        """Rows, columns and values of all blocks."""
+    def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
+        """The values of all blocks, where `_places` says."""
         linear, flights = self.linear(x, p, names), self.flights(x, p)
-        own = np.arange(self.orbit)
-        yield own, own, 1.0
-        for i, (node, one) in enumerate(zip(self.nodes, linear, strict=True)):
-            n = node.shape[1]
-            columns, chain = self._chain(i, flights[i], n, len(names))
-            ends, shares = one.ends @ chain, (one.shares[:, None] @ chain)[:, 0]
+        yield np.ones(self.orbit)
+        for i, one in enumerate(linear):
+            flight, n = flights[i], len(flights[i].states)
+            shares = self._spread(i, flight, one.shares)
             shares[:, n] -= one.waited
             shares[:, n + 1] += one.waited
-            yield from _kept(node[1:][..., None], columns[:-1, None], -ends[:-1])
-            last = _carried(one.reset, one.ends[-1], n) @ chain[-1]
-            first = self.nodes[(i + 1) % len(self.flows)][0]
-            yield from _kept(first[:, None], columns[-1:], -last)
-            yield from _kept(self.knots[i][:, None], columns, shares)
-            yield self.knots[i], self.knots[i][-1], -one.moved
-            row = self.lengths[i]
+            yield -self._spread(i, flight, one.ends)[:-1]
+            yield -self._carried(i, flight, one.reset, one.ends[-1])
+            yield shares
+            yield -one.longer
             if one.condition is not None:
-                value = _carried(one.condition, one.ends[-1], n) @ chain[-1]
-                yield from _kept(row, columns[-1:], value)
-            elif self.autonomous:
-                yield row, node.ravel(), self._phase[i]
+                yield self._carried(i, flight, one.condition, one.ends[-1])
             else:
-                yield from self._period_row(row, p, names)
+                yield self._phase[i] if self.autonomous else self._of_period(p, names)
         if self.phased:
-            yield from self._period_row(self.size - 1, p, names)
+            yield self._of_period(p, names)
 
-    def _chain(self, i: int, flight: Flight, n: int, named: int) -> tuple[Places, Array]:
-        """Of each interval the unknowns it depends on, and how its state, its beginning, its length
-        and the parameters depend on them. -1 stands for a knot that is fixed."""
-        count, steps = len(flight.knots) - 1, np.diff(flight.knots)
-        begins = [*self.lengths[:i], *([self.size - 1] if self.phased else [])]
-        own = [self.lengths[i], *begins, *range(self.size, self.size + named)]
+    def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
+        """Rows and columns of all blocks. The column of a knot that is fixed is -1."""
+        own, width = np.arange(self.orbit), self.size + named
+        whole = np.append(self.lengths, np.arange(self.size, width))
+        yield own, own
+        for i, node in enumerate(self.nodes):
+            columns = self._columns(i, named)
+            yield node[1:, :, None], columns[:-1, None]
+            yield self.nodes[(i + 1) % len(self.flows)][0][:, None], columns[-1:]
+            yield self.knots[i][:, None], columns
+            yield self.knots[i], self.knots[i][-1]
+            if self.flows[i].until is not None:
+                yield self.lengths[i], columns[-1]
+            else:
+                yield self.lengths[i], node.ravel() if self.autonomous else whole
+        if self.phased:
+            yield self.size - 1, whole
+
+    def _columns(self, i: int, named: int) -> Places:
+        """What each interval depends on, in the order of `_spread`."""
+        before = [*self.lengths[:i], *([self.size - 1] if self.phased else [])]
+        shared = [self.lengths[i], *before, *range(self.size, self.size + named)]
         inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
-        columns = np.hstack(
-            [self.nodes[i], inner[:-1, None], inner[1:, None], np.tile(own, (count, 1))]
-        )
-        chain = np.zeros((count, n + 2 + named, columns.shape[1]))
-        chain[:, np.arange(n), np.arange(n)] = 1.0
-        chain[:, n, n], chain[:, n + 1, n] = flight.duration, -flight.duration
-        chain[:, n + 1, n + 1] = flight.duration
-        chain[:, n, n + 2], chain[:, n + 1, n + 2] = flight.knots[:-1], steps
-        chain[:, n, n + 3 : n + 3 + len(begins)] = 1.0
-        if named:
-            chain[:, np.arange(n + 2, n + 2 + named), np.arange(-named, 0)] = 1.0
-        return columns, chain
+        return np.hstack(
+            [
+                self.nodes[i], inner[:-1, None], inner[1:, None],
+                np.tile(shared, (len(inner) - 1, 1)),
+            ]
+        )  # fmt: skip
 
-    def _period_row(self, row: int, p: Params, names: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
+    def _pattern(self, named: int) -> _Pattern:
+        """Where the values of all blocks belong: found once."""
+        if named not in self._patterns:
+            width = self.size + named
+            spread = [np.broadcast_arrays(*place) for place in self._places(named)]
+            rows, columns = (np.concatenate([at[k].ravel() for at in spread]) for k in range(2))
+            if self.size <= _DENSE:
+                count, ends = self.size * width, np.empty(0, int)
+                places = np.where(columns < 0, count, rows * width + columns)
+            else:  # by columns, each entry once; those of fixed knots beyond the last
+                cells = np.where(columns < 0, self.size * width, columns * self.size + rows)
+                own, places = np.unique(cells, return_inverse=True)
+                count = int(np.searchsorted(own, self.size * width))
+                rows = own[:count] % self.size
+                ends = np.searchsorted(own[:count], self.size * np.arange(width + 1))
+            self._patterns[named] = _Pattern(places, count, rows, ends)
+        return self._patterns[named]
+
+    def _spread(self, i: int, flight: Flight, slope: Array) -> Array:
+        """The derivative of something of each interval in its state, its beginning, its length and
+        the parameters as one in the unknowns: the state, the knots at both ends, the duration,
+        what the beginning of the flow is the sum of, and the parameters."""
+        n, knots = len(flight.states), flight.knots
+        start, steps = (
+            at.reshape(-1, *[1] * (slope.ndim - 1)) for at in (knots[:-1], np.diff(knots))
+        )
+        begins, lasts = slope[..., n : n + 1], slope[..., n + 1 : n + 2]
+        return np.concatenate(
+            [
+                slope[..., :n],
+                flight.duration * (begins - lasts),
+                flight.duration * lasts,
+                start * begins + steps * lasts,
+                *[begins] * (i + self.phased),
+                slope[..., n + 2 :],
+            ],
+            axis=-1,
+        )
+
+    def _carried(self, i: int, flight: Flight, outer: Array, inner: Array) -> Array:
+        """A function of (state, time, parameters) where a flow ends, as one of the unknowns of its
+        last interval: the time is the sum of its beginning and its length."""
+        n = len(flight.states)
+        found = outer[..., :n] @ inner
+        found[..., n] += outer[..., n]
+        found[..., n + 1 :] += outer[..., n:]
+        last = replace(flight, knots=flight.knots[-2:])
+        return self._spread(i, last, found[None])[0]
+
+    def place(self, i: int, s: float, x: Array, p: Params) -> tuple[float, Array]:
+        """Time and state of a flow at a part of its duration."""
+        flight = self.flights(x, p)[i]
+        return flight.start + s * flight.duration, flight.at(np.array([s]))[:, 0]
+
+    def place_slopes(self, i: int, s: float, x: Array, p: Params, names: tuple[str, ...]) -> Array:
+        """The derivative of that state, and of the time below, in all unknowns, named parameters
+        and the part of the duration."""
+        flight, slopes = self.flights(x, p)[i], self._known(x, p, names).slopes[i]
+        (j,), (u,) = flight.places(np.array([s]))
+        n = len(flight.states)
+        local = np.eye(n + 1, n + 2 + len(names))  # the time is that at which the interval begins
+        local[n, n + 1] = u  # and a part of its length
+        local[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], slopes.inside[j], 1)
+        interval = replace(flight, knots=flight.knots[j : j + 2])
+        rise = np.append(flight.rates(np.array([s]))[:, 0], flight.duration)
+        spread = self._spread(i, interval, local[None])[0]
+        spread[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
+        spread[:, n + 1] -= u * rise
+        columns = self._columns(i, len(names))[j]
+        found = np.zeros((n + 1, self.size + len(names) + 1))
+        found[:, columns[columns >= 0]] = spread[:, columns >= 0]
+        found[:, -1] = rise
+        return found
+
+    def _of_period(self, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None
-        yield row, self.lengths, 1.0
-        if names:
-            own = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
-            yield row, self.size + np.arange(len(names)), -self.turns * own
+        slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
+        return np.append(np.ones(self.lengths.size), -self.turns * slope)
 
     # --- small perturbations ----------------------------------------------------------------------
 
@@ -360,7 +476,8 @@ class Equations:
         after = values(self.flows[j].f, flights[j].start, flights[j].states[:, :1], p)[:, 0]
         gate, pace = one.condition[0, :n], one.condition[0, n]
         jump = after - reset @ before - one.reset[:, n]
-        return np.asarray(reset + np.outer(jump, gate) / (gate @ before + pace))
+        rate = gate @ before + pace or -_SLOWEST  # at VI multipliers grow beyond all bounds
+        return np.asarray(reset + np.outer(jump, gate) / rate)
 
     def multipliers(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
         """Those that are not trivial, and the trivial one: NaN where there is none."""
@@ -416,19 +533,11 @@ class Equations:
             )
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
+        flows = (*self.flows, *(flow.later(self.turns) for flow in self.flows))
         return Equations(
-            self.flows * 2, (*flights, *again), self.period, 2 * self.turns, self.states,
+            flows, (*flights, *again), self.period, 2 * self.turns, self.states,
             self.sizes * 2,
         )  # fmt: skip
-
-
-def _carried(outer: Array, inner: Array, n: int) -> Array:
-    """A function of (state, time, parameters) where an interval ends, as one of (state, time,
-    duration, parameters) where it begins: the time is the sum of both."""
-    found = outer[:, :n] @ inner
-    found[:, n] += outer[:, n]
-    found[:, n + 1 :] += outer[:, n:]
-    return np.asarray(found)
 
 
 def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:
@@ -437,12 +546,10 @@ def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:
     for flight in flights:
         states = flight.sampled(2)[1]
         size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
-        found.append(np.maximum(size, 1e-3 * size.max()) if size.any() else size + 1.0)
-    return tuple(found)
-
-
-def _kept(rows: Any, columns: Any, value: Array) -> Iterator[tuple[Any, ...]]:
-    """A block without the columns of knots that are fixed."""
-    rows, columns, value = np.broadcast_arrays(rows, columns, value)
-    kept = columns >= 0
-    yield rows[kept], columns[kept], value[kept]
+        found.append(np.maximum(size, 1e-3 * size.max()))
+    largest = max(size.max() for size in found) or 1.0
+    rests = [size.max() < _AT_REST * largest for size in found]
+    return tuple(
+        np.full_like(size, largest) if at_rest else size
+        for size, at_rest in zip(found, rests, strict=True)
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -28,7 +29,34 @@ _STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))  # five-point 
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
+_STRUCK = 1e-9  # of a period after a clock struck it waits for the next one
 _SAME = 1e-9  # relative; sums over all states at once round differently
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """What ends a flow at a part of each period of the forcing, as a condition ``(t, x, p)``: that
+    of the period with a certain number."""
+
+    part: float | Callable[[Params], Any]
+    period: float | Callable[[Params], Any] | None = None
+    number: int = 0
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        return (self.number + _of(self.part, p)) * _of(self.period, p) - t
+
+    def after(self, t: float, p: Params) -> float:
+        """When it strikes next."""
+        past = t / _of(self.period, p) - _of(self.part, p)
+        return float((math.floor(past + _STRUCK) + 1 + _of(self.part, p)) * _of(self.period, p))
+
+    def at(self, t: float, p: Params) -> Clock:
+        """The same with the number of the period in which it strikes at a time."""
+        return replace(self, number=round(t / _of(self.period, p) - _of(self.part, p)))
+
+
+def _of(what: Any, p: Params) -> Any:
+    return what(p) if callable(what) else what
 
 
 @dataclass(frozen=True)
@@ -53,6 +81,9 @@ class Flow:
         ``reset(t, x, p) -> state`` in which the next flow begins; where it ends without it. With
         ``until=None`` and a mirror as reset, ``lambda t, x, p: [-x[0], -x[1]]``, this is half of a
         symmetric orbit.
+    at : float or callable, optional
+        A part of the period of the forcing, or ``at(p)``, in place of `until`: the flow ends
+        whenever a clock that strikes once a period does so. 0 is the time 0, and each period later.
     walls : tuple of callable, optional
         Further functions that must stay positive inside, as `until` does.
     mass : array_like, shape (n, n), optional
@@ -75,6 +106,7 @@ class Flow:
     reset: Function | None = None
     walls: tuple[Function, ...] = ()
     mass: Any = None
+    at: float | Callable[[Params], Any] | None = None
 
     def __post_init__(self) -> None:
         if callable(self.walls):
@@ -82,6 +114,12 @@ class Flow:
         if not isinstance(self.walls, tuple | list):
             raise BadInput(f"walls must be a tuple of functions, got {shown(self.walls)}")
         object.__setattr__(self, "walls", tuple(self.walls))
+        if self.at is not None:
+            if self.until is not None:
+                raise BadInput("a flow ends by `until`, or `at` a part of the period: not by both")
+            part = self.at if callable(self.at) else float(numbers("at", self.at))
+            object.__setattr__(self, "until", Clock(part))
+            object.__setattr__(self, "at", None)  # it is in until now
         named = {"f": self.f, "until": self.until, "reset": self.reset}
         named |= {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
         for name, function in named.items():
@@ -90,6 +128,26 @@ class Flow:
         if self.mass is not None:
             object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
             object.__setattr__(self, "mass", None)  # it is in f now
+
+    def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
+        """The flow, with the period of which its clock strikes a part."""
+        if not isinstance(self.until, Clock) or self.until.period is not None:
+            return self
+        if period is None:
+            raise BadInput("a flow ends `at` a part of the period; period= was not given")
+        return replace(self, until=replace(self.until, period=period))
+
+    def struck(self, t: float, p: Params) -> Flow:
+        """The flow, with its clock set to the period in which it strikes at a time."""
+        own = self.until
+        return replace(self, until=own.at(t, p)) if isinstance(own, Clock) else self
+
+    def later(self, periods: int) -> Flow:
+        """The flow some periods later."""
+        own = self.until
+        if not isinstance(own, Clock):
+            return self
+        return replace(self, until=replace(own, number=own.number + periods))
 
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.

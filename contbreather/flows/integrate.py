@@ -17,7 +17,7 @@ from ..columns import Columns
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput, NotConverged
 from ..tables import Sheet
-from .flow import Flow, Function, Params, slopes, values
+from .flow import Clock, Flow, Function, Params, slopes, values
 
 _LONGEST = 1e4  # how long a flow is waited for where no time is given
 _STEPS = 200_000  # of one run: a stiff system takes more
@@ -169,8 +169,10 @@ class Trajectory(Columns):
         if times.size and not (begins[0] <= times.min() and times.max() <= end):
             raise BadInput(f"the trajectory goes from t = {begins[0]:g} to {end:g}, not {shown(t)}")
         number = np.searchsorted(begins, times.ravel(), side="right") - 1
-        columns = [self.pieces[i](at) for i, at in zip(number, times.ravel(), strict=True)]
-        return np.stack(columns, axis=-1).reshape(-1, *times.shape)
+        found = np.empty((len(self.pieces[0].x), times.size))
+        for i in np.unique(number):
+            found[:, number == i] = self.pieces[i](times.ravel()[number == i])
+        return found.reshape(-1, *times.shape)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Time and states at the steps of the integrator."""
@@ -248,7 +250,7 @@ def integrate(
     >>> [round(event.time, 12) for event in run.events]
     [1.0, 2.0, 2.5]
     """
-    path = _itinerary(flows, first)
+    path = _itinerary(flows, first, period)
     names = tuple(x0) if isinstance(x0, Mapping) else ()
     state = numbers("the start", list(x0.values()) if isinstance(x0, Mapping) else x0)
     if state.ndim != 1 or not state.size:
@@ -261,14 +263,14 @@ def integrate(
     return walk.run(t0, state, end, most, names)
 
 
-def _itinerary(flows: Any, first: int) -> Itinerary:
+def _itinerary(flows: Any, first: int, period: Any) -> Itinerary:
     if hasattr(flows, "follow"):
         path: Itinerary = flows
         return path
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
     if not isinstance(listed, list | tuple) or not listed:
         raise BadInput(f"flows must be a list of Flow, got {shown(flows)}")
-    made = tuple(flow if isinstance(flow, Flow) else Flow(flow) for flow in listed)
+    made = tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
     if whole("first", first, 0) >= len(made):
         raise BadInput(f"first = {first}: there are {len(made)} flows, counted from 0")
     return _InTurn(made, first)
@@ -321,6 +323,10 @@ class _Walk:
         from scipy.integrate import DOP853, OdeSolution
 
         guards = self.path.guards(mode)
+        # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
+        clocks = [guard for guard in guards if isinstance(guard, Clock)]
+        struck = clocks[0].after(t0, self.params) if clocks else math.inf
+        end = min(end, struck)
         waited = t0 + _LONGEST if guards and math.isinf(end) else end
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
@@ -328,14 +334,17 @@ class _Walk:
             _right_side(self.path.field(mode), self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
-        watched = [_Watched(guard, self.params, rough=self.left == _STEPS) for guard in guards]
+        watched = [
+            _Watched(guard, self.params, rough=self.left == _STEPS)
+            for guard in guards[len(clocks) :]
+        ]
         t, x, steps, hit = [t0], [x0], [], None
         while hit is None and solver.status == "running":
             self.step(solver)
             steps.append(solver.dense_output())
             falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in watched]
             at = min(falls, default=math.inf)
-            hit = falls.index(at) if math.isfinite(at) else None
+            hit = len(clocks) + falls.index(at) if math.isfinite(at) else None
             t.append(solver.t if hit is None else at)
             x.append(solver.y if hit is None else steps[-1](at))
         if hit is None and waited < end:
@@ -343,6 +352,8 @@ class _Walk:
                 f"the condition of flow {mode} was not met within {_LONGEST:g} from t = {t0:g}, "
                 f"x = {shown(x0.tolist())}: a guard is positive inside and zero at the end"
             )
+        if hit is None and struck <= end:
+            hit = 0
         number, flow = self.path.ended(mode, hit or 0)
         dense = OdeSolution(t, steps)
         return Piece(number, flow, np.array(t), np.stack(x, axis=-1), hit is not None, dense), hit

@@ -8,7 +8,8 @@ is made triangular, factor by factor, by orthogonal iteration around the cycle.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ def without_direction(
 
     ``directions[j]`` is where ``factors[j]`` begins; the last one ends in the first.
     """
-    mirrors = [_mirror(way) for way in directions]
+    mirrors = _alike(_mirrors, directions)
     own, rest = 1.0, []
     for factor, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
         turned = after @ factor @ before
@@ -47,31 +48,50 @@ def without_direction(
     return rest, own
 
 
-def _mirror(way: Array) -> Array:
-    """The reflection between a direction and the first axis."""
-    size = float(np.linalg.norm(way))
-    if not size > 0:
+def _alike(function: Callable[[Array], Array], arrays: Sequence[Array]) -> list[Any]:
+    """A function of many arrays at once, of those of each shape: what it gives for each."""
+    found: dict[int, Any] = {}
+    for shape in {array.shape for array in arrays}:
+        places = [i for i, array in enumerate(arrays) if array.shape == shape]
+        found |= zip(places, function(np.stack([arrays[i] for i in places])), strict=True)
+    return [found[i] for i in range(len(arrays))]
+
+
+def _mirrors(ways: Array) -> Array:
+    """The reflections between directions and the first axis."""
+    sizes = np.linalg.norm(ways, axis=1)
+    if not sizes.min() > 0:
         raise Undefined("the vector field vanishes on the orbit: an equilibrium is on it")
-    v = way / size
-    v[0] += np.copysign(1.0, v[0])
-    return np.eye(v.size) - np.outer(v, v) * (2 / (v @ v))
+    v = ways / sizes[:, None]
+    v[:, 0] += np.copysign(1.0, v[:, 0])
+    v *= np.sqrt(2 / (v * v).sum(axis=1))[:, None]
+    return np.eye(v.shape[1]) - v[:, :, None] * v[:, None, :]
 
 
 def _merged(factors: Sequence[Array]) -> list[Array]:
     """Fewer factors with the same product, each of them well conditioned."""
-    few = [factors[0]]
-    for factor in factors[1:]:
-        product = factor @ few[-1]
-        sizes = np.linalg.svd(product, compute_uv=False)
+    few, bounds = [factors[0]], _alike(_condition, factors)
+    bound = bounds[0]
+    for factor, own in zip(factors[1:], bounds[1:], strict=True):
+        product, bound = factor @ few[-1], bound * own
+        if not bound < _KEPT:  # no product is conditioned worse than all of its factors together
+            bound = _condition(product)
         # factors between spaces of different dimension must be multiplied
         square = product.shape[0] == product.shape[1] and few[-1].shape[0] == factor.shape[0]
-        if square and not sizes[0] < _KEPT * sizes[-1]:
+        if square and not bound < _KEPT:
             few.append(factor)
+            bound = own
         else:
             few[-1] = product
     if len(few) > 1 and few[0].shape[1] != few[0].shape[0]:
         few = [few[0] @ few[-1], *few[1:-1]]
     return few
+
+
+def _condition(matrix: Array) -> Any:
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return sizes[..., 0] / sizes[..., -1]
 
 
 def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:

@@ -1,18 +1,20 @@
-"""VI, an impact that loses its velocity, and GR, a wall that is touched in between."""
+"""VI, an impact that loses its velocity, GR, a wall that is touched in between, and SL, where an
+orbit of a Filippov system begins to slide, or to cross where it slid."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from ..continuation.curve import Curve
+from ..continuation.derivatives import RELATIVE, directional
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Locus, Point
 from .collocation import Flight
 from .equations import Equations
+from .filippov import Filippov
 from .flow import Function, Params, slopes, values
 from .orbit import Cycle, equations_of
 
@@ -30,11 +32,72 @@ def _slowest(point: Point) -> float:
 def _slowest_locus(point: Point) -> Locus:
     orbit: Cycle = point.ground.solution
     number = int(orbit.equations.paces(orbit.x, orbit.params).argmin())
-    return Locus({}, partial(_pace, orbit.equations, number))
+    ends = [i for i, flow in enumerate(orbit.equations.flows) if flow.until]
+    until = orbit.equations.flows[ends[number]].until
+    assert until is not None
+    slow = _Slow(orbit.equations, ends[number], until)
+    return Locus({}, slow.conditions, slow.derivative)
 
 
-def _pace(equations: Equations, number: int, curve: Curve, z: Array, extra: Array) -> Array:
-    return equations.paces(z[: curve.size], curve.params(z))[[number]]
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """A wall, and how fast it changes along the flow, at a place of a flow."""
+
+    equations: Equations
+    flow: int
+    wall: Function
+
+    def both(self, curve: Curve, z: Array, s: float) -> Array:
+        x, p = z[: curve.size], curve.params(z)
+        t, state = self.equations.place(self.flow, s, x, p)
+        return self._both(t, state, p, ())[0]
+
+    def slopes(self, curve: Curve, z: Array, s: float) -> Array:
+        """Their derivatives in z and s."""
+        x, p, names = z[: curve.size], curve.params(z), curve.free
+        t, state = self.equations.place(self.flow, s, x, p)
+        own = self._both(t, state, p, names)[1]
+        n = state.size + 1  # of the state and the time
+        found = own[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
+        found[:, curve.size : -1] += own[:, n:]
+        return found
+
+    def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
+        """Both at a time and a state, and their derivatives in state, time and parameters."""
+
+        def gradient(z: Array) -> Array:
+            return slopes(self.wall, z[-1], z[:-1, None], p, names)[1][0, :, 0]
+
+        at, n = np.append(x, t), x.size
+        f, df = (
+            of[..., 0] for of in slopes(self.equations.flows[self.flow].f, t, x[:, None], p, names)
+        )
+        own, way = gradient(at), np.append(f, 1.0)
+        # (grad w . f)' = w'' f + grad w . f', and w'' f is how the gradient changes along f
+        step = RELATIVE * (1 + np.linalg.norm(at)) / np.linalg.norm(way)
+        turned = directional(gradient, at, step * way) / step
+        value = values(self.wall, t, x[:, None], p)[0, 0]
+        return np.array([value, own[: n + 1] @ way]), np.stack([own, turned + own[:n] @ df])
+
+
+class _Slow(_Reached):
+    """The condition that ends a flow does not change there."""
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return -self.both(curve, z, 1.0)[1:]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return -self.slopes(curve, z, 1.0)[1:, :-1]
+
+
+class _Touched(_Reached):
+    """The wall is zero in between, and does not change there."""
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.both(curve, z, float(extra[0]))
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.slopes(curve, z, float(extra[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +157,58 @@ def _clearance_locus(point: Point) -> Locus:
     touch, equations = lowest(point.ground.solution), equations_of(point.ground)
     if touch is None:
         raise Undefined("no wall comes close between the ends of a flow")
-    return Locus({"touch": touch.place}, partial(_touched, equations, touch))
+    touched = _Touched(equations, touch.flow, touch.wall)
+    return Locus({"touch": touch.place}, touched.conditions, touched.derivative)
 
 
-def _touched(equations: Equations, touch: Touch, curve: Curve, z: Array, extra: Array) -> Array:
-    """The wall and how fast it changes, both zero where it is touched."""
-    p = curve.params(z)
-    flight = equations.flights(z[: curve.size], p)[touch.flow]
-    return np.array(_wall(touch.wall, flight, p, float(extra[0])))
+# --- where a surface is reached ------------------------------------------------------------------
+
+
+class _Tangent(_Reached):
+    """A field that is tangent to the surface which the flow ends at."""
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.both(curve, z, 1.0)[:1]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.slopes(curve, z, 1.0)[:1, :-1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrivals:
+    """Where an orbit comes to the surface of a Filippov system: the field of the other side points
+    away from the surface where the orbit crosses it, and at it where it slides."""
+
+    system: Filippov
+
+    def __call__(self, point: Point) -> float:
+        return min((margin for margin, _, _ in self._found(point)), default=math.nan)
+
+    def locus(self, point: Point) -> Locus:
+        _, i, field = min(self._found(point), key=lambda found: found[0])
+        tangent = _Tangent(equations_of(point.ground), i, field)
+        return Locus({}, tangent.conditions, tangent.derivative)
+
+    def _found(self, point: Point) -> list[tuple[float, int, Function]]:
+        orbit: Cycle = point.ground.solution
+        numbers = [self.system.flows.index(flow) for flow in orbit.equations.flows]
+        fields = [self.system.to_minus.until, self.system.to_plus.until]
+        found = []
+        for i, flight in enumerate(orbit.flights):
+            if numbers[i] >= len(fields):
+                continue  # it leaves the surface there
+            field, follows = fields[numbers[i]], numbers[(i + 1) % len(numbers)]
+            assert field is not None
+            points_at_it = values(field, flight.last, flight.end[:, None], orbit.params)[0, 0]
+            slides = follows >= len(fields)
+            found.append((float(points_at_it if slides else -points_at_it), i, field))
+        return found
+
+
+def sliding(system: Filippov) -> Event:
+    """SL, of the cycles of a Filippov system."""
+    arrivals = _Arrivals(system)
+    return Event("SL", arrivals, locus=arrivals.locus, ends="domain")
 
 
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")

@@ -34,7 +34,7 @@ CYCLE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 # One marker for each kind of special point; kinds that are not listed get the last one.
 MARKERS = {
     "LP": "s", "BP": "D", "PF": "^", "NS": "o", "PD": "v", "GR": "X", "HB": "*", "UZ": "P",
-    "EP": ".", "MX": "x", "CP": "h", "VI": "<",
+    "EP": ".", "MX": "x", "CP": "h", "VI": "<", "SL": ">",
 }  # fmt: skip
 MEETING = "p"
 SIZE = 4.5

@@ -66,6 +66,11 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
 
         return large.rows()
 
+    def cycles() -> list[Row]:
+        from . import cycles
+
+        return cycles.rows()
+
     return {
         "stability": stability,
         "branch": branch,
@@ -76,6 +81,7 @@ def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
         "shooting": shooting,
         "simulation": simulation,
         "large": large,
+        "cycles": cycles,
     }
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import block_array, coo_array, csr_array, diags_array
 
 import contbreather as cb
 from contbreather.continuation import sparse
@@ -335,3 +335,22 @@ def test_each_null_vector_has_an_unknown_of_its_own(many: int) -> None:
         chosen = sparse._most_moving(null)
         assert len({*chosen.tolist()}) == many
         assert np.linalg.svd(null[chosen], compute_uv=False).min() > 0.1
+
+
+def test_a_hopf_point_far_up_the_axis_is_seen_among_two_hundred_sparse_unknowns() -> None:
+    """Oscillators ``z' = (mu + i w) z`` of w = 1, 2, ..., 100; all but the last one are damped."""
+    m = 100
+    own = np.arange(m) == m - 1
+    turn = np.arange(1.0, m + 1)
+
+    def jacobian(u, p):
+        growth = diags_array(np.where(own, p["mu"], -1.0))
+        return block_array([[growth, -diags_array(turn)], [diags_array(turn), growth]])
+
+    problem = cb.Problem(
+        lambda u, p: jacobian(u, p) @ u, {"u": np.zeros(2 * m)}, {"mu": -1.0}, jacobian=jacobian
+    )
+    branch = cb.trace(problem, "mu", within={"mu": (-1, 1)}, towards="up", events=[cb.hopf()])
+    point = branch.first("HB")
+    assert abs(point["mu"]) < 1e-9
+    assert point["omega"] == pytest.approx(m, abs=1e-9)

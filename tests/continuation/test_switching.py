@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ortho_group
 
+import contbreather as cb
 from contbreather.continuation import (
     Branch,
     Event,
@@ -155,6 +157,31 @@ def test_events_of_arms_are_found_and_can_be_switched_at_again() -> None:
     assert all(abs(one["x"]).max() < 1e-12 for one in back)
 
 
+def test_arms_look_for_what_their_branch_did(tmp_path: Path) -> None:
+    """LP of ``x (mu + x^2 - x^4)`` and HB of Lorenz's equations on arms, PD of a map on its."""
+    quintic = scalar(lambda x, p: x * (p["mu"] + x**2 - x**4), 0.0, {"mu": -0.7})
+    at_bp = trace(quintic, "mu", events=STATIC, within=MU).first("BP")
+    for arm in switch(at_bp, within=MU):
+        assert arm.first("LP")["mu"] == pytest.approx(-0.25, abs=1e-9)
+    for arm in switch(at_bp, within=MU, events=()):
+        assert {point.kind for point in arm.special} == {"EP"}
+
+    origin = LORENZ.problem.at(x=0.0, y=0.0, z=0.0, r=0.5)
+    window = {"r": (0.5, 30.0)}
+    axis = trace(origin, "r", events=[branch_point(), hopf()], within=window)
+    cb.save(tmp_path / "axis.nc", axis)
+    loaded = cb.load(tmp_path / "axis.nc", problem=origin)
+    for branch in (axis, loaded):
+        for arm in switch(branch.first("BP"), within=window):
+            assert arm.first("HB")["r"] == pytest.approx(470 / 19, abs=1e-9)
+
+    cubic = cb.FixedPoint(lambda x, p: p["mu"] * x - x**3, {"x": 0.0}, {"mu": 0.5})
+    events = [branch_point(), cb.period_doubling()]
+    line = trace(cubic, "mu", events=events, within={"mu": (0.5, 2.5)})
+    for arm in switch(line.first("BP"), within={"mu": (0.5, 2.5)}):
+        assert arm.first("PD")["mu"] == pytest.approx(2.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("largest", [0.01, 0.037, 0.1, 0.3, 1.0])
 def test_a_curve_that_comes_back_to_the_branch_point_is_there_once(largest: float) -> None:
     branch = trace(CROSSED_CIRCLE, "mu", events=STATIC, within={"mu": (-2.0, 2.0)})
@@ -201,7 +228,7 @@ def test_an_interruption_keeps_the_arms_there_are() -> None:
     point = trace(mine, "mu", events=[branch_point()], within=MU).first("BP")
     counter.interrupted = counter.calls + 121
     with pytest.raises(Interrupted) as stop:
-        switch(point, within=MU)
+        switch(point, within=MU, events=())
     arms = stop.value.partial
     assert [arm.stop for arm in arms] == [Stop.INTERRUPTED]
     assert len(arms[0]) > 1

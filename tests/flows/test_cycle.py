@@ -113,6 +113,18 @@ def test_a_strongly_stable_multiplier_keeps_its_digits() -> None:
     assert abs(orbit.others[1]) < 1e-12
 
 
+def test_a_start_far_off_the_orbit_is_followed_until_it_is_there() -> None:
+    """Where it began it never comes back to: what comes after the first wait is looked at."""
+
+    def f(t, x, p):
+        square = x[0] ** 2 + x[1] ** 2
+        return [x[0] * (1 - square) - x[1], x[0] + x[1] * (1 - square), -0.05 * x[2]]
+
+    orbit = cycle_of(cb.cycle(f, {"x": 0.1, "y": 0.0, "z": 5.0}, {}))
+    assert orbit.period == pytest.approx(TAU, abs=1e-9)
+    assert orbit.times[0] == 0
+
+
 def test_states_are_known_at_all_times() -> None:
     orbit = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
     t = np.linspace(0, orbit.period, 7)

@@ -171,3 +171,36 @@ def test_a_surface_that_both_fields_leave_is_refused() -> None:
 def test_what_is_no_function_is_refused() -> None:
     with pytest.raises(cb.BadInput, match="h must be a function"):
         cb.Filippov(friction(1), friction(-1), 0.0)
+
+
+def rubbing(sign: int) -> Any:
+    return lambda t, x, p: [p["A"] * np.cos(t) - sign * p["F"] + 0 * x[0]]
+
+
+def test_a_pushed_mass_begins_to_stick_where_den_hartog_says() -> None:
+    """``v' = A cos t - F sign v`` moves all the time for A above F sqrt(1 + pi^2/4)."""
+    mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
+    onset = np.sqrt(1 + np.pi**2 / 4)
+    given = {"start": {"v": 0.3}, "period": 2 * np.pi, "settle": 60}
+    moving = cb.cycle(mass, params={"A": 3.0, "F": 1.0}, **given)
+    branch = cb.trace(moving, "A", within={"A": (1, 4)})
+    assert [point.kind for point in branch.special] == ["SL", "EP"]
+    assert branch.first("SL")["A"] == pytest.approx(onset, abs=1e-9)
+    line = cb.boundary(branch.first("SL"), ("F", "A"), within={"F": (0.5, 2)})
+    np.testing.assert_allclose(line["A"] / line["F"], onset, rtol=1e-9)
+    sticking = cb.cycle(mass, params={"A": 1.5, "F": 1.0}, **given)
+    stuck = cb.trace(sticking, "A", within={"A": (1.2, 3)}, towards="up", steps=cb.Steps(most=60))
+    assert stuck[0].solution.others == pytest.approx([0], abs=1e-12)  # what sticks forgets
+    assert stuck[-1]["A"] < onset + 1e-6
+
+
+def test_an_orbit_that_sticks_at_one_place_has_a_mesh_there() -> None:
+    """Landing and leaving: ``A (sin t - sin t0) = F (t - t0)``, ``A cos t0 = F``."""
+    mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
+    given = {"start": {"v": 0.3}, "period": 2 * np.pi, "settle": 60}
+    orbit = cb.flows.cycle_of(cb.cycle(mass, params={"A": 1.5, "F": 1.0}, **given))
+    numbers = [mass.flows.index(flow) for flow in orbit.equations.flows]
+    slip = orbit.flights[numbers.index(0)]
+    assert 1.5 * np.cos(slip.start) == pytest.approx(1.0, abs=1e-12)
+    travelled = 1.5 * (np.sin(slip.last) - np.sin(slip.start))
+    assert travelled == pytest.approx(slip.duration, abs=1e-12)

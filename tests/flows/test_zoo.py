@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from .zoo import CASES, CURVES, EQUILIBRIA, Case, Curve
 
 ENDS = {"EP", "MX"}
 RESTS = [case for case in CASES.values() if any(kind == "HB" for kind, _ in case.special)]
+TURN = 4 * math.pi / 3
 CYCLES = [case for case in CASES.values() if case.name not in EQUILIBRIA]
 
 
@@ -70,6 +72,30 @@ def test_curves_in_two_parameters_are_those_in_closed_form(curve: Curve) -> None
     for at in line:
         found, known = curve.known(at)
         assert found == pytest.approx(known, abs=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["VI", "GR"])
+def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
+    """Their derivatives come from those of the flights: none of a flight for each unknown."""
+    asked = 0
+
+    def counted(t: Any, x: Any, p: Any) -> Any:
+        nonlocal asked
+        asked += 1
+        return [x[1], p["F"] * np.cos(1.5 * t) - x[0] - 0.2 * x[1]]
+
+    def wall(t: Any, x: Any, p: Any) -> Any:
+        return p["g"] - x[0]
+
+    back = cb.Flow(counted, until=wall, reset=lambda t, x, p: [x[0], -p["e"] * x[1]])
+    flow, start = (back, {"F": 3.0}) if kind == "VI" else (cb.Flow(counted, walls=(wall,)), {})
+    params = {"F": 0.5, "g": 1.0, "e": 0.5, **start}
+    problem = cb.cycle(flow, {"x": 0.0, "v": 0.0}, params, period=TURN, settle=100)
+    limit = cb.trace(problem, "F", within={"F": (0.3, 4)}, events=()).first(kind)
+    before = asked
+    line = cb.boundary(limit, ("g", "F"), steps=cb.Steps(most=10), events=())
+    assert asked - before < 40 * len(line)
+    np.testing.assert_allclose(line["F"] / line["g"], limit["F"], rtol=1e-8)  # all lengths scale
 
 
 def test_the_doubled_orbit_of_the_moebius_strip_is_the_closed_form() -> None:

@@ -711,17 +711,28 @@ def friction(sign: int) -> Any:
 STICK_SLIP = cb.Filippov(friction(1), friction(-1), lambda t, x, p: x[1] - p["V"])
 
 
-def stick_slip_period(d: float, V: float = 1.0, F: float = 1.0) -> float:
+def slips(d: float, V: float = 1.0, F: float = 1.0) -> tuple[float, float]:
+    """How long it slips, and where it sticks again."""
     matrix, start = np.array([[0.0, 1.0], [-1.0, d]]), np.array([d * V, V])
     slip = brentq(lambda t: (expm(matrix * t) @ start)[1] - V, 3.5, 6.25, xtol=1e-15)
-    landed = (expm(matrix * slip) @ start)[0] + F - d * V
+    return slip, (expm(matrix * slip) @ start)[0] + F - d * V
+
+
+def stick_slip_period(d: float, V: float = 1.0, F: float = 1.0) -> float:
+    slip, landed = slips(d, V, F)
     return slip + (F - landed) / V
+
+
+def sticks_until(V: float = 1.0, F: float = 1.0) -> float:
+    """From here on it lands where the spring pulls more than friction can hold: it crosses."""
+    return brentq(lambda d: slips(d, V, F)[1] + F, 0.1, 0.5, xtol=1e-15)
 
 
 enter(
     "stick-slip",
     cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {"F": 1.0, "V": 1.0, "d": 0.1}, settle=40),
-    "d", (0.02, 0.6), (), lambda at: [(at["period"], stick_slip_period(at["d"]))],
+    "d", (0.02, 0.6), (("SL", sticks_until()),),
+    lambda at: [(at["period"], stick_slip_period(at["d"]))],
 )  # fmt: skip
 
 # A rimless wheel, half an angle 0.3 between its spokes, down a slope g: each step gains 4 sin(0.3)
@@ -951,7 +962,9 @@ CURVES = [
     Curve("langford", "NS", ("rho", "l"), {"l": (0.4, 0.9), "rho": (0.2, 2)},
           lambda at: (at["rho"] * (at["l"] + 0.7 - 0.343 / 3 - 0.357), 0.51)),
     Curve("linear beside a wall", "GR", ("F", "w"), {"w": (0.8, 1.8), "F": (0, 4)},
-          lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"])), most=3),
+          lambda at: (at["F"], abs(1 - at["w"] ** 2 + 0.2j * at["w"]))),
     Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
           lambda at: (at["F"], Impacting(at["w"]).fold)),
+    Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.5, 1.7), "F": (0, 4)},
+          lambda at: (at["F"], Impacting(at["w"]).touching)),
 ]  # fmt: skip

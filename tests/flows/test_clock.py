@@ -1,0 +1,58 @@
+"""Flows that a clock ends: a converter, switched on by a clock and off by its current."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.errors import BadInput
+
+PERIOD = 0.5
+ON = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], until=lambda t, x, p: 1 - x[0])
+OFF = cb.Flow(lambda t, x, p: [-p["b"] * x[0] ** 3], at=0)
+
+
+def converter(b: float) -> cb.Problem:
+    return cb.cycle([ON, OFF], {"i": 0.7}, {"b": b}, period=PERIOD, settle=30)
+
+
+def stroke(i: float, b: float) -> float:
+    """The current when the clock strikes, from that when it struck: on for 1 - i, off then."""
+    return (1 + 2 * b * (PERIOD - 1 + i)) ** -0.5
+
+
+def test_a_converter_doubles_its_period_where_its_map_does() -> None:
+    """Its slope -b i^3 is -1 where i + i^3 = 2 (1 - PERIOD)."""
+    branch = cb.trace(converter(1.2), "b", within={"b": (1, 5)})
+    assert [point.kind for point in branch.special] == ["EP", "PD", "EP"]
+    (i,) = (root.real for root in np.roots([1, 0, 1, -1]) if abs(root.imag) < 1e-9)
+    assert branch.first("PD")["b"] == pytest.approx(i**-3, abs=1e-9)
+    (arm,) = cb.switch(branch.first("PD"), within={"b": (3.01, 4)})
+    orbit = arm[-1].solution
+    assert orbit.period == pytest.approx(2 * PERIOD, abs=1e-12)
+    low, high = sorted(flight.end[0] for flight in orbit.flights)[:2]
+    assert high - low > 0.3
+    assert stroke(low, arm[-1]["b"]) == pytest.approx(high, abs=1e-10)
+    assert stroke(high, arm[-1]["b"]) == pytest.approx(low, abs=1e-10)
+
+
+def test_a_clock_strikes_at_a_part_of_each_period_that_may_depend_on_parameters() -> None:
+    wait = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], at=lambda p: p["d"])
+    rest = cb.Flow(lambda t, x, p: [-x[0]], at=0)
+    run = cb.integrate([wait, rest], {"x": 0.0}, {"d": 0.25}, period=2.0, time=5.0)
+    assert [event.time for event in run.events] == [0.5, 2.0, 2.5, 4.0, 4.5]
+    problem = cb.cycle([wait, rest], {"x": 0.0}, {"d": 0.25}, period=2.0, settle=20)
+    for point in cb.trace(problem, "d", within={"d": (0.1, 0.6)}, events=()):
+        on, fade = 2 * point["d"], np.exp(2 * point["d"] - 2)
+        assert point["max(x)"] == pytest.approx(on / (1 - fade), abs=1e-9)
+        assert point.solution.multipliers == pytest.approx([fade], abs=1e-9)
+
+
+def test_a_clock_without_a_period_and_beside_a_condition_is_refused() -> None:
+    with pytest.raises(BadInput, match="period= was not given"):
+        cb.cycle([ON, OFF], {"i": 0.7}, {"b": 1.0})
+    with pytest.raises(BadInput, match="not by both"):
+        cb.Flow(lambda t, x, p: [-x[0]], until=lambda t, x, p: x[0], at=0.5)
+    with pytest.raises(BadInput, match="at"):
+        cb.Flow(lambda t, x, p: [-x[0]], at="noon")
