@@ -48,7 +48,7 @@ def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(
         assert f"--{name}" in said
         assert " ".join(one.help.split()) in said
     assert {*Chain.model_fields, *Branch.model_fields} >= {*DECLARED}
-    assert set(Forms(Session()).breather) == {*DECLARED}
+    assert set(Forms(Session()).breather) == {*DECLARED, "root"}
     assert {row[0] for row in table()} == {*DECLARED, *SMOOTH}
 
 

@@ -22,7 +22,7 @@ branch: cb.Branch = cb.trace(b, "a", within={"a": (0.05, 1.2)}, towards="both")
 point: cb.continuation.Point = branch.first("PF")
 line: cb.Branch = cb.boundary(point, ("gamma", "a"), within={"gamma": (0.0, 0.24)})
 arms: tuple[cb.Branch, ...] = cb.switch(point)
-verdict: bool = b.stability().stable
+verdict: bool | None = b.stability().stable
 proof: bool | None = b.certify().exists
 covered = cb.certified.certify(branch).covered[0].low
 """

@@ -131,7 +131,7 @@ def test_a_column_has_no_count_where_rounding_decides_it() -> None:
     counted, level = replace(CUSP.problem, record=record), user("x", 0.25)
     for events, blank in ([fold(), level], ["LP1", "LP2"]), ([level], []):
         found = trace(counted, "h", within={"x": (-2, 2)}, events=events).columns()
-        assert [*found] == ["label", "x", "mu", "h", "count", "size", "arclength", "residual"]
+        assert [*found] == ["label", "mu", "h", "count", "size", "arclength", "residual", "x"]
         assert [*found["label"][np.isnan(found["count"])]] == blank
         assert not np.isnan(found["size"]).any()
         assert found["count"].dtype.kind == ("f" if blank else "i")

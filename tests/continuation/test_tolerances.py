@@ -51,14 +51,18 @@ def test_a_coefficient_is_rounding_only_where_its_terms_cancel_to_eleven_digits(
 
 @pytest.mark.parametrize(("second", "double"), [(1e-4, False), (1e-8, True)])
 def test_an_eigenvalue_is_double_only_next_to_another_with_the_same_vector(second, double) -> None:
-    matrix = np.array([[0.0, 1.0], [0.0, second]])
+    """By a map with the multipliers -1 and -1 + second, ``-x + y + x^3`` in its first place."""
+
+    def residual(x, p):
+        return np.array([-2 * x[0] + x[1] + x[0] ** 3 + p["mu"], (second - 2) * x[1]])
+
+    map_ = cb.Problem(residual, {"x": np.zeros(2)}, {"mu": 0.0})
+    point = cb.trace(map_, "mu", within={"mu": (0.0, 0.1)}, events=())[0]
     if double:
         with pytest.raises(Undefined, match="a double eigenvalue with one eigenvector"):
-            forms.eigenvectors(matrix)
-        return
-    q, p = forms.eigenvectors(matrix)
-    assert np.vdot(p, q) == pytest.approx(1.0)
-    assert abs(matrix @ q).max() < 1e-12
+            forms.flip(point)
+    else:
+        assert forms.flip(point).value == pytest.approx(1.0, rel=1e-6)
 
 
 def test_coefficients_of_functions_that_are_no_polynomials_have_eight_digits() -> None:
