@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from string import ascii_lowercase
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,7 +150,10 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     horizontal, vertical = zones.pair
     ax.set(xlabel=symbol(horizontal), ylabel=symbol(vertical))
     title = f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
-    ax.set_title(title, loc="left", pad=3)
+    words = ax.set_title(title, loc="left", pad=3)
+    # letters are about half as wide as high
+    letters = ax.get_window_extent().width / (0.5 * float(words.get_fontsize()) * ax.figure.dpi / 72)
+    words.set_text(fill(title, int(letters)))
     for kind, branch in zones:
         ax.plot(branch[horizontal], branch[vertical], **LINES[kind])
     box = zones.box(within)
