@@ -112,4 +112,4 @@ def varied(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) 
         add_pull(on.entries, y, 0, out, behind + wide, 1.0)
 
 
-MOTION, VARIED = Kernel(motion, long=True), Kernel(varied, long=True)
+MOTION, VARIED = Kernel(motion), Kernel(varied)
