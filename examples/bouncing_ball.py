@@ -73,14 +73,14 @@ def simulated(forces: Any, e: float = 0.8) -> tuple[list[float], list[float]]:
     for A in forces:
         phase = math.acos(math.pi * (1 - e) / (1 + e) / A)  # beside the orbit of one bounce
         start = [A * math.sin(phase), 3.2]
-        run = cb.integrate(BALL, start, {"A": A, "e": e}, events=160, t0=phase)
-        times = np.array([event.time for event in run.events[-60:]])
+        run = cb.integrate(BALL, start, {"A": A, "e": e}, events=110, t0=phase)
+        times = np.array([event.time for event in run.events[-50:]])
         where += [A] * times.size
         when += np.mod(times / (2 * np.pi) + 0.25, 1.0).tolist()
     return where, when
 
 
-def main(folder: Path = Path(), points: int = 17) -> list[Path]:
+def main(folder: Path = Path(), points: int = 13) -> list[Path]:
     """Draw the families over simulations, and the ball of period 2 in flight."""
     figure, (above, below) = new_figure(2)
     branches = families()
