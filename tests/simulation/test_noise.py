@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 import contbreather as cb
-from contbreather.simulation import Kind, Sample, judge
+from contbreather.simulation import Kind, Sample, State, judge
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.05, "k": 0.8, "damping": 0.02}
 START = cb.symmetric(0.5, 0.05, 0.8).state(8)
@@ -76,6 +77,39 @@ def test_under_noise_a_verdict_says_whether_the_breather_is_there_and_no_more(
     assert "under noise of strength 0.5" in found[1].reason
     cb.save(tmp_path / "run.nc", found[1].run)
     assert cb.load(tmp_path / "run.nc").noise == 0.5
+
+
+@pytest.mark.parametrize(
+    ("strength", "walls", "kind", "words"),
+    [
+        (0.1, None, Kind.DELOCALISED, "0 of 8 sites hit their walls regularly, participation"),
+        (1e-5, 1.0, Kind.SYNCHRONISED, "no site hits regularly; each within 0.00"),
+    ],
+)
+def test_under_noise_from_rest_no_breather_is_there(strength, walls, kind, words) -> None:
+    walls = (None, None) if walls is None else (-walls, walls)
+    on = {"a": 0.3, "gamma": 0.05, "k": 0.8, "damping": 0.1, "walls": walls}
+    run = cb.simulate(np.zeros((2, 8)), periods=60, noise=strength, seed=4, **on)
+    found = judge(run.since(30))
+    assert (found.kind, found.motion) == (kind, Kind.NOISY)
+    assert found.reason.startswith(words)
+
+
+def test_a_breather_under_noise_hits_regularly_and_others_now_and_then() -> None:
+    run = cb.simulate(START, periods=40, noise=1e-4, **ON)
+    stray = run.impacts[-7:].copy()
+    stray["site"] = range(1, 8)  # all others, once each
+    found = judge(replace(run, impacts=np.concatenate([run.impacts, stray])))
+    assert found.kind is Kind.NOISY
+    assert found.evidence["impacting"] == 8
+    assert found.reason.startswith("1 of 8 sites hit their walls regularly, participation ratio 1.")
+    every_second = run.impacts[run.impacts["period"] % 2 == 0]
+    assert judge(replace(run, impacts=every_second)).kind is Kind.NOISY
+    assert judge(replace(run, impacts=stray)).kind is Kind.DELOCALISED
+    # regularly, but the energy is all over the lattice
+    rng = np.random.default_rng(0)
+    broad = State(*(x + rng.normal(size=x.shape) for x in run.strobe))
+    assert judge(replace(run, strobe=broad)).kind is Kind.DELOCALISED
 
 
 def test_what_noise_cannot_be_is_refused() -> None:
