@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -82,7 +83,11 @@ class Session:
         until it is computed what lies between known neighbours is shown, or the last one stays."""
         forcing = self.state.forcing if forcing is None else forcing
         name = fixed or self.state.fixed[0]
-        self.change(fixed=(name, parameter(name, value)), forcing=forcing)
+        if name not in NEEDED:
+            raise BadInput(f"{name!r} is fixed in no plane of zones: one of {', '.join(NEEDED)} is")
+        now = name, parameter(name, value)
+        self.message = ""
+        self.change(fixed=now, forcing=forcing)
         if self._wanted in self._planes:
             self._show_plane()
             return
@@ -91,7 +96,7 @@ class Session:
             if self._ahead:
                 self._quick.stop()  # what is computed ahead can wait
             self._ahead = False
-            self._compute(self._wanted, self._arrived)
+            self._compute(self._wanted, partial(self._arrived, self._wanted))
 
     @property
     def _wanted(self) -> Plane:
@@ -136,8 +141,12 @@ class Session:
 
         self._quick.begin(job, say=lambda _: None, done=done)
 
-    def _arrived(self, plane: Zones | None, trouble: str) -> None:
+    def _arrived(self, wanted: Plane, plane: Zones | None, trouble: str) -> None:
         if plane is None:
+            with self._changing:
+                last = self.state.plane
+                if trouble and last is not None and self._wanted == wanted:
+                    self.change(fixed=last.fixed, preview=preview_of(last))  # what is drawn stays
             self.tell(trouble)
         # what was wanted in between may have been computed before: then nothing else comes
         elif self._wanted in self._planes:
@@ -181,6 +190,10 @@ class Session:
         """Look at the breather at a place of the zone diagram, by the two parameters of that, on
         the lattice that is set."""
         state = self.state
+        pair = [name for name in NEEDED if name != state.fixed[0]]
+        if {*place} != {*pair}:
+            wanted, given = " and ".join(pair), " and ".join(place)
+            raise BadInput(f"at {state.title} a place has {wanted}; {given} were given")
         there = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
         there |= [state.fixed]
         here: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}

@@ -121,10 +121,25 @@ class Search:
             found = True
             shown.advance(branch[-1])
             for point in branch.special:
-                if point.kind in KINDS and point.located:
+                if point.kind in KINDS and point.located and self._begins(point):
                     self._follow(point)
                     self.kept.look(True, self.so_far)
         return found
+
+    def _begins(self, point: Point) -> bool:
+        """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
+        where idle sites are held by their neighbours alone: the curve comes from a scan beside."""
+        if point.kind != "PF" or point.event is None or point.event.locus is None:
+            return True
+        least, _ = point.event.locus(point.ground).domain.get("gamma", (0.0, math.inf))
+        if point["gamma"] >= least:
+            return True
+        if self.name == "gamma":
+            raise BadInput(
+                f"gamma = {self.value:g}: idle sites rest anywhere without coupling, and there no "
+                f"pitchfork can be followed; take gamma = {least:g}, or a spring"
+            )
+        return False
 
     def _unexplained(self) -> list[Point]:
         """Meetings with a curve that was not traced."""

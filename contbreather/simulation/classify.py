@@ -36,7 +36,10 @@ RESOLVED = 1e-6  # how well two halves of a run agree on the rotation number of 
 STEADY = 1e-4  # how well they agree on its size
 RATIONAL = 1e-7  # how far a rotation number may be from p/q and yet be it
 POSITIVE = 1e-3  # an exponent that is chaos, if it is known so well
-BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather
+BROAD = 3.0  # participation ratio beyond which a state on smooth walls is no breather, and
+# on rigid ones, under noise, for each site that hits regularly
+REGULAR = 0.4  # part of the periods in which a site hits regularly: every second one is enough
+TOGETHER = 0.1  # part of the forced motion by which sites that noise kicks may be away from it
 LONG = 60  # sites; multipliers of a longer lattice with smooth walls take minutes
 LOST = 400  # periods over which it is averaged of a motion with impacts all over the lattice
 SEEN = 200  # periods over which an exponent is averaged there
@@ -49,7 +52,7 @@ class Kind(enum.Enum):
     LOCKED = "locked: periodic after several periods of the forcing"
     QUASI_PERIODIC = "quasi-periodic: a torus with a rotation number of its own"
     CHAOTIC = "chaotic: nearby motions separate exponentially"
-    DELOCALISED = "delocalised: the breather is lost, impacts are everywhere"
+    DELOCALISED = "delocalised: there is no breather, the motion is all over the lattice"
     NOISY = "noisy: the breather is there, kicked all the time"
     SYNCHRONISED = "synchronised: the breather is lost, all sites move together"
     UNDECIDED = "undecided: has not settled; let it run longer"
@@ -151,11 +154,11 @@ def judge(run: Run | SmoothRun) -> Verdict:
     if len(run.times) < 2:
         raise BadInput("a verdict is about whole periods; the run has none.")
     evidence = _where(run)
-    kind, reason = _lost(run, evidence) or (None, "")
     if isinstance(run, Run) and run.noise:
-        ratio = f"participation ratio {evidence['participation']:.1f}"
-        reason = f"{reason or ratio}, under noise of strength {run.noise:g}"
-        return Verdict(kind or Kind.NOISY, reason, evidence, run, Kind.NOISY)
+        kicked, reason = _kicked(run, evidence)
+        reason = f"{reason}, under noise of strength {run.noise:g}"
+        return Verdict(kicked, reason, evidence, run, Kind.NOISY)
+    kind, reason = _lost(run, evidence) or (None, "")
     long = isinstance(run, SmoothRun) and run.sites > LONG
     if kind is Kind.SYNCHRONISED or (kind is not None and long):
         return Verdict(kind, reason, evidence, run, kind)
@@ -198,6 +201,23 @@ def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
     if impacting is not None and sites > 2 and impacting > max(2, sites // 4):
         return Kind.DELOCALISED, f"{impacting:.0f} of {sites} sites hit their walls, {ratio}"
     return None
+
+
+def _kicked(run: Run, evidence: dict[str, float]) -> Found:
+    """Under noise any site may hit now and then: a breather's few hit regularly, and have most of
+    the energy."""
+    late, sites = run.since(run.periods // 2), run.sites
+    hits = np.unique(late.impacts[["site", "period"]])
+    regular = int(np.sum(np.bincount(hits["site"]) > REGULAR * late.periods))
+    ratio = f"participation ratio {evidence['participation']:.1f}"
+    words = f"{regular} of {sites} sites hit their walls regularly, {ratio}"
+    if evidence["participation"] <= BROAD * regular and regular <= max(2, sites // 4):
+        return Kind.NOISY, words
+    common = max(np.abs(forced(run.conditions, late.times, order)).max() for order in (0, 1))
+    if not regular and evidence["aside"] < TOGETHER * common:
+        reason = f"no site hits regularly; each within {evidence['aside']:.2g} of the forced motion"
+        return Kind.SYNCHRONISED, reason
+    return Kind.DELOCALISED, words
 
 
 def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, PeriodicMotion | None]:

@@ -43,6 +43,7 @@ from contbreather.simulation.states import (
     lattice_for,
     ranged,
     reduced,
+    without_noise,
 )
 from contbreather.storage.serialise import to_dict
 
@@ -137,6 +138,7 @@ def smooth_conditions_of(
     **numbers: float,
 ) -> SmoothConditions:
     """The conditions of a state of so many sites, on a ring unless a lattice is given."""
+    without_noise(numbers)
     if (k is None) == (lam is None):
         raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
     wall: Any = lam if k is None else damping_of(k)

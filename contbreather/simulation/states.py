@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol, Required, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, state_rows
+from contbreather.checks import number, shown, state_rows
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
@@ -88,6 +89,7 @@ def conditions_of(
     BadInput
         A number out of its range, another number of sites, walls of a site that is not there.
     """
+    without_noise(numbers)
     around, where = Walls.given(walls), lattice_for(sites, lattice)
     for site, _ in around.own:
         if not 0 <= site < sites:
@@ -97,6 +99,15 @@ def conditions_of(
             )
     made = Conditions(forcing=forcing_of(forcing), walls=around, lattice=where, **numbers)
     return ranged(made).at({})
+
+
+def without_noise(given: Mapping[str, Any]) -> None:
+    """Refuse noise; only `simulate`, which takes it out before, has it."""
+    if "noise" in given:
+        raise BadInput(
+            f"noise = {shown(given['noise'])}: noise is for simulate() alone, on rigid walls; "
+            "leave it out here, or judge() the run that simulate(..., noise=...) returns"
+        )
 
 
 def ranged(on: C) -> C:

@@ -354,6 +354,25 @@ def test_the_zones_of_other_planes_are_shown_and_clicked_into() -> None:
     assert made["zones"] == {"gamma": 0.12}
 
 
+def test_a_plane_that_cannot_be_is_refused_and_the_last_one_stays() -> None:
+    explorer = Explorer()
+    known = cb.zones(gamma=0.1, within={"k": (0.8, 0.9), "a": (0.05, 0.2)})
+    explorer._planes["gamma", 0.1, "", ""] = known
+    explorer.look_at(0.1, fixed="gamma")
+    for name in ("damping", "q"):
+        with pytest.raises(BadInput, match=f"'{name}' is fixed in no plane of zones: one of a, "):
+            explorer.look_at(0.1, fixed=name)
+    with pytest.raises(BadInput, match=r"gamma = 0.1 a place has a and k; k and gamma were"):
+        explorer.choose_at(k=0.8, gamma=0.1)
+    explorer.look_at(1.0, fixed="k")
+    assert explorer.wait(HUNG)
+    assert "zones need 0 < k < 1" in explorer.message
+    assert explorer.state.plane is known
+    assert (explorer.state.fixed, explorer.state.title) == (("gamma", 0.1), "gamma = 0.1")
+    explorer.look_at(0.1)
+    assert explorer.message == ""
+
+
 def test_another_root_is_chosen_and_stays_so_at_a_click() -> None:
     explorer = Explorer()
     usual = {"forcing": "", "lattice": ""}

@@ -34,6 +34,28 @@ def test_curves_of_a_damped_chain_are_where_multipliers_and_margins_say(damped) 
     ).stability().unstable == 1  # fmt: skip
 
 
+@pytest.mark.parametrize(("sites", "k", "damping"), [(4, 0.7, 0.02), (6, 0.8, 0.05)])
+def test_damped_rings_without_springs_have_a_diagram_from_gamma_0_on(sites, k, damping) -> None:
+    """At gamma = 0 idle sites rest anywhere: the pitchfork there does not begin its curve."""
+    model = {"lattice": cb.Ring(sites), "damping": damping}
+    window = {"gamma": (0.0, 0.002), "a": (0.68, 0.76)}
+    drawn = cb.zones(k=k, **model, within=window, progress=False)
+    (fork,) = drawn["PF"]
+    assert fork["gamma"].min() == pytest.approx(1e-6)
+    assert fork["gamma"].max() == 0.002
+    for gamma, a in ((0.0005, 0.7), (0.0015, 0.75)):
+        counted = cb.symmetric(a, gamma, k, **model).stability().unstable
+        assert drawn.unstable(gamma, a) == counted == int(a > 0.72)
+
+
+def test_pitchforks_without_coupling_are_refused_where_idle_sites_rest_anywhere() -> None:
+    model = {"lattice": cb.Ring(3), "damping": 0.02, "progress": False}
+    window = {"k": (0.7, 0.71), "a": (0.68, 0.76)}
+    with pytest.raises(cb.BadInput, match="take gamma = 1e-06, or a spring"):
+        cb.zones(gamma=0.0, **model, within=window)
+    assert len(cb.zones(gamma=1e-6, **model, within=window)["PF"]) == 1
+
+
 def test_upper_breathers_of_a_ring_are_the_same_by_modes() -> None:
     for lattice, spring in ((cb.Ring(6), None), (cb.Ring(6), 0.0)):
         found = cb.orbits.symmetric_roots(0.5, 0.1, 0.6, lattice=lattice, spring=spring)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 from scipy.linalg import toeplitz
 
 import contbreather as cb
-from contbreather.simulation import Kind, Sample, judge
+from contbreather import simulation
+from contbreather.simulation import Axis, Kind, Sample, State, judge
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.05, "k": 0.8, "damping": 0.02}
 START = cb.symmetric(0.5, 0.05, 0.8).state(8)
@@ -78,12 +80,63 @@ def test_under_noise_a_verdict_says_whether_the_breather_is_there_and_no_more(
     assert cb.load(tmp_path / "run.nc").noise == 0.5
 
 
+@pytest.mark.parametrize(
+    ("strength", "walls", "kind", "words"),
+    [
+        (0.1, None, Kind.DELOCALISED, "0 of 8 sites hit their walls regularly, participation"),
+        (1e-5, 1.0, Kind.SYNCHRONISED, "no site hits regularly; each within 0.00"),
+    ],
+)
+def test_under_noise_from_rest_no_breather_is_there(strength, walls, kind, words) -> None:
+    walls = (None, None) if walls is None else (-walls, walls)
+    on = {"a": 0.3, "gamma": 0.05, "k": 0.8, "damping": 0.1, "walls": walls}
+    run = cb.simulate(np.zeros((2, 8)), periods=60, noise=strength, seed=4, **on)
+    found = judge(run.since(30))
+    assert (found.kind, found.motion) == (kind, Kind.NOISY)
+    assert found.reason.startswith(words)
+
+
+def test_a_breather_under_noise_hits_regularly_and_others_now_and_then() -> None:
+    run = cb.simulate(START, periods=40, noise=1e-4, **ON)
+    stray = run.impacts[-7:].copy()
+    stray["site"] = range(1, 8)  # all others, once each
+    found = judge(replace(run, impacts=np.concatenate([run.impacts, stray])))
+    assert found.kind is Kind.NOISY
+    assert found.evidence["impacting"] == 8
+    assert found.reason.startswith("1 of 8 sites hit their walls regularly, participation ratio 1.")
+    every_second = run.impacts[run.impacts["period"] % 2 == 0]
+    assert judge(replace(run, impacts=every_second)).kind is Kind.NOISY
+    assert judge(replace(run, impacts=stray)).kind is Kind.DELOCALISED
+    # regularly, but the energy is all over the lattice
+    rng = np.random.default_rng(0)
+    broad = State(*(x + rng.normal(size=x.shape) for x in run.strobe))
+    assert judge(replace(run, strobe=broad)).kind is Kind.DELOCALISED
+
+
 def test_what_noise_cannot_be_is_refused() -> None:
     for noise, seed in ((-1.0, 0), (math.nan, 0), (0.1, -1)):
         with pytest.raises(cb.BadInput):
             cb.simulate(START, periods=1, noise=noise, seed=seed, **ON)
     with pytest.raises(cb.BadInput, match="not recorded densely under noise"):
         cb.simulate(START, periods=1, noise=0.1, sample=Sample(), **ON)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda on, _: simulation.verdict(START, **on),
+        lambda on, _: simulation.verdict(START, m=6, **on),
+        lambda on, path: simulation.record(path / "run", START, periods=1, **on),
+        lambda on, _: simulation.sweep(START, "k", [0.7, 0.8], periods=1, **on),
+        lambda on, _: simulation.attraction(START, Axis("u", 0, [0.1]), Axis("v", 0, [0.2]), **on),
+        lambda on, _: simulation.lyapunov(START, periods=1, **on),
+        lambda on, _: simulation.simulate_smooth(START, periods=1, m=6, **on),
+    ],
+)
+def test_noise_is_for_simulate_alone(made: Any, tmp_path: Path) -> None:
+    with pytest.raises(cb.BadInput, match=r"noise = 0.1: noise is for simulate\(\) alone"):
+        made({"noise": 0.1, **ON}, tmp_path)
+    assert not any(tmp_path.iterdir())
 
 
 # --- impacts everywhere ---------------------------------------------------------------------------
