@@ -85,8 +85,9 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
 
 def _lattice(zones: Zones) -> str:
     """What the breathers of a diagram are on, in words."""
-    _, branch = next(iter(zones))
-    return str(branch[0].solution.lattice.describe())
+    for _, branch in zones:
+        return str(branch[0].solution.lattice.describe())
+    return "no curve"
 
 
 def _line(zones: Zones, branch: Any) -> Array:

@@ -151,9 +151,8 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     ax.set(xlabel=symbol(horizontal), ylabel=symbol(vertical))
     title = f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
     words = ax.set_title(title, loc="left", pad=3)
-    # letters are about half as wide as high
-    letters = ax.get_window_extent().width / (0.5 * float(words.get_fontsize()) * ax.figure.dpi / 72)
-    words.set_text(fill(title, int(letters)))
+    pixels = 0.5 * float(words.get_fontsize()) * ax.figure.dpi / 72  # half as wide as high
+    words.set_text(fill(title, int(ax.get_window_extent().width / pixels)))
     for kind, branch in zones:
         ax.plot(branch[horizontal], branch[vertical], **LINES[kind])
     box = zones.box(within)
