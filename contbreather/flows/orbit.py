@@ -251,6 +251,12 @@ class CycleProblem(Problem):
         finer = replace(self.residual, start=tuple(flight.halved() for flight in flights))
         return replace(self, residual=finer, start=finer.unknowns(finer.start))
 
+    def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
+        problem = self
+        while len(problem.start["mesh"]) < sizes["mesh"]:
+            problem = problem.halved()
+        return problem
+
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None
 
