@@ -43,3 +43,16 @@ def test_a_branch_on_a_finer_mesh_gets_its_equations_back_from_a_file(
     other = cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 0.5}, settle=50)
     with pytest.raises(cb.BadInput, match=r"'orbit' has shape \(\d+,\) in the file, \(40,\) in"):
         cb.load(tmp_path / "ring.nc", problem=other)
+
+
+def test_a_branch_that_gets_no_finer_mesh_says_where_it_is_too_coarse(tmp_path: Path, ring) -> None:
+    """What goes on from a point keeps the mesh that it has there."""
+    short = cb.trace(ring, "mu", within={"mu": (0.4, 0.6)}, events=())
+    assert not short.doubtful
+    longer = cb.extend(short, within={"mu": (0.4, 2.5)}, end="last")
+    (place,) = longer.doubtful
+    (first, *_) = (at for at in longer if at["trivial"] > 1e-4)
+    assert (place.kind, place.located, place["mu"]) == ("MX", False, first["mu"])
+    assert "the mesh is too coarse near t" in place.detail["reason"]
+    cb.save(tmp_path / "coarse.nc", longer)
+    assert cb.load(tmp_path / "coarse.nc").doubtful[0].detail == place.detail
