@@ -175,7 +175,7 @@ class Branch(Columns, HtmlRepr):
         if name in problem.params:
             return np.full(len(self.points), float(problem.params[name]))
         if name in problem.record:
-            return self._rows.recorded(name)
+            return self._rows.recorded(name)[name]
         array = problem.normed(name)
         if array is not None:
             return np.asarray(np.linalg.norm(self[array], axis=1))
@@ -188,7 +188,10 @@ class Branch(Columns, HtmlRepr):
         found: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
         states = [name for name in self.problem.names if name not in self.problem.params]
         measures = [name for name in self.names if name not in states]
-        found |= {name: np.asarray(self[name]) for name in (*measures, *states)}
+        own = (name for name in self.problem.record if name not in self.problem.names)
+        recorded = self._rows.recorded(*own)
+        for name in (*measures, *states):
+            found[name] = recorded[name] if name in recorded else np.asarray(self[name])
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
         for name in self.problem.record:
             # a count is a column of whole numbers, or of floats where some of it is blank

@@ -114,6 +114,13 @@ class _Stored:
         absent = [name for name in problem.names if name not in here]
         if absent:
             raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
+        problem = problem.sized({name: np.size(here[name]) for name in problem.start})
+        for name, value in problem.start.items():
+            if np.shape(value) != np.shape(here[name]):
+                raise BadInput(
+                    f"{name!r} has shape {np.shape(here[name])} in the file, {np.shape(value)} in "
+                    "the problem; give the one that the branch was begun with"
+                )
         problem = problem.at(**{name: here[name] for name in problem.names})
         candidates = (*problem.events, fold(), branch_point(), hopf())
         settings = self._settings(candidates)

@@ -138,8 +138,8 @@ def _columns(branch: Branch, points: Points, record: Iterable[str]) -> dict[str,
     for name, value in problem.params.items():
         if name not in curve.free:
             columns[name] = (), float(value), {"role": "fixed"}
-    for name in record:
-        columns[name] = column(points.recorded(name), name, "recorded")
+    for name, values in points.recorded(*record).items():
+        columns[name] = column(values, name, "recorded")
     more = _columns_of_points(points)
     if taken := sorted(set(columns) & set(more)):
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")

@@ -83,14 +83,23 @@ class Points(Sequence[Point]):
         """Those of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
-    def recorded(self, name: str) -> NDArray[Any]:
-        """A recorded column; of those that can say many numbers at once the rest is asked for."""
-        problem, along = self.curve.problem, None
+    def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
+        """Recorded columns, asked point by point: what several of them look at is made once."""
+        found = {name: self._at_once(name) for name in names}
+        slow = [name for name, column in found.items() if column is None]
+        cells = [[point[name] for name in slow] for point in self] if slow else ()
+        own = dict(zip(slow, map(np.array, zip(*cells, strict=True)), strict=True))
+        return {name: own[name] if column is None else column for name, column in found.items()}
+
+    def _at_once(self, name: str) -> NDArray[Any] | None:
+        """A column that can say many numbers at once, the rest asked for; None of others."""
+        problem = self.curve.problem
         column = problem.record[name]
-        if isinstance(column, UnstableDimension) and column.rows and problem.beneath is None:
-            along = column.rows(self)
+        if not (isinstance(column, UnstableDimension) and column.rows and problem.beneath is None):
+            return None
+        along = column.rows(self)
         if along is None:
-            return np.array([point[name] for point in self])
+            return None
         asked = np.union1d(np.flatnonzero(along < 0), np.array([*self.made], dtype=np.intp))
         if asked.size:
             answers = np.array([self[i][name] for i in asked.tolist()])

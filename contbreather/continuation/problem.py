@@ -69,8 +69,9 @@ class Problem:
     -----
     What else there may be to know of equations is said by a class derived from this one: `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
-    `finer`, the same in more unknowns, `wider`, parameters that are there when asked for, and
-    ``serialised``, what files make the problem of again.
+    `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show, `wider`,
+    parameters that are there when asked for, and ``serialised``, what files make the problem of
+    again.
 
     Raises
     ------
@@ -144,6 +145,16 @@ class Problem:
         """Where a point shows that these unknowns do not resolve a solution, the problem from its
         present start in more of them, and a direction in these: its branch is walked anew."""
         return None
+
+    def unresolved(self, point: Any) -> str:
+        """What these unknowns do not resolve of a solution, empty if they do: the first such point
+        of a walk that gets no finer problem is among the doubtful ones of its branch."""
+        return ""
+
+    def sized(self, sizes: Mapping[str, int]) -> Problem:
+        """The problem refined from its present start as `finer` does, to unknowns of these sizes as
+        far as that leads there: a file has points of a branch that was walked anew."""
+        return self
 
     def wider(self, names: tuple[str, ...]) -> Problem:
         """The problem from its present start with parameters that it lacks, as far as it can have

@@ -96,14 +96,14 @@ class Lift:
         """The tangent of the first arm, and that of the branch where it solves the problem, too."""
         curve = Curve(self.problem, (self.free,))
         weak = least_singular(curve.balanced(curve.jacobian(curve.start)))
-        plane = weak.plane * curve.scales
+        plane, along = weak.plane * curve.scales, weak.plane[:, -1]
         if weak.size > _SINGULAR * max(1.0, weak.largest):
             return self._oriented(plane[1], curve), None
-        # c1 v1 + c2 v2 of the two null vectors with no component along the parameter
-        first, second = plane[:, -1]
-        if not math.hypot(first, second) > _SINGULAR * np.linalg.norm(plane):
+        # c1 v1 + c2 v2 of the two null vectors with no component along the parameter; whether there
+        # is one to remove they say in the scales of the unknowns, where they are unit vectors
+        if not np.linalg.norm(along) > _SINGULAR:
             raise Undefined("the parameter changes along no curve at first: they fold there")
-        return self._oriented(second * plane[0] - first * plane[1], curve), plane[:, -1] @ plane
+        return self._oriented(along[1] * plane[0] - along[0] * plane[1], curve), along @ plane
 
     def _oriented(self, tangent: Array, curve: Curve) -> Array:
         slots = [curve.slots[name] for name in self.by or self.problem.start]

@@ -9,6 +9,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, Protocol
 
 import numpy as np
@@ -178,6 +179,7 @@ class Half:
 
     iterator: ContinuationIterator
     pieces: list[Piece] = field(default_factory=list)
+    unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
 
     def walk(
         self,
@@ -193,11 +195,19 @@ class Half:
             finer = look(piece[-1])
             if finer is not None:
                 return finer
+            if not self.unresolved and self._why(piece[-1]):
+                first = next(point for point in piece if self._why(point))
+                why = {"reason": self._why(first)}
+                self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
         return None
+
+    def _why(self, point: Point) -> str:
+        return point.curve.problem.unresolved(point)
 
     def branch(self) -> Branch:
         points, end = labelled(Points.joined(self.pieces)), self.iterator.end
-        return Branch(points, end.stop, reason=end.reason, doubtful=end.doubtful)
+        doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
+        return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
 
 
 def _whole(halves: Sequence[Half]) -> Branch:

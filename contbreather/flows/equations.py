@@ -271,15 +271,18 @@ class Equations:
 
     # --- derivatives ------------------------------------------------------------------------------
 
-    def linear(self, x: Array, p: Params, names: tuple[str, ...] = ()) -> tuple[Linear, ...]:
-        """All derivatives of flows, resets and conditions."""
+    def linear(
+        self, x: Array, p: Params, names: tuple[str, ...] | None = None
+    ) -> tuple[Linear, ...]:
+        """All derivatives of flows, resets and conditions; None for any parameters, those of the
+        last columns, that are known already."""
         return self._known(x, p, names).linear
 
-    def _known(self, x: Array, p: Params, names: tuple[str, ...]) -> _Known:
+    def _known(self, x: Array, p: Params, names: tuple[str, ...] | None) -> _Known:
         for one in self._linear:
-            if (one.names == names or not names) and one.params == p and (one.x == x).all():
+            if names in (None, one.names) and one.params == p and (one.x == x).all():
                 return one
-        flights = self.flights(x, p)
+        names, flights = names or (), self.flights(x, p)
         own = [derivatives(*of, p, names) for of in zip(self.flows, flights, strict=True)]
         made = tuple(
             self._linearised(i, flight, slopes, math.exp(x[self.knots[i][-1]]), p, names)

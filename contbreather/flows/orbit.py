@@ -236,7 +236,7 @@ class CycleProblem(Problem):
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals where the mesh is too coarse at a point."""
-        if not point.solution.coarse or len(self.start["mesh"]) > _MOST_INTERVALS:
+        if not self.unresolved(point) or len(self.start["mesh"]) > _MOST_INTERVALS:
             return None
         if along is None:
             return self.halved(), None
@@ -250,6 +250,16 @@ class CycleProblem(Problem):
         flights = self.residual.flights(self.x, self.params)
         finer = replace(self.residual, start=tuple(flight.halved() for flight in flights))
         return replace(self, residual=finer, start=finer.unknowns(finer.start))
+
+    def unresolved(self, point: Point) -> str:
+        found: str = point.solution.coarse
+        return found
+
+    def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
+        problem = self
+        while len(problem.start["mesh"]) < sizes["mesh"]:
+            problem = problem.halved()
+        return problem
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None

@@ -115,6 +115,22 @@ def test_recorded_numbers_come_back_whatever_they_are(branch: Branch, path: Path
     assert len(again.table().rows) == len(branch.table().rows)
 
 
+def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) -> None:
+    looked = []
+    line = Problem(
+        lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0},
+        interpret=lambda point: looked.append(point["mu"]) or point["x"] ** 2,
+        record={"square": lambda point: point.solution, "half": lambda point: point.solution / 2},
+    )  # fmt: skip
+    branch = trace(line, "mu", within={"mu": (0, 1)})
+    assert len(branch) > 8
+    for ask in (lambda: save(path, branch), branch.columns):
+        looked.clear()
+        ask()
+        assert len(looked) <= len(branch)
+    assert load(path)["half"] == pytest.approx(branch["mu"] ** 2 / 2, rel=1e-15)
+
+
 def test_several_branches_come_back_by_name(branch: Branch, path: Path) -> None:
     line = boundary(branch.first("HB"), ("A", "B"), within={"A": (0.5, 2.0)})
     arms = trace_case(ARMS)

@@ -286,6 +286,15 @@ def with_seed(z: Array, tangent: Array, parent: Array | None = None) -> tuple[ob
     return point, Seed(point.problem, z, tangent, parent)
 
 
+@pytest.mark.parametrize("size", [1e-9, 1e9])
+def test_arms_of_a_lift_set_out_whatever_the_size_of_their_unknowns(size: float) -> None:
+    """x / size = +- sqrt(mu)."""
+    pitchfork = Problem(
+        lambda x, p: x * (p["mu"] - (x / size) ** 2), {"x": 0.0}, {"mu": 0.0}, scales={"x": size}
+    )
+    assert Lift(pitchfork, "mu").arm(0.1 * size).params["mu"] == pytest.approx(0.01)
+
+
 def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
     event = replace(branch_point(), test=lambda point: point["mu"] - 0.3)
     point = trace(PITCHFORK.problem, "mu", within=MU, events=[user("mu", 0.3)]).first("UZ")
