@@ -353,7 +353,9 @@ def _closed(
         flights = made.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
         _refuse_rest(np.array(extents), flights[0].states[:, 0])
-        made = replace(made, start=_adapted(flights), sizes=sizes_of(flights))
+        # next to PD returns are close by turns, and that after two periods may be the closest
+        made = made.once(solved.x, params)
+        made = replace(made, start=_adapted(made.start))
     return problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
 
 

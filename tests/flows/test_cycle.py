@@ -125,6 +125,26 @@ def test_a_start_far_off_the_orbit_is_followed_until_it_is_there() -> None:
     assert orbit.times[0] == 0
 
 
+def test_next_to_a_doubling_the_orbit_is_closed_once_around() -> None:
+    """There returns are close by turns: that after two periods is ten times closer."""
+    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.7}
+    near = cycle_of(cb.cycle(roessler, start, params, settle=100))
+    assert near.period == pytest.approx(5.761896857, abs=1e-8)
+
+
+def test_beyond_a_doubling_it_takes_two_periods() -> None:
+    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.9}
+    double = cycle_of(cb.cycle(roessler, start, params, settle=300))
+    assert double.period == pytest.approx(11.53508612, abs=1e-7)
+
+
+def test_samples_of_two_periods_are_one_orbit_of_either() -> None:
+    once = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+    t = np.linspace(0, 2 * once.period, 200)
+    orbit = cycle_of(cb.cycle(van_der_pol, (t, once.states(t)), {"mu": 1.0}))
+    assert orbit.period == pytest.approx(once.period, abs=1e-9)
+
+
 def test_states_are_known_at_all_times() -> None:
     orbit = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
     t = np.linspace(0, orbit.period, 7)
@@ -267,6 +287,17 @@ def test_a_bouncing_ball_folds_and_doubles_where_the_closed_form_says(ball: cb.P
     flip = math.hypot(gamma, 2 * (1 + 0.64) / 1.8**2)
     assert branch.first("PD")["A"] == pytest.approx(flip, abs=1e-10)
     assert np.prod(branch.first("PD").solution.multipliers).real == pytest.approx(0.64, abs=1e-10)
+
+
+@pytest.mark.parametrize(("A", "bounces"), [(1.065, 1), (1.07, 1), (1.072, 2)])
+def test_a_ball_bounces_twice_in_its_period_beyond_the_doubling_alone(A, bounces) -> None:
+    settled = cb.cycle(
+        [bouncing()], start={"y": 1.1, "v": 3.1}, params={"A": A, "e": 0.8}, period=TAU, t0=0.9,
+        settle=40,
+    )  # fmt: skip
+    orbit = cycle_of(settled)
+    assert len(orbit.flights) == bounces
+    assert orbit.period == pytest.approx(bounces * TAU, abs=1e-9)
 
 
 def test_the_fold_of_the_bouncing_ball_is_followed_in_two_parameters(ball: cb.Problem) -> None:
