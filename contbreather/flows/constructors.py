@@ -106,10 +106,11 @@ def cycle(
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
     flows = _timed(flows, period)
     if isinstance(start, tuple):
-        flights, parts, names = _sampled(flows, start, params, scheme)
+        (flights, parts, names), size = _sampled(flows, start, params, scheme), 0.0
         _, params = named_state(dict.fromkeys(names, 0.0), params)
     else:
         (state, params), names = named_state(start, params), tuple(start)
+        size = float(abs(state).max())
         run = partial(integrate, flows, params=params)
         length = None if forcing is None else _length(forcing, params)
         begin = _settled(run, state, length, t0, settle)
@@ -117,7 +118,7 @@ def cycle(
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
         else:
-            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle)]
+            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
         flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
         # in the first period, or at no time at all
         turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
@@ -133,7 +134,8 @@ def cycle(
     made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
         events = (*events_of(made), sliding(flows))
-    return _closed(made, params, None if events is None else tuple(events), label or "cycle")
+    chosen = None if events is None else tuple(events)
+    return _closed(made, params, chosen, label or "cycle", size)
 
 
 def named_state(
@@ -207,7 +209,7 @@ Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginni
 
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
     """Where the simulation is after the time to settle, a whole number of periods."""
-    settle = number("settle", settle, 0.0, 1e9, "how long to simulate")
+    settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
     if length is not None:
         settle = math.ceil(settle / length - 1e-9) * length
     if not settle:
@@ -254,7 +256,13 @@ def _first_close(found: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 
 def _smooth(
-    flow: Flow, run: Run, params: Params, begin: Begin, length: float | None, settle: float
+    flow: Flow,
+    run: Run,
+    params: Params,
+    begin: Begin,
+    length: float | None,
+    settle: float,
+    size: float,
 ) -> Stretch:
     """One period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin
@@ -263,7 +271,9 @@ def _smooth(
     for wait in np.multiply(settle or _WAIT, _LONGER):
         speed = values(flow.f, t0, state[:, None], params)[:, 0]
         ran = run(x0=state, time=float(wait), t0=t0)
-        _refuse_rest(values(flow.f, t0, ran.final[:, None], params)[:, 0], ran.final)
+        # what is slow has time to settle that is as long
+        moved = values(flow.f, t0, ran.final[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
+        _refuse_rest(moved, ran.final, size)
         found, since = _returns(flow, ran, state, speed, params), t0
         if min((off for off, _ in found), default=math.inf) <= _BACK:
             break
@@ -299,9 +309,10 @@ def _returns(
     return found
 
 
-def _refuse_rest(moved: Array, state: Array) -> None:
-    """Refuse an equilibrium, by its speed or its extent."""
-    if float(abs(moved).max()) <= _AT_REST * (1 + float(abs(state).max())):
+def _refuse_rest(moved: Array, state: Array, size: float) -> None:
+    """Refuse an equilibrium, by its speed or its extent; beside 0 only the size of what came
+    before tells how small is none."""
+    if float(abs(moved).max()) <= _AT_REST * max(size, float(abs(state).max())):
         raise NotConverged(
             f"there is an equilibrium at {shown(state.tolist())}, not a cycle: cb.equilibrium "
             "continues it; start elsewhere for a cycle"
@@ -339,9 +350,10 @@ def _sampled(
 
 
 def _closed(
-    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str
+    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str, size: float
 ) -> Problem:
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
+    size = max(size, *(float(abs(flight.states).max()) for flight in made.start))
     for _ in range(2):
         try:
             solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
@@ -352,7 +364,7 @@ def _closed(
             ) from error
         flights = made.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-        _refuse_rest(np.array(extents), flights[0].states[:, 0])
+        _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         made = made.once(solved.x, params)
         made = replace(made, start=_adapted(made.start))

@@ -125,6 +125,25 @@ def test_a_start_far_off_the_orbit_is_followed_until_it_is_there() -> None:
     assert orbit.times[0] == 0
 
 
+@pytest.mark.parametrize(("size", "pace"), [(1e-7, 1.0), (1e7, 1.0), (1.0, 1e-8)])
+def test_units_of_state_and_time_do_not_decide_what_is_a_cycle(size: float, pace: float) -> None:
+    def f(t, x, p):
+        return [pace * x[1], pace * ((1 - (x[0] / size) ** 2) * x[1] - x[0])]
+
+    orbit = cycle_of(cb.cycle(f, {"x": 2 * size, "v": 0.0}, {}, settle=50 / pace))
+    assert orbit.period * pace == pytest.approx(6.663286859, abs=1e-8)
+    assert orbit.max["x"] / size == pytest.approx(2.008619861, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1.0, 1e7])
+def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
+    def f(t, x, p):
+        return [x[1], -((1 - (x[0] / size) ** 2) * x[1]) - x[0]]
+
+    with pytest.raises(cb.NotConverged, match="there is an equilibrium"):
+        cb.cycle(f, {"x": 0.5 * size, "v": 0.0}, {}, settle=100)
+
+
 def test_next_to_a_doubling_the_orbit_is_closed_once_around() -> None:
     """There returns are close by turns: that after two periods is ten times closer."""
     start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.7}
