@@ -151,8 +151,13 @@ def named_state(
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise BadInput(f"{twice} are named twice, among states and parameters")
-    state = np.array([float(numbers(name, value)) for name, value in start.items()])
-    return state, {name: float(numbers(name, value)) for name, value in params.items()}
+    if not start:
+        raise BadInput("the start has no states: name and value of each were expected")
+    given = {
+        name: number(name, value, -math.inf, math.inf, "a value")
+        for name, value in (*start.items(), *params.items())
+    }
+    return np.array([given[name] for name in start]), {name: given[name] for name in params}
 
 
 def _timed(flows: Any, period: Any) -> Any:
@@ -193,7 +198,14 @@ def _fixed(length: float, t: Any, x: Any, p: Params) -> float:
 
 
 def _length(period: Function, params: Params) -> float:
-    found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
+    try:
+        found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
+    except KeyError as error:
+        if error.args[0] in params:
+            raise
+        raise BadInput(
+            f"period asks for the parameter {error}; params has {list(params)}"
+        ) from error
     if not 0 < found < math.inf:
         raise BadInput(f"the period is {found}; a positive time was expected")
     return found

@@ -402,6 +402,10 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
         ("twice", van_der_pol, {"mu": 1.0, "y": 0.0}, {"mu": 1.0}, {}),
         ("does not return|no periodic orbit", lorenz, {"x": 1.0, "y": 1.0, "z": 20.0},
          {"r": 28.0, "s": 10.0, "b": 8 / 3}, {"settle": 20}),
+        ("mu = array", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": np.array([1.0])}, {}),
+        ("period asks for the parameter 'w'", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0},
+         {"period": lambda p: TAU / p["w"]}),
+        ("has no states", van_der_pol, {}, {"mu": 1.0}, {}),
         ("positive time", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0}, {"period": -1.0}),
     ],
 )  # fmt: skip
