@@ -15,7 +15,7 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
-from .collocation import Collocation, Flight, fitted
+from .collocation import Collocation, Flight, fitted, flown
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
@@ -31,6 +31,8 @@ _CLOSE = 1e-3  # of the size: all returns this close are as good
 _AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _LONGER = (1, 3, 9, 27)  # and then
+_DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
+_FINER = 32  # so many intervals for each say where those of a mesh are to be
 _SAMPLES = 8  # looks into each step of a simulation for a return
 
 
@@ -70,7 +72,8 @@ def cycle(
     settle : float
         How long to simulate before a periodic orbit is expected.
     collocation : Collocation, optional
-        Intervals and points, ``Collocation(intervals=20, points=6)`` by default.
+        Intervals and points, ``Collocation(intervals=20, points=6)`` by default; twice as many
+        intervals, and again, where they cannot resolve the simulation.
     events : iterable of Event, optional
         What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
         to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
@@ -111,7 +114,7 @@ def cycle(
     else:
         (state, params), names = named_state(start, params), tuple(start)
         size = float(abs(state).max())
-        run = partial(integrate, flows, params=params)
+        run = partial(_run, flows, params)
         length = None if forcing is None else _length(forcing, params)
         begin = _settled(run, state, length, t0, settle)
         alone = _alone(flows)
@@ -119,7 +122,7 @@ def cycle(
             parts, pieces = _hybrid(run, begin, length)
         else:
             parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
-        flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
+        flights = _resolved(scheme, parts, params, pieces)
         # in the first period, or at no time at all
         turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
         shift = flights[0].start if length is None else turned * length
@@ -131,7 +134,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / _length(forcing, params)))
-    made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
+    made = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
         events = (*events_of(made), sliding(flows))
     chosen = None if events is None else tuple(events)
@@ -217,6 +220,46 @@ def _length(period: Function, params: Params) -> float:
 Run = Callable[..., Trajectory]
 Begin = tuple[float, Array, int]  # time, state and flow
 Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
+
+
+def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
+    """A simulation; one that leaves the domain of its functions finds no orbit."""
+    try:
+        return integrate(flows, params=params, **how)
+    except Undefined as error:
+        raise NotConverged(f"no periodic orbit was found from there: {error}") from error
+
+
+def _resolved(
+    scheme: Collocation, parts: Sequence[Flow], params: Params, pieces: Sequence[Stretch]
+) -> list[Flight]:
+    """A simulation on meshes that follow it, of as many intervals as its equations need."""
+
+    def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[Flight]:
+        return [
+            fitted(scheme, a, b - a, motion, knots)
+            for (motion, a, b), knots in zip(pieces, meshes, strict=True)
+        ]
+
+    even = [None] * len(pieces)
+    flights = [*_adapted(through(scheme, even))]
+    for _ in range(_DOUBLINGS):
+        try:
+            for flow, flight, size in zip(parts, flights, sizes_of(flights), strict=True):
+                flown(flow, flight, params, float(size.max()), (flight.slopes, None))
+            return flights
+        except Undefined as error:
+            failed = error
+        scheme = replace(scheme, intervals=2 * scheme.intervals)
+        # what is short is seen on meshes that are many times finer
+        fine = replace(scheme, intervals=_FINER * scheme.intervals)
+        seen = _adapted(through(fine, even))
+        seen = _adapted(through(fine, [flight.knots for flight in seen]))
+        flights = through(scheme, [flight.knots[::_FINER] for flight in seen])
+    raise NotConverged(
+        f"no periodic orbit was found from there: a mesh of {scheme.intervals} intervals of "
+        f"{scheme.points} points does not resolve the simulation: {failed}"
+    ) from failed
 
 
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
@@ -358,7 +401,7 @@ def _sampled(
     flow.check(float(t[0]), x[:, 0], params)
     spline = CubicSpline(t, x, axis=1)
     flight = fitted(collocation, float(t[0]), float(t[-1] - t[0]), spline)
-    return [flight], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
+    return [*_adapted([flight])], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
 def _closed(
