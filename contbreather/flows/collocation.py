@@ -338,14 +338,19 @@ def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -
 
 
 def fitted(
-    scheme: Collocation, start: float, duration: float, motion: Callable[[Array], Array]
+    scheme: Collocation,
+    start: float,
+    duration: float,
+    motion: Callable[[Array], Array],
+    knots: Array | None = None,
 ) -> Flight:
-    """A flight on a uniform mesh through states known at all times, ``motion(t) -> (n, len(t))``.
+    """A flight through states known at all times, ``motion(t) -> (n, len(t))``, on a uniform mesh
+    unless one is given.
 
     The slopes are those of the polynomial through the beginning and the Gauss points.
     """
-    knots = np.linspace(0.0, 1.0, scheme.intervals + 1)
-    inner = knots[:-1, None] + scheme.nodes / scheme.intervals
+    knots = np.linspace(0.0, 1.0, scheme.intervals + 1) if knots is None else knots
+    inner = knots[:-1, None] + np.diff(knots)[:, None] * scheme.nodes
     states = motion(start + duration * knots[:-1])
     rises = motion(start + duration * inner.ravel()).reshape(len(states), *inner.shape)
     rises = rises - states[..., None]

@@ -15,7 +15,7 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
-from .collocation import Collocation, Flight, fitted
+from .collocation import Collocation, Flight, fitted, flown
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
@@ -31,6 +31,8 @@ _CLOSE = 1e-3  # of the size: all returns this close are as good
 _AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _LONGER = (1, 3, 9, 27)  # and then
+_DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
+_FINER = 32  # so many intervals for each say where those of a mesh are to be
 _SAMPLES = 8  # looks into each step of a simulation for a return
 
 
@@ -70,7 +72,8 @@ def cycle(
     settle : float
         How long to simulate before a periodic orbit is expected.
     collocation : Collocation, optional
-        Intervals and points, ``Collocation(intervals=20, points=6)`` by default.
+        Intervals and points, ``Collocation(intervals=20, points=6)`` by default; twice as many
+        intervals, and again, where they cannot resolve the simulation.
     events : iterable of Event, optional
         What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
         to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
@@ -106,19 +109,20 @@ def cycle(
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
     flows = _timed(flows, period)
     if isinstance(start, tuple):
-        flights, parts, names = _sampled(flows, start, params, scheme)
+        (flights, parts, names), size = _sampled(flows, start, params, scheme), 0.0
         _, params = named_state(dict.fromkeys(names, 0.0), params)
     else:
         (state, params), names = named_state(start, params), tuple(start)
-        run = partial(integrate, flows, params=params)
+        size = float(abs(state).max())
+        run = partial(_run, flows, params)
         length = None if forcing is None else _length(forcing, params)
         begin = _settled(run, state, length, t0, settle)
         alone = _alone(flows)
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
         else:
-            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle)]
-        flights = [fitted(scheme, a, b - a, motion) for motion, a, b in pieces]
+            parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
+        flights = _resolved(scheme, parts, params, pieces)
         # in the first period, or at no time at all
         turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
         shift = flights[0].start if length is None else turned * length
@@ -130,10 +134,11 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / _length(forcing, params)))
-    made = Equations(tuple(parts), _adapted(flights), forcing, turns, names, sizes_of(flights))
+    made = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
         events = (*events_of(made), sliding(flows))
-    return _closed(made, params, None if events is None else tuple(events), label or "cycle")
+    chosen = None if events is None else tuple(events)
+    return _closed(made, params, chosen, label or "cycle", size)
 
 
 def named_state(
@@ -149,8 +154,13 @@ def named_state(
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise BadInput(f"{twice} are named twice, among states and parameters")
-    state = np.array([float(numbers(name, value)) for name, value in start.items()])
-    return state, {name: float(numbers(name, value)) for name, value in params.items()}
+    if not start:
+        raise BadInput("the start has no states: name and value of each were expected")
+    given = {
+        name: number(name, value, -math.inf, math.inf, "a value")
+        for name, value in (*start.items(), *params.items())
+    }
+    return np.array([given[name] for name in start]), {name: given[name] for name in params}
 
 
 def _timed(flows: Any, period: Any) -> Any:
@@ -191,7 +201,14 @@ def _fixed(length: float, t: Any, x: Any, p: Params) -> float:
 
 
 def _length(period: Function, params: Params) -> float:
-    found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
+    try:
+        found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
+    except KeyError as error:
+        if error.args[0] in params:
+            raise
+        raise BadInput(
+            f"period asks for the parameter {error}; params has {list(params)}"
+        ) from error
     if not 0 < found < math.inf:
         raise BadInput(f"the period is {found}; a positive time was expected")
     return found
@@ -205,9 +222,49 @@ Begin = tuple[float, Array, int]  # time, state and flow
 Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
 
 
+def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
+    """A simulation; one that leaves the domain of its functions finds no orbit."""
+    try:
+        return integrate(flows, params=params, **how)
+    except Undefined as error:
+        raise NotConverged(f"no periodic orbit was found from there: {error}") from error
+
+
+def _resolved(
+    scheme: Collocation, parts: Sequence[Flow], params: Params, pieces: Sequence[Stretch]
+) -> list[Flight]:
+    """A simulation on meshes that follow it, of as many intervals as its equations need."""
+
+    def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[Flight]:
+        return [
+            fitted(scheme, a, b - a, motion, knots)
+            for (motion, a, b), knots in zip(pieces, meshes, strict=True)
+        ]
+
+    even = [None] * len(pieces)
+    flights = [*_adapted(through(scheme, even))]
+    for _ in range(_DOUBLINGS):
+        try:
+            for flow, flight, size in zip(parts, flights, sizes_of(flights), strict=True):
+                flown(flow, flight, params, float(size.max()), (flight.slopes, None))
+            return flights
+        except Undefined as error:
+            failed = error
+        scheme = replace(scheme, intervals=2 * scheme.intervals)
+        # what is short is seen on meshes that are many times finer
+        fine = replace(scheme, intervals=_FINER * scheme.intervals)
+        seen = _adapted(through(fine, even))
+        seen = _adapted(through(fine, [flight.knots for flight in seen]))
+        flights = through(scheme, [flight.knots[::_FINER] for flight in seen])
+    raise NotConverged(
+        f"no periodic orbit was found from there: a mesh of {scheme.intervals} intervals of "
+        f"{scheme.points} points does not resolve the simulation: {failed}"
+    ) from failed
+
+
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
     """Where the simulation is after the time to settle, a whole number of periods."""
-    settle = number("settle", settle, 0.0, 1e9, "how long to simulate")
+    settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
     if length is not None:
         settle = math.ceil(settle / length - 1e-9) * length
     if not settle:
@@ -254,7 +311,13 @@ def _first_close(found: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 
 def _smooth(
-    flow: Flow, run: Run, params: Params, begin: Begin, length: float | None, settle: float
+    flow: Flow,
+    run: Run,
+    params: Params,
+    begin: Begin,
+    length: float | None,
+    settle: float,
+    size: float,
 ) -> Stretch:
     """One period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin
@@ -263,7 +326,9 @@ def _smooth(
     for wait in np.multiply(settle or _WAIT, _LONGER):
         speed = values(flow.f, t0, state[:, None], params)[:, 0]
         ran = run(x0=state, time=float(wait), t0=t0)
-        _refuse_rest(values(flow.f, t0, ran.final[:, None], params)[:, 0], ran.final)
+        # what is slow has time to settle that is as long
+        moved = values(flow.f, t0, ran.final[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
+        _refuse_rest(moved, ran.final, size)
         found, since = _returns(flow, ran, state, speed, params), t0
         if min((off for off, _ in found), default=math.inf) <= _BACK:
             break
@@ -299,9 +364,10 @@ def _returns(
     return found
 
 
-def _refuse_rest(moved: Array, state: Array) -> None:
-    """Refuse an equilibrium, by its speed or its extent."""
-    if float(abs(moved).max()) <= _AT_REST * (1 + float(abs(state).max())):
+def _refuse_rest(moved: Array, state: Array, size: float) -> None:
+    """Refuse an equilibrium, by its speed or its extent; beside 0 only the size of what came
+    before tells how small is none."""
+    if float(abs(moved).max()) <= _AT_REST * max(size, float(abs(state).max())):
         raise NotConverged(
             f"there is an equilibrium at {shown(state.tolist())}, not a cycle: cb.equilibrium "
             "continues it; start elsewhere for a cycle"
@@ -335,13 +401,14 @@ def _sampled(
     flow.check(float(t[0]), x[:, 0], params)
     spline = CubicSpline(t, x, axis=1)
     flight = fitted(collocation, float(t[0]), float(t[-1] - t[0]), spline)
-    return [flight], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
+    return [*_adapted([flight])], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
 def _closed(
-    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str
+    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str, size: float
 ) -> Problem:
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
+    size = max(size, *(float(abs(flight.states).max()) for flight in made.start))
     for _ in range(2):
         try:
             solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
@@ -352,8 +419,10 @@ def _closed(
             ) from error
         flights = made.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-        _refuse_rest(np.array(extents), flights[0].states[:, 0])
-        made = replace(made, start=_adapted(flights), sizes=sizes_of(flights))
+        _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
+        # next to PD returns are close by turns, and that after two periods may be the closest
+        made = made.once(solved.x, params)
+        made = replace(made, start=_adapted(made.start))
     return problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
 
 

@@ -28,6 +28,9 @@ _DENSE = 400  # unknowns up to which a dense derivative is the faster one
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
 _SLOWEST = 1e-16  # pace of a condition where rounding leaves none
 _AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
+_ROUNDS = 24  # an orbit is looked at for going around up to so many times
+_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
+_LOOKS = 4  # into each interval for that
 _RECENT = 4  # solutions that are kept, and derivatives, to begin the next from the nearest
 
 
@@ -541,6 +544,44 @@ class Equations:
             flows, (*flights, *again), self.period, 2 * self.turns, self.states,
             self.sizes * 2,
         )  # fmt: skip
+
+    def once(self, x: Array, p: Params) -> Equations:
+        """As begun at this orbit, a single time around where it goes around several times."""
+        flights = self.flights(x, p)
+        rounds = next((m for m in range(_ROUNDS, 1, -1) if self._repeats(m, flights, p)), 1)
+        if not self.smooth:
+            flights = flights[: len(flights) // rounds]
+        elif rounds > 1:
+            knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
+            part = whole.on(knots / rounds)
+            flights = (replace(part, knots=knots, duration=whole.duration / rounds),)
+        return replace(
+            self, flows=self.flows[: len(flights)], start=flights, turns=self.turns // rounds,
+            sizes=sizes_of(flights),
+        )  # fmt: skip
+
+    def _repeats(self, rounds: int, flights: Sequence[Flight], p: Params) -> bool:
+        """Whether the orbit is the same at all times and a part of its period later."""
+        if self.turns % rounds and not self.autonomous:
+            return False
+        if self.smooth:
+            (flight,), (flow,) = flights, self.flows
+            s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
+            later = flight.at(s + 1 / rounds)
+            if flow.reset is not None:
+                later = values(flow.reset, flight.start + flight.duration * s, later, p)
+            return bool(abs(later - flight.at(s)).max() <= _REPEATS * self.sizes[0].max())
+        part, rest = divmod(len(flights), rounds)
+        if rest:
+            return False
+        own = zip(self.flows, flights, self.sizes, strict=True)
+        again = zip(self.flows[part:], flights[part:], strict=True)
+        return all(
+            (one.f, one.reset) == (other.f, other.reset)
+            and now.states.shape == then.states.shape
+            and abs(then.sampled(_LOOKS)[1] - now.sampled(_LOOKS)[1]).max() <= _REPEATS * size.max()
+            for (one, now, size), (other, then) in zip(own, again, strict=False)
+        )
 
 
 def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:

@@ -125,6 +125,61 @@ def test_a_start_far_off_the_orbit_is_followed_until_it_is_there() -> None:
     assert orbit.times[0] == 0
 
 
+@pytest.mark.parametrize(("size", "pace"), [(1e-7, 1.0), (1e7, 1.0), (1.0, 1e-8)])
+def test_units_of_state_and_time_do_not_decide_what_is_a_cycle(size: float, pace: float) -> None:
+    def f(t, x, p):
+        return [pace * x[1], pace * ((1 - (x[0] / size) ** 2) * x[1] - x[0])]
+
+    orbit = cycle_of(cb.cycle(f, {"x": 2 * size, "v": 0.0}, {}, settle=50 / pace))
+    assert orbit.period * pace == pytest.approx(6.663286859, abs=1e-8)
+    assert orbit.max["x"] / size == pytest.approx(2.008619861, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1.0, 1e7])
+def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
+    def f(t, x, p):
+        return [x[1], -((1 - (x[0] / size) ** 2) * x[1]) - x[0]]
+
+    with pytest.raises(cb.NotConverged, match="there is an equilibrium"):
+        cb.cycle(f, {"x": 0.5 * size, "v": 0.0}, {}, settle=100)
+
+
+def test_a_stiff_oscillator_is_closed_on_as_many_intervals_as_it_needs() -> None:
+    stiff = cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 50.0}, settle=200)
+    assert len(stiff.start["mesh"]) > 20
+    assert stiff.start["period"] == pytest.approx(82.50834, abs=1e-2)
+
+
+def test_a_field_that_has_no_value_on_the_way_is_refused_with_a_sentence() -> None:
+    def f(t, x, p):
+        if x[0] > 3:
+            raise ValueError("too far")
+        return [x[1], x[0]]
+
+    with pytest.raises(cb.NotConverged, match=r"no periodic orbit was found .* too far, at t = "):
+        cb.cycle(f, {"x": 2.0, "v": 0.0}, {}, settle=20)
+
+
+def test_next_to_a_doubling_the_orbit_is_closed_once_around() -> None:
+    """There returns are close by turns: that after two periods is ten times closer."""
+    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.7}
+    near = cycle_of(cb.cycle(roessler, start, params, settle=100))
+    assert near.period == pytest.approx(5.761896857, abs=1e-8)
+
+
+def test_beyond_a_doubling_it_takes_two_periods() -> None:
+    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.9}
+    double = cycle_of(cb.cycle(roessler, start, params, settle=300))
+    assert double.period == pytest.approx(11.53508612, abs=1e-7)
+
+
+def test_samples_of_two_periods_are_one_orbit_of_either() -> None:
+    once = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
+    t = np.linspace(0, 2 * once.period, 200)
+    orbit = cycle_of(cb.cycle(van_der_pol, (t, once.states(t)), {"mu": 1.0}))
+    assert orbit.period == pytest.approx(once.period, abs=1e-9)
+
+
 def test_states_are_known_at_all_times() -> None:
     orbit = cycle_of(cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=60))
     t = np.linspace(0, orbit.period, 7)
@@ -269,6 +324,17 @@ def test_a_bouncing_ball_folds_and_doubles_where_the_closed_form_says(ball: cb.P
     assert np.prod(branch.first("PD").solution.multipliers).real == pytest.approx(0.64, abs=1e-10)
 
 
+@pytest.mark.parametrize(("A", "bounces"), [(1.065, 1), (1.07, 1), (1.072, 2)])
+def test_a_ball_bounces_twice_in_its_period_beyond_the_doubling_alone(A, bounces) -> None:
+    settled = cb.cycle(
+        [bouncing()], start={"y": 1.1, "v": 3.1}, params={"A": A, "e": 0.8}, period=TAU, t0=0.9,
+        settle=40,
+    )  # fmt: skip
+    orbit = cycle_of(settled)
+    assert len(orbit.flights) == bounces
+    assert orbit.period == pytest.approx(bounces * TAU, abs=1e-9)
+
+
 def test_the_fold_of_the_bouncing_ball_is_followed_in_two_parameters(ball: cb.Problem) -> None:
     branch = cb.trace(ball, "A", within={"A": (0.2, 1.5)})
     for kind, wanted in (
@@ -350,8 +416,12 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
         ("asks for the parameter", van_der_pol, {"x": 1.0, "y": 0.0}, {}, {"settle": 1}),
         ("rename", van_der_pol, {"orbit": 1.0, "y": 0.0}, {"mu": 1.0}, {}),
         ("twice", van_der_pol, {"mu": 1.0, "y": 0.0}, {"mu": 1.0}, {}),
-        ("does not return|no periodic orbit", lorenz, {"x": 1.0, "y": 1.0, "z": 20.0},
-         {"r": 28.0, "s": 10.0, "b": 8 / 3}, {"settle": 20}),
+        ("does not return", lambda t, x, p: [x[1], -x[0], 1.0], {"x": 1.0, "y": 1.0, "z": 0.0}, {},
+         {"settle": 20}),
+        ("mu = array", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": np.array([1.0])}, {}),
+        ("period asks for the parameter 'w'", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0},
+         {"period": lambda p: TAU / p["w"]}),
+        ("has no states", van_der_pol, {}, {"mu": 1.0}, {}),
         ("positive time", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0}, {"period": -1.0}),
     ],
 )  # fmt: skip
