@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
 
 TAU = 2 * np.pi
 REST = {"x": 0.0, "v": 0.0}
@@ -95,3 +95,33 @@ def test_a_forcing_that_is_switched_off_leaves_equilibria_until_it_is_free() -> 
     assert cb.trace(rest, "w", within={"w": (1, 2)})[-1]["w"] == 2
     with pytest.raises(BadInput, match="f depends on t"):
         cb.trace(rest, "F", within={"F": (0, 1)})
+
+
+def test_a_condition_that_is_true_or_false_is_refused() -> None:
+    flow = cb.Flow(duffing, until=lambda t, x, p: x[0] < 1)
+    with pytest.raises(
+        BadInput, match=r"until is True at t = 0.*; a number was expected, positive"
+    ):
+        cb.cycle(flow, REST, {"w": 1.0, "F": 0.5}, period=TAU, settle=5)
+
+
+def test_a_condition_that_is_never_met_is_given_up() -> None:
+    flow = cb.Flow(lambda t, x, p: [1e5 * np.sin(t)], until=lambda t, x, p: 1e6 - x[0])
+    with pytest.raises(NotConverged, match=r"was not met within \d{3,4}(\.\d+)? from t = 0"):
+        cb.cycle(flow, {"x": 0.0}, {}, period=TAU)
+
+
+def test_an_integration_that_meets_no_surface_ends_with_its_time() -> None:
+    """A constant is like a polynomial but for the rounding of 0.1."""
+    calls = []
+
+    def surface(t, x, p):
+        calls.append(t)
+        return 0.1
+
+    def oscillator(t, x, p):
+        return [x[1], -x[0]]
+
+    run = cb.integrate(cb.Filippov(oscillator, oscillator, surface), [1.0, 0.0], {}, time=20)
+    assert (run.t[-1], len(run.events)) == (20, 0)
+    assert len(calls) < 10 * run.t.size
