@@ -79,16 +79,19 @@ def _mirrored(
     """Half of a symmetric orbit has half of the period, after which f is its mirror image."""
     if flow.reset is None:
         return False
-    n = len(x)
-    mirror = -np.eye(n)  # beside an impact; alone the reset is the mirror
-    if flow.until is None:
-        mirror = slopes(flow.reset, flight.last, flight.end[:, None], p)[1][:, :n, 0]
-    return _same(mirror @ now, values(flow.f, t + later, mirror @ x, p))
+    n, end = len(x), flight.end[:, None]
+    if flow.until is None:  # the reset is the mirror
+        mirror = slopes(flow.reset, flight.last, end, p)[1][:, :n, 0]
+        return _same(mirror @ now, values(flow.f, t + later, mirror @ x, p))
+    after = values(flow.reset, flight.last, end, p)  # beside an impact -x, which the wall tells
+    turned = after.shape == end.shape and np.isclose(after, -end, rtol=_SAME, atol=0)[end != 0]
+    return bool(np.any(turned)) and _same(-now, values(flow.f, t + later, -x, p))
 
 
 def _same(now: Array, then: Array, least: float = 0.0) -> bool:
     """NaN, outside of a domain, says nothing."""
-    off = abs(then - now)
+    with np.errstate(invalid="ignore"):
+        off = abs(then - now)
     size = np.maximum(np.nanmax(abs(now), axis=1, initial=0.0), least)[:, None]
     return not (off > _SAME * size).any()
 
@@ -101,12 +104,15 @@ def refuse_time(f: Function, t: float, x: Array, p: Params, names: tuple[str, ..
     """Refuse a field that depends on the time, beside a state and parameters."""
     names = tuple(name for name in names if name in p)
     at = np.repeat(x[:, None], _MOMENTS.size, axis=1)
-    # of x cos t the value is zero at the origin, and that of p cos t where p = 0: not the slopes
-    whole = slopes(f, t + _MOMENTS, at, p, names)[1]
-    off = abs(whole - whole[..., :1])
-    off[:, x.size] = abs(whole[:, x.size])
-    if (off > _SAME * np.nanmax(abs(whole), initial=0.0)).any():
-        raise BadInput(
-            "f depends on t: say period=, which is that of the forcing (cb.cycle(..., period=); a "
-            "forced system has no equilibria)"
-        )
+    with suppress(Undefined), np.errstate(invalid="ignore"):
+        value, slope = slopes(f, t + _MOMENTS, at, p, names)
+        # of x cos t the value is zero at the origin, and that of p cos t where p = 0; of the sign
+        # of cos t it is the slopes
+        whole = np.concatenate([slope, value[:, None]], axis=1)
+        off = abs(whole - whole[..., :1])
+        off[:, x.size] = abs(slope[:, x.size])
+        if (off > _SAME * np.nanmax(abs(whole), initial=0.0)).any():
+            raise BadInput(
+                "f depends on t: say period=, which is that of the forcing (cb.cycle(..., "
+                "period=); a forced system has no equilibria)"
+            )

@@ -75,6 +75,17 @@ def test_a_hybrid_system_that_depends_on_the_time_needs_a_period() -> None:
         bouncing(None)
 
 
+def test_half_the_period_is_none_of_an_impact_that_is_no_mirror() -> None:
+    """Although the field is antisymmetric."""
+    flow = cb.Flow(
+        lambda t, x, p: [x[1], np.cos(1.5 * t) - x[0] - 0.1 * x[1]],
+        until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [x[0], -0.7 * x[1]],
+    )
+    with pytest.raises(BadInput, match="f is not periodic in t"):
+        cb.cycle(flow, {"x": 0.9, "v": -1.0}, {}, period=TAU / 3, settle=40)
+
+
 def test_a_smooth_system_that_depends_on_the_time_needs_a_period() -> None:
     with pytest.raises(BadInput, match="f depends on t: say period="):
         forced(1.0, None)
@@ -125,3 +136,10 @@ def test_an_integration_that_meets_no_surface_ends_with_its_time() -> None:
     run = cb.integrate(cb.Filippov(oscillator, oscillator, surface), [1.0, 0.0], {}, time=20)
     assert (run.t[-1], len(run.events)) == (20, 0)
     assert len(calls) < 10 * run.t.size
+
+
+def test_a_field_without_a_slope_that_depends_on_the_time_is_refused() -> None:
+    with pytest.raises(BadInput, match="f depends on t"):
+        cb.equilibrium(lambda t, x, p: [np.sign(np.cos(t)) - x[0]], {"x": 1.0}, {})
+    steady = cb.equilibrium(lambda t, x, p: [1 - abs(x[0])], {"x": 1.0}, {})
+    assert steady.start["x"] == 1
