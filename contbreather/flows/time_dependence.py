@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,7 @@ def _unlike(
 
 
 def _mirrored(
-    flow: Flow, flight: Flight, t: Array, x: Array, p: Params, later: float, now: Array
+    flow: Flow, flight: Flight, t: Any, x: Array, p: Params, later: float, now: Array
 ) -> bool:
     """Half of a symmetric orbit has half of the period, after which f is its mirror image."""
     if flow.reset is None:
