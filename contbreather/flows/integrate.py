@@ -339,7 +339,8 @@ class _Walk:
             _Watched(guard, self.params, rough=self.left == _STEPS)
             for guard in guards[len(clocks) :]
         ]
-        t, x, steps, hit = [t0], [x0], [], None
+        t, x, hit = [t0], [x0], None
+        steps: list[Any] = []
         most = _PATIENT if guards and math.isinf(end) else _STEPS + 1
         while hit is None and solver.status == "running" and len(steps) < most:
             self.step(solver)
