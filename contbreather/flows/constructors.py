@@ -22,6 +22,7 @@ from .filippov import Filippov
 from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
 from .orbit import CycleProblem, problem_of
+from .time_dependence import refuse_false_period, refuse_time
 from .walls import sliding
 
 _RETURNS = 24  # so many flows back is looked for a return
@@ -134,6 +135,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / _length(forcing, params)))
+    refuse_false_period(parts, flights, forcing, params)
     made = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
         events = (*events_of(made), sliding(flows))
@@ -323,6 +325,7 @@ def _smooth(
     t0, state, _ = begin
     if length is not None:
         return run(x0=state, time=length, t0=t0), t0, t0 + length
+    refuse_time(flow.f, t0, state, params)
     for wait in np.multiply(settle or _WAIT, _LONGER):
         speed = values(flow.f, t0, state[:, None], params)[:, 0]
         ran = run(x0=state, time=float(wait), t0=t0)

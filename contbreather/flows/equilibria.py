@@ -20,6 +20,7 @@ from .collocation import Collocation, fitted
 from .constructors import named_state, problem_at
 from .equations import Equations, sizes_of
 from .flow import Flow, Function, Params, slopes, values
+from .time_dependence import refuse_time
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
 _ORIGIN = 1e-12  # an equilibrium no larger than this is the origin, but for rounding
@@ -69,6 +70,7 @@ def equilibrium(
     flow = f if isinstance(f, Flow) else Flow(f)
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
+    refuse_time(flow.f, 0.0, state, params)
     return Equilibrium(
         _Rest(flow, collocation or Collocation()), dict(start), params,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
@@ -96,6 +98,11 @@ class Equilibrium(Problem):
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Array:
         whole = slopes(self.residual.flow.f, 0.0, x[:, None], params, names)[1][..., 0]
         return np.delete(whole, x.size, axis=1)  # the column of the time
+
+    def having(self, *names: str) -> Problem:
+        """The same, if the field does not begin to depend on the time with one of these."""
+        refuse_time(self.residual.flow.f, 0.0, self.x, self.params, names)
+        return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _born if kind == "HB" else None

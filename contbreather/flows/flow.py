@@ -169,7 +169,8 @@ def _check(
 ) -> None:
     where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
     try:
-        found = np.asarray(function(t, x, p), dtype=float)
+        given = function(t, x, p)
+        found = np.asarray(given, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
             raise
@@ -177,6 +178,11 @@ def _check(
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
     except (ValueError, ArithmeticError, TypeError, IndexError) as error:
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
+    if shape == () and np.asarray(given).dtype == bool:
+        raise BadInput(
+            f"{name} is {given} {where}; a number was expected, positive inside and zero where the "
+            "flow ends: p['s'] - x[0], not x[0] < p['s']"
+        )
     if shape == () and found.size == 1:
         found = found.reshape(())
     if found.shape != shape and not (shape is None and found.ndim == 1 and found.size):

@@ -26,6 +26,7 @@ from ..tables import Sheet
 from .collocation import Flight
 from .equations import Equations
 from .flow import Params
+from .time_dependence import refuse_false_period
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
@@ -260,6 +261,12 @@ class CycleProblem(Problem):
         while len(problem.start["mesh"]) < sizes["mesh"]:
             problem = problem.halved()
         return problem
+
+    def having(self, *names: str) -> Problem:
+        """The same, if the forcing keeps the period while these change."""
+        own = self.residual
+        refuse_false_period(own.flows, own.start, own.period, self.params, names)
+        return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _doubled if kind == "PD" else None

@@ -1,0 +1,119 @@
+"""Whether functions of the time have the period that was given: orbits are false where not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from ..continuation.newton import Array, Undefined
+from ..errors import BadInput
+from .collocation import Flight
+from .flow import Clock, Flow, Function, Params, slopes, values
+
+_LOOKS = 16  # states and times at which a function is compared
+_GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
+_SAME = 1e-6  # relative to the size of a function: a period of seven digits is one
+_FLOOR = 1e-4  # of the size of the states: a function that is smaller may be made of rounding
+_MOVED = 0.01  # how far parameters are moved, relative
+_MOMENTS = np.array([0.0, 0.7, 1.9])  # at which a field without a period is compared
+
+
+def refuse_false_period(
+    flows: Sequence[Flow],
+    flights: Sequence[Flight],
+    period: Function | None,
+    p: Params,
+    names: tuple[str, ...] = (),
+) -> None:
+    """Refuse functions that do not have the period along an orbit; with names, not when these
+    parameters move, one by one and together."""
+    names = tuple(name for name in names if name in p)
+    for moved in dict.fromkeys([(), *((name,) for name in names), names]):
+        at = {**p, **{name: p[name] + _MOVED * (abs(p[name]) or 1.0) for name in moved}}
+        with suppress(Undefined):  # the parameter was moved out of a domain
+            what = next(_unlike(flows, flights, period, at), None)
+            if what is None:
+                continue
+            if period is None:
+                raise BadInput(f"{what} depends on t: say period=, which is that of the forcing")
+            if moved:
+                raise BadInput(
+                    f"the period of {what} changes with {', '.join(moved)}, period= does not as "
+                    f"it should: give a function, as period=lambda p: 2*np.pi/p[{moved[0]!r}]"
+                )
+            raise BadInput(
+                f"{what} is not periodic in t with the period {_length(period, p):g}: give that of "
+                "the forcing, a number or a function, as period=lambda p: 2*np.pi/p['w']"
+            )
+
+
+def _unlike(
+    flows: Sequence[Flow], flights: Sequence[Flight], period: Function | None, p: Params
+) -> Iterator[str]:
+    """The functions that are not the same a period later; without one, at another time."""
+    whole = sum(flight.duration for flight in flights)
+    later = _GOLDEN * whole if period is None else _length(period, p)
+    least = _FLOOR * max(float(abs(flight.states).max()) for flight in flights)
+    for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
+        x = flight.at((np.arange(_LOOKS) + 0.5) / _LOOKS)
+        t = flight.start + whole * (_GOLDEN * np.arange(1, _LOOKS + 1) % 1)
+        named = {"f": flow.f, "until": flow.until, "reset": flow.reset}
+        named |= {f"walls[{j}]": wall for j, wall in enumerate(flow.walls)}
+        for name, function in named.items():
+            if function is None or isinstance(function, Clock):
+                continue
+            now, then = values(function, t, x, p), values(function, t + later, x, p)
+            if _same(now, then, least):
+                continue
+            if name == "f" and period is not None and _mirrored(flow, flight, t, x, p, later, now):
+                continue
+            yield name if len({*flows}) == 1 else f"{name} of flow {i}"
+
+
+def _mirrored(
+    flow: Flow, flight: Flight, t: Any, x: Array, p: Params, later: float, now: Array
+) -> bool:
+    """Half of a symmetric orbit has half of the period, after which f is its mirror image."""
+    if flow.reset is None:
+        return False
+    n, end = len(x), flight.end[:, None]
+    if flow.until is None:  # the reset is the mirror
+        mirror = slopes(flow.reset, flight.last, end, p)[1][:, :n, 0]
+        return _same(mirror @ now, values(flow.f, t + later, mirror @ x, p))
+    after = values(flow.reset, flight.last, end, p)  # beside an impact -x, which the wall tells
+    turned = after.shape == end.shape and np.isclose(after, -end, rtol=_SAME, atol=0)[end != 0]
+    return bool(np.any(turned)) and _same(-now, values(flow.f, t + later, -x, p))
+
+
+def _same(now: Array, then: Array, least: float = 0.0) -> bool:
+    """NaN, outside of a domain, says nothing."""
+    with np.errstate(invalid="ignore"):
+        off = abs(then - now)
+    size = np.maximum(np.nanmax(abs(now), axis=1, initial=0.0), least)[:, None]
+    return not (off > _SAME * size).any()
+
+
+def _length(period: Function, p: Params) -> float:
+    return float(values(period, 0.0, np.zeros((1, 1)), p)[0, 0])
+
+
+def refuse_time(f: Function, t: float, x: Array, p: Params, names: tuple[str, ...] = ()) -> None:
+    """Refuse a field that depends on the time, beside a state and parameters."""
+    names = tuple(name for name in names if name in p)
+    at = np.repeat(x[:, None], _MOMENTS.size, axis=1)
+    with suppress(Undefined), np.errstate(invalid="ignore"):
+        value, slope = slopes(f, t + _MOMENTS, at, p, names)
+        # of x cos t the value is zero at the origin, and that of p cos t where p = 0; of the sign
+        # of cos t it is the slopes
+        whole = np.concatenate([slope, value[:, None]], axis=1)
+        off = abs(whole - whole[..., :1])
+        off[:, x.size] = abs(slope[:, x.size])
+        if (off > _SAME * np.nanmax(abs(whole), initial=0.0)).any():
+            raise BadInput(
+                "f depends on t: say period=, which is that of the forcing (cb.cycle(..., "
+                "period=); a forced system has no equilibria)"
+            )
