@@ -22,7 +22,7 @@ from .filippov import Filippov
 from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
 from .orbit import CycleProblem, problem_of
-from .time_dependence import refuse_false_period, refuse_time
+from .time_dependence import length_of, refuse_false_period, refuse_time
 from .walls import sliding
 
 _RETURNS = 24  # so many flows back is looked for a return
@@ -116,7 +116,7 @@ def cycle(
         (state, params), names = named_state(start, params), tuple(start)
         size = float(abs(state).max())
         run = partial(_run, flows, params)
-        length = None if forcing is None else _length(forcing, params)
+        length = None if forcing is None else length_of(forcing, params)
         begin = _settled(run, state, length, t0, settle)
         alone = _alone(flows)
         if alone is None:
@@ -134,7 +134,7 @@ def cycle(
     turns = 1
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
-        turns = max(1, round(whole / _length(forcing, params)))
+        turns = max(1, round(whole / length_of(forcing, params)))
     refuse_false_period(parts, flights, forcing, params)
     made = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
@@ -200,20 +200,6 @@ def _asked(period: Callable[[Params], float], t: Any, x: Any, p: Params) -> floa
 
 def _fixed(length: float, t: Any, x: Any, p: Params) -> float:
     return length
-
-
-def _length(period: Function, params: Params) -> float:
-    try:
-        found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
-    except KeyError as error:
-        if error.args[0] in params:
-            raise
-        raise BadInput(
-            f"period asks for the parameter {error}; params has {list(params)}"
-        ) from error
-    if not 0 < found < math.inf:
-        raise BadInput(f"the period is {found}; a positive time was expected")
-    return found
 
 
 # --- from a simulation --------------------------------------------------------------------------
