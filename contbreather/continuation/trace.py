@@ -463,6 +463,9 @@ class ContinuationIterator:
             starts = [p for p in found.points if p.arclength <= point.arclength + near]
             line = [*starts] or [point]
         ended = {id(special.event) for special in starts}
+        if self.count == 0:  # what is negative there is rounding: more of it is refused
+            before = zip(self.events, self.tests, strict=True)
+            ended |= {id(event) for event, value in before if value <= 0}
         if any(id(event) in ended for event in self._broken(found)):
             return line, Stop.EVENT  # it leads out of the meaningful region at once
         for special in found.points[len(starts) :]:

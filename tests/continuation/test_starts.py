@@ -225,3 +225,13 @@ def test_a_fold_at_the_end_of_the_domain_is_left_to_the_inside(side, towards):
     branch = trace(mine, "s", towards=towards, within={"s": (0.0, 1.0)})
     assert branch["s"][[0, -1]].tolist() == [0.0, 1.0]
     assert branch["x"][-1] == pytest.approx(side)
+
+
+@pytest.mark.parametrize("rounding", [-2.2e-16, 0.0, 2.2e-16])
+def test_rounding_at_a_start_on_the_edge_of_its_domain_does_not_decide_how_a_curve_ends(rounding):
+    """Its test changes so slowly that a unit in the last place of 1 is no place on the curve."""
+    edge = Event("WL", lambda point: rounding - 1e-5 * point["mu"], ends="domain")
+    line = Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0})
+    branch = trace(line, "mu", within={"mu": (-1, 1)}, events=[edge])
+    assert (branch.began, branch.stop) == (Stop.BOUND, Stop.EVENT)
+    assert branch[-1]["mu"] == pytest.approx(0.0, abs=1e-10)
