@@ -196,7 +196,8 @@ def other_contacts(
     Without coupling, or without an impact, all sites that do not hit follow the forcing alike, and
     margins vanish together, like the answer of the nearer of two sites to an impact. What is
     returned is ``m/(|m| + that)``, between -1 and 1, of the sign of each margin m and no zero that
-    says nothing; 1 where rounding decides that sign.
+    says nothing; 1 where rounding decides that sign. On a finite lattice sites may be as near and
+    still differ by a higher power of the coupling: by what is found that many bonds away.
     """
     idle = [*orbit.idle]
     size, near = orbit.influence(site), set(orbit.beside)
@@ -214,7 +215,7 @@ def other_contacts(
             crests.append(Clearance(other[MARGIN], site, within_a_period(orbit, other[WHEN])))
         gaps = crests + gaps
     return [
-        gap._replace(margin=_told_apart(gap.margin, max(size, orbit.influence(gap.site))))
+        gap._replace(margin=_told_apart(gap.margin, orbit.influence(site, gap.site)))
         for gap in gaps
     ]
 

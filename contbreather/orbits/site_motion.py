@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice import Forcing, Lattice
+from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.free_flight import POWERS, response_weights
 from contbreather.lattice.periodic_green import bounds, is_resonant, responses
 from contbreather.lattice.response import Responses
@@ -32,6 +33,8 @@ FINE = 64  # points to half a period of the forcing, sixteen to that of its high
 NEAR = 13  # (0.072)^13 < 1e-14: the third harmonic has died out two sites earlier
 USUAL = (-1.0, 1.0)
 NO_WALLS = (-math.inf, math.inf)
+_ORDERS = 12  # of the coupling by which sites may be told apart; beyond them all is rounding
+_ALIKE = 1e-9  # relative: sites that differ by less are told alike
 LOW = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
 _NO_VECTOR, _NO_MATRIX = np.empty(0), np.empty((0, 0))
@@ -86,10 +89,17 @@ class SiteMotion:
         """When it is closest to a wall."""
         return self.start
 
-    def influence(self, site: int) -> float:
-        """How strongly a site feels the impacts, in powers of the coupling; 1 where a lattice knows
-        no distances."""
-        return 1.0
+    def influence(self, site: int, other: int | None = None) -> float:
+        """How strongly a site feels the impacts, or how much it moves otherwise than another does,
+        to first order in the coupling."""
+        largest = max(abs(impact.impulse) for impact in self.impacts)
+        order = self._order(site, site if other is None else other)
+        return float(0.5 * largest * self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+
+    def _order(self, site: int, other: int) -> float:
+        """The power of the coupling in which a site first moves otherwise than another, or, given
+        twice, than without impacts."""
+        raise NotImplementedError
 
     def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site."""
@@ -164,10 +174,10 @@ class ChainMotion(SiteMotion):
             return self.start
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
-    def influence(self, site: int) -> float:
-        away = min(self.lattice.distance(site - busy) for busy in self.hit)
-        largest = max(abs(impact.impulse) for impact in self.impacts)
-        return float(0.5 * largest * self.on.gamma**away)  # |xi| of (A3) is gamma to first order
+    def _order(self, site: int, other: int) -> float:
+        far = [[self.lattice.distance(n - busy) for busy in self.hit] for n in (site, other)]
+        unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
+        return min(unlike if site != other else far[0], default=math.inf)
 
 
 @lru_cache(maxsize=64)
@@ -256,6 +266,14 @@ class ModalMotion(SiteMotion):
         sites = self.lattice.idle(self.hit).tolist()
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
+    def _order(self, site: int, other: int) -> float:
+        if self.walls(site) != self.walls(other):
+            return 0.0
+        walks = _walks(self.lattice, self.hit)
+        told = walks[:, site, 1:] if site == other else walks[:, site] - walks[:, other]
+        unlike = (abs(told) > _ALIKE).any(axis=1)
+        return float(unlike.argmax()) if unlike.any() else math.inf
+
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
     ) -> tuple[Motion, Sequence[int]]:
@@ -294,6 +312,18 @@ class ModalMotion(SiteMotion):
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         return np.array([(0.0, *self.walls(n)) for n in sites])
+
+
+@lru_cache(maxsize=64)
+def _walks(lattice: Finite, hit: tuple[int, ...]) -> FloatArray:
+    """What each power of the coupling matrix makes of the drive and of each impact at each site,
+    the largest being 1."""
+    coupling = stiffness_of(lattice) / lattice.masses[:, None]
+    walks = [np.column_stack([drive_of(lattice), *np.eye(lattice.sites)[list(hit)]])]
+    for _ in range(_ORDERS):
+        there = coupling @ walks[-1]
+        walks.append(there / (abs(there).max() or 1.0))
+    return np.array(walks)
 
 
 @lru_cache(maxsize=64)

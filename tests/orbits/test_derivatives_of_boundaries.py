@@ -199,6 +199,19 @@ def crests(orbit, n: int) -> list[tuple[float, float]]:
     return list(zip(t[top].tolist(), u[top].tolist(), strict=True))
 
 
+def test_neighbours_told_apart_by_a_high_power_of_the_coupling_do_not_seem_to_touch() -> None:
+    """On a grid both neighbours of the corner climb alike but for gamma^4: towards gamma = 0 that
+    goes below rounding, and was a doubtful GR-GR on some processors."""
+    breather = cb.symmetric(0.64, 0.1, 0.8, lattice=cb.Grid(3, 4), damping=0.01, spring=0.1)
+    grazing = cb.trace(breather, "a", within={"a": (0.6, 0.7)}).first("GR")
+    line = cb.boundary(grazing, ("a", "gamma"), within={"gamma": (0.0, 0.12)})
+    (event,) = (event for event in line.problem.events if event.kind == "GR-GR")
+    assert line[-1]["gamma"] == 0.0 or line[0]["gamma"] == 0.0
+    assert min(event.test(point) for point in line) > 0.1
+    assert "GR-GR" not in [point.kind for point in line]
+    assert not line.doubtful
+
+
 def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
     """On the line of an arm: the next highest crest, per asymmetry, by brute force."""
     first = next(p for p in traced("arm").special[::-1] if p.kind == "GR")
