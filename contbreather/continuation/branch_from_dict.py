@@ -33,37 +33,39 @@ Content = Mapping[str, Any]
 _FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
 
 
-def result_from_dict(content: Content, problem: Problem | None = None) -> Any:
-    """What it is the dict of; `problem` has the equations of its branches."""
+def result_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Any:
+    """What it is the dict of; `problems` have the equations of its branches."""
     if content["kind"] == "branch":
-        return branch_from_dict(content, problem)
+        return branch_from_dict(content, problems)
     groups = content.get("groups", {}).items()
-    inside = {name: result_from_dict(part, problem) for name, part in groups}
+    inside = {name: result_from_dict(part, problems) for name, part in groups}
     return from_dict({**content, "groups": inside} if inside else content)
 
 
-def branch_from_dict(content: Content, problem: Problem | None = None) -> Branch:
+def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Branch:
     """The branch of a dict.
 
     Parameters
     ----------
     content : mapping
-    problem : Problem, optional
-        Its equations (of a boundary those of the original problem), in place of those in the dict.
+    problems : sequence of Problem
+        One with its equations (of a boundary those of the original problem), in place of those in
+        the dict.
 
     Raises
     ------
     BadInput
-        If the equations have other names, or the points do not solve them.
+        If the equations have other names, or the points do not solve them; of several what is
+        wrong with the first.
     """
     origin, groups = None, content.get("groups", {})
     if "origin" in groups:  # it may be on a curve of other equations
         born = _Stored(groups["origin"])
-        fits = problem is not None and set(problem.names) <= set(born.here)
-        curve, _, events = born.attached(problem if fits else None, None)
+        fitting = [problem for problem in problems if set(problem.names) <= set(born.here)]
+        curve, _, events = born.fitted(fitting, None)
         origin = replace(born.points(curve, events)[0], label=born.content["point_label"])
     stored = _Stored(content)
-    curve, settings, events = stored.attached(problem, origin)
+    curve, settings, events = stored.fitted(problems, origin)
     points = stored.points(curve, events)
     if content["parent"]:
         points = points.put(0, replace(points[0], parent=origin))
@@ -97,6 +99,18 @@ class _Stored:
         return here | {
             name: float(self.columns[name].flat[0]) for name in self.content["parameters"]
         }
+
+    def fitted(
+        self, problems: Sequence[Problem], origin: Point | None
+    ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
+        """With the first problem that fits, if any is given."""
+        wrong: list[BadInput] = []
+        for problem in problems or (None,):
+            try:
+                return self.attached(problem, origin)
+            except BadInput as error:
+                wrong.append(error)
+        raise wrong[0]
 
     def attached(
         self, problem: Problem | None, origin: Point | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +21,8 @@ from .problem import Problem, problem_in
 
 if TYPE_CHECKING:
     from .trace import Startable
+
+    Given = Problem | Startable | Sequence[Problem | Startable] | None
 
 _SUFFIX = ".nc"
 Contents = tuple[dict[str, Any], bool]  # results by name, whether the only one is the whole file
@@ -47,9 +49,9 @@ class Run(HtmlRepr, Mapping[str, Any]):
     ----------
     path : str or Path
         A file that `save` wrote, or a folder of such files, made with the first one kept in it.
-    problem : Problem, optional
-        The equations of branches of your own problem: files hold those alone that are made of
-        numbers.
+    problem : Problem, or a sequence of them, optional
+        The equations of branches of your own problem, as for `load`: files hold those alone that
+        are made of numbers.
 
     Raises
     ------
@@ -66,9 +68,10 @@ class Run(HtmlRepr, Mapping[str, Any]):
     (['symmetric'], 'PF1', 0.777632426)
     """
 
-    def __init__(self, path: str | Path, *, problem: Problem | None = None) -> None:
+    def __init__(self, path: str | Path, *, problem: Given = None) -> None:
         self.path = named("read", path)
-        self.problem = problem
+        given = problem if isinstance(problem, list | tuple) else [problem]
+        self.problems = [problem_in(one) for one in given if one is not None]
         self._cache: dict[Path, tuple[Any, Contents]] = {}
 
     @property
@@ -162,7 +165,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
         if path not in self._cache or self._cache[path][0] != state:
             contents, alone = read(path)
             try:
-                results = {n: result_from_dict(c, self.problem) for n, c in contents.items()}
+                results = {n: result_from_dict(c, self.problems) for n, c in contents.items()}
             except BadInput as error:
                 raise BadInput(f"{path}: {error}") from error
             self._cache[path] = state, (results, alone)
@@ -212,15 +215,16 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
     write(path, every, alone=len(every) == 1)
 
 
-def load(path: str | Path, *, problem: Problem | Startable | None = None) -> Any:
+def load(path: str | Path, *, problem: Given = None) -> Any:
     """Read what `save` wrote.
 
     Parameters
     ----------
     path : str or Path
         A file, or a folder of files.
-    problem : Problem, Orbit or Point, optional
-        The equations of the branches (of a boundary: those of the original problem). What this
+    problem : Problem, Orbit or Point, or a sequence of them, optional
+        The equations of the branches (of a boundary: those of the original problem); of several
+        each branch takes the first that it solves, as equilibria and their cycles do. What this
         package has built comes back with its equations. A problem of your own is made of functions,
         which no file holds: without it a branch has its columns and special points, with it
         it can be continued, traced as a boundary, and asked for ``point.solution``.
@@ -236,7 +240,7 @@ def load(path: str | Path, *, problem: Problem | Startable | None = None) -> Any
         If the file cannot be read, is not one of ours, is damaged or of a later version, or if
         `problem` has other names or is not solved by the points.
     """
-    run = Run(path, problem=None if problem is None else problem_in(problem))
+    run = Run(path, problem=problem)
     if os.path.isdir(run.path):
         if not run.files:
             raise BadInput(f"cannot read {path}: there is no file in it that `save` wrote")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import contbreather as cb
@@ -56,3 +57,23 @@ def test_a_branch_that_gets_no_finer_mesh_says_where_it_is_too_coarse(tmp_path: 
     assert "the mesh is too coarse near t" in place.detail["reason"]
     cb.save(tmp_path / "coarse.nc", longer)
     assert cb.load(tmp_path / "coarse.nc").doubtful[0].detail == place.detail
+
+
+def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(
+    tmp_path: Path,
+) -> None:
+    def f(t, x, p):
+        growth = p["mu"] - x[0] ** 2 - x[1] ** 2
+        return [growth * x[0] - x[1], growth * x[1] + x[0]]
+
+    rest = cb.equilibrium(f, {"x": 0.0, "y": 0.0}, {"mu": -0.5})
+    line = cb.trace(rest, "mu", within={"mu": (-0.5, 0.5)})
+    (cycles,) = cb.switch(line.first("HB"), within={"mu": (-0.5, 0.5)})
+    cb.save(tmp_path / "both.nc", line=line, cycles=cycles)
+    for problems in ((rest, cycles[0]), (cycles[0], rest)):
+        run = cb.load(tmp_path / "both.nc", problem=problems)
+        again = cb.trace(run["line"][0], "mu", within={"mu": (-0.5, 0.1)})
+        assert again.first("HB")["mu"] == pytest.approx(0.0, abs=1e-12)
+        assert run["cycles"][-1].solution.period == pytest.approx(2 * np.pi)
+    with pytest.raises(cb.BadInput, match=r"the problem has \['x', 'y'\], which the file has not"):
+        cb.load(tmp_path / "both.nc", problem=rest)
