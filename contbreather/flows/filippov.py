@@ -10,6 +10,7 @@ and leaves it into h > 0 where L+ rises through zero, into h < 0 where L- falls 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from ..checks import shown
 from ..continuation.newton import Array
 from ..errors import BadInput
-from .flow import Flow, Function, Params, rows_of, slopes
+from .flow import Flow, Function, Params, check_function, rows_of, slopes
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
@@ -134,8 +135,8 @@ class Filippov:
     # --- what `integrate` asks: a mode is a flow, but that sliding ends on either side
 
     def begin(self, t: float, x: Array, p: Params) -> int:
-        for flow in (self.plus, self.minus):
-            flow.check(t, x, p)
+        for name, shape in {"f_plus": (x.size,), "f_minus": (x.size,), "h": ()}.items():
+            check_function(name, getattr(self, name), shape, t, x, p)
         h = float(self.h(t, x, p))
         if abs(h) > _EDGE * (1 + abs(x).max()):
             return _PLUS if h > 0 else _MINUS
@@ -144,9 +145,8 @@ class Filippov:
     def field(self, mode: int) -> Function:
         return self.flows[mode].f
 
-    def guards(self, mode: int) -> tuple[Function, ...]:
-        until = self.flows[mode].until
-        return tuple(filter(None, (until, *self.flows[mode].walls)))
+    def guards(self, mode: int) -> Mapping[str, Function]:
+        return self.flows[mode].guards
 
     def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
         """Which of the four flows that was, now that it is known how sliding ended."""

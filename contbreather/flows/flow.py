@@ -120,14 +120,18 @@ class Flow:
             part = self.at if callable(self.at) else float(numbers("at", self.at))
             object.__setattr__(self, "until", Clock(part))
             object.__setattr__(self, "at", None)  # it is in until now
-        named = {"f": self.f, "until": self.until, "reset": self.reset}
-        named |= {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
-        for name, function in named.items():
-            if not callable(function) and (function is not None or name not in ("until", "reset")):
+        for name, function in ({"f": self.f, "reset": self.reset} | self.guards).items():
+            if not callable(function) and (function is not None or name != "reset"):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
         if self.mass is not None:
             object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
             object.__setattr__(self, "mass", None)  # it is in f now
+
+    @property
+    def guards(self) -> dict[str, Function]:
+        """What must stay positive inside, by name."""
+        until = {} if self.until is None else {"until": self.until}
+        return until | {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
 
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
         """The flow, with the period of which its clock strikes a part."""
@@ -157,16 +161,17 @@ class Flow:
         x = numbers("the state", x)
         if x.ndim != 1 or not x.size:
             raise BadInput(f"a state is a row of numbers; an array of shape {x.shape} was given")
-        asked = {"f": (self.f, (x.size,)), "until": (self.until, ()), "reset": (self.reset, None)}
-        asked |= {f"walls[{i}]": (wall, ()) for i, wall in enumerate(self.walls)}
-        for name, (function, shape) in asked.items():
-            if function is not None:
-                _check(name, function, shape, float(t), x, p)
+        check_function("f", self.f, (x.size,), float(t), x, p)
+        for name, guard in self.guards.items():
+            check_function(name, guard, (), float(t), x, p)
+        if self.reset is not None:
+            check_function("reset", self.reset, None, float(t), x, p)
 
 
-def _check(
+def check_function(
     name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
 ) -> None:
+    """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
     where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
     try:
         given = function(t, x, p)
@@ -186,10 +191,9 @@ def _check(
     if shape == () and found.size == 1:
         found = found.reshape(())
     if found.shape != shape and not (shape is None and found.ndim == 1 and found.size):
-        wanted = (
-            "a row of numbers" if shape is None else f"{x.size} numbers" if shape else "a number"
-        )
-        raise BadInput(f"{name} returns shape {found.shape}; {wanted} was expected {where}")
+        count = "a row of numbers was" if shape is None else f"{x.size} numbers were"
+        wanted = count if shape != () else "a number was"
+        raise BadInput(f"{name} returns shape {found.shape}; {wanted} expected {where}")
     if not np.isfinite(found).all():
         raise BadInput(f"{name} is {shown(found.tolist())} {where}; finite numbers were expected")
 

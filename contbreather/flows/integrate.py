@@ -40,7 +40,7 @@ class Itinerary(Protocol):
 
     def field(self, mode: int) -> Function: ...
 
-    def guards(self, mode: int) -> tuple[Function, ...]: ...
+    def guards(self, mode: int) -> Mapping[str, Function]: ...
 
     def ended(self, mode: int, guard: int) -> tuple[int, Flow]: ...
 
@@ -61,19 +61,17 @@ class _InTurn:
     def field(self, mode: int) -> Function:
         return self.flows[mode].f
 
-    def guards(self, mode: int) -> tuple[Function, ...]:
-        flow = self.flows[mode]
-        return (*filter(None, (flow.until,)), *flow.walls)
+    def guards(self, mode: int) -> Mapping[str, Function]:
+        return self.flows[mode].guards
 
     def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
         return mode, self.flows[mode]
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
         flow = self.flows[mode]
-        if self.guards(mode)[guard] is not flow.until:
-            number = guard - (flow.until is not None)
+        if (name := list(flow.guards)[guard]) != "until":
             raise NotConverged(
-                f"walls[{number}] of flow {mode} is zero at t = {t:g}, x = {shown(x.tolist())}: it "
+                f"{name} of flow {mode} is zero at t = {t:g}, x = {shown(x.tolist())}: it "
                 "must stay positive; start elsewhere, or make it the condition of a flow"
             )
         reset = flow.reset
@@ -81,7 +79,11 @@ class _InTurn:
             x = values(reset, t, x[:, None], p)[:, 0]
         following = (mode + 1) % len(self.flows)
         if reset is not None or following != mode:
-            self.flows[following].check(t, x, p)
+            try:
+                self.flows[following].check(t, x, p)
+            except BadInput as error:
+                where = f"the reset of flow {mode} lands" if reset else f"flow {mode} ends"
+                raise BadInput(f"where {where}, {error}") from error
         return following, x
 
 
@@ -325,7 +327,7 @@ class _Walk:
 
         guards = self.path.guards(mode)
         # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
-        clocks = [guard for guard in guards if isinstance(guard, Clock)]
+        clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
         struck = clocks[0].after(t0, self.params) if clocks else math.inf
         end = min(end, struck)
         waited = t0 + _LONGEST if guards and math.isinf(end) else end
@@ -336,8 +338,9 @@ class _Walk:
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [
-            _Watched(guard, self.params, rough=self.left == _STEPS)
-            for guard in guards[len(clocks) :]
+            _Watched(name, guard, self.params, rough=self.left == _STEPS)
+            for name, guard in guards.items()
+            if guard not in clocks
         ]
         t, x, hit = [t0], [x0], None
         steps: list[Any] = []
@@ -376,7 +379,7 @@ class _Walk:
     def rate(self, mode: int, guard: int, t: float, x: Array) -> float:
         """How fast the guard changes along the flow where it is zero: negative, 0 at grazing."""
         at = x[:, None]
-        _, slope = slopes(self.path.guards(mode)[guard], t, at, self.params)
+        _, slope = slopes([*self.path.guards(mode).values()][guard], t, at, self.params)
         along = values(self.path.field(mode), t, at, self.params)[:, 0]
         return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])
 
@@ -410,8 +413,8 @@ def _refuse_chatter(pieces: Sequence[Piece]) -> None:
 class _Watched:
     """A guard along one piece: positive, and zero where the piece ends."""
 
-    def __init__(self, function: Function, params: Params, *, rough: bool) -> None:
-        self.function, self.params = function, params
+    def __init__(self, name: str, function: Function, params: Params, *, rough: bool) -> None:
+        self.name, self.function, self.params = name, function, params
         self.rough = rough  # a start may lie a little behind it, if it is on its way inside
         self.armed = False  # it was seen to be positive
 
@@ -422,7 +425,7 @@ class _Watched:
             found = values(self.function, t, step(t), self.params)[0]
             if np.isnan(found).any():
                 at = float(t[np.isnan(found)][0])
-                raise Undefined(f"until is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
+                raise Undefined(f"{self.name} is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
             return found
 
         if not self.armed:
@@ -441,9 +444,9 @@ class _Watched:
             clear = inside
         if clear.size and g[clear[0]] < 0:
             raise BadInput(
-                f"the state at t = {a:g} lies behind the condition that ends its flow, or falls "
-                f"through it at once: until = {g[0]:.3g} there, {g[clear[0]]:.3g} after "
-                f"{t[clear[0]] - a:.1g}. It must be positive inside; look at the start or the reset"
+                f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "
+                f"{self.name} = {g[0]:.3g} there, {g[clear[0]]:.3g} after {t[clear[0]] - a:.1g}. "
+                "It must be positive inside the flow; look at the start or the reset"
             )
         self.armed = bool(clear.size)
         return float(t[clear[0]]) if clear.size else b

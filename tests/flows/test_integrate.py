@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -119,11 +120,20 @@ def resetting_behind() -> Any:
     return cb.integrate(BALL, [0.5, 0.0], {"e": -0.5}, time=3.5)
 
 
+def dropped(**other: Any) -> Any:
+    return cb.integrate(replace(BALL, **other), [0.5, 0.0], {"e": 0.5}, time=3.5)
+
+
+def relayed(h: Any) -> Any:
+    relay = cb.Filippov(lambda t, x, p: [-1.0], lambda t, x, p: [1.0], h)
+    return cb.integrate(relay, [1.0], {}, time=2.0)
+
+
 @pytest.mark.parametrize(
     ("run", "error", "sentence"),
     [
         (accumulating, cb.NotConverged, r"accumulate before t = 2\.99"),
-        (resetting_behind, cb.BadInput, "at t = 1 lies behind the condition"),
+        (resetting_behind, cb.BadInput, "at t = 1 lies behind until"),
         (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "lies behind"),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}), cb.BadInput, "say how far to go"),
         (
@@ -132,6 +142,10 @@ def resetting_behind() -> Any:
             "say how far to go",
         ),
         (lambda: cb.integrate(BALL, [0.5], {"e": 1}, time=1), cb.BadInput, "IndexError"),
+        (lambda: dropped(reset=lambda t, x, p: [x[0]]), cb.BadInput, "reset of flow 0 lands, f"),
+        (lambda: dropped(walls=lambda t, x, p: x[0] - 1), cb.BadInput, r"behind walls\[0\], or"),
+        (lambda: relayed(lambda x: x[0]), cb.BadInput, "h raises TypeError"),
+        (lambda: relayed(lambda t, x, p: [x[0], 1.0]), cb.BadInput, "h returns shape"),
         (lambda: cb.integrate(BALL, [0.5, 0.0], {}, time=1), cb.BadInput, "parameter 'e'"),
         (lambda: cb.integrate([], [0.5], {}, time=1), cb.BadInput, "list of Flow"),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, first=1), cb.BadInput, "1 flows"),
