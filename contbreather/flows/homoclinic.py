@@ -107,14 +107,14 @@ def _saddle(orbit: Cycle, x: Array) -> _Saddle | None:
         x = x - step
         if not np.linalg.norm((x - start) / sizes) < _CLOSE:
             return None
-        if abs(step).max() <= _SOLVED * (1 + abs(x).max()):
+        if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
             break
     eigenvalues = np.linalg.eigvals(matrix)
     inwards, outwards = eigenvalues[eigenvalues.real < 0], eigenvalues[eigenvalues.real > 0]
     if not (inwards.size and outwards.size):
         return None
     leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
-    return _Saddle(np.where(abs(x) > _SOLVED, x, 0.0), leading)
+    return _Saddle(np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
 
 
 def _long(point: Point) -> Locus:

@@ -40,12 +40,20 @@ def planar() -> cb.Branch:
     return born(leaf, {"u": 0.654, "v": 0.112}, params, "mu", (-1.0, 1.0))
 
 
+UNIT = 1e-13
+
+
 @pytest.fixture(scope="module")
 def butterfly() -> cb.Branch:
-    """Cycles of the Lorenz equations on a mesh that is too coarse for the long ones."""
+    """Cycles of the Lorenz equations, in units in which they are small, on a mesh that is too
+    coarse for the long ones."""
+
+    def small(t, x, p):
+        return UNIT * np.array(lorenz(t, x / UNIT, p))
+
     params, few = {"r": 28.0, "s": 10.0, "b": 8 / 3}, Collocation(intervals=8, points=4)
-    start = {"x": 8.0, "y": 8.0, "z": 27.0}
-    return born(lorenz, start, params, "r", (1.0, 30.0), collocation=few)
+    start = {"x": 8.0 * UNIT, "y": 8.0 * UNIT, "z": 27.0 * UNIT}
+    return born(small, start, params, "r", (1.0, 30.0), collocation=few)
 
 
 def test_a_period_that_grows_without_bound_ends_a_branch_at_its_homoclinic_orbit(planar) -> None:
@@ -70,6 +78,7 @@ def test_a_homoclinic_orbit_is_followed_in_two_parameters(planar) -> None:
 def test_lorenz_s_homoclinic_orbit_is_where_it_is_known_to_be(butterfly) -> None:
     end = butterfly.first("HOM")
     assert end["r"] == pytest.approx(13.926557, abs=2e-5)
+    assert not end["equilibrium"].any()
     # the eigenvalues of the origin
     outwards = (-11 + math.sqrt(121 + 40 * (end["r"] - 1))) / 2
     assert end["saddle_quantity"] == pytest.approx(outwards - 8 / 3, abs=1e-9)
