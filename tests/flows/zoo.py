@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ class Case:
     along: Callable[[Any], Pairs] | None = None
     tolerance: float = 1e-8
 
+    @cached_property
     def branch(self) -> cb.Branch:
         within = {self.free: self.window}
         return cb.trace(self.problem(), self.free, within=within, towards="both")
@@ -48,7 +50,7 @@ CASES: dict[str, Case] = {}
 
 
 def enter(name: str, problem: Callable[[], cb.Problem], *known: Any, **more: Any) -> None:
-    CASES[name] = Case(name, problem, *known, **more)
+    CASES[name] = Case(name, cache(problem), *known, **more)
 
 
 def rest(f: Any, start: Mapping[str, float], params: Mapping[str, float], **more: Any) -> Any:
@@ -945,7 +947,7 @@ class Curve:
     names: tuple[str, str]
     window: Mapping[str, tuple[float, float]]
     known: Callable[[Any], tuple[float, float]]
-    most: int = 40  # steps to each side
+    most: int = 10  # steps to each side
 
 
 def doubling_of_ball(e: float) -> float:
