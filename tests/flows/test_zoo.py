@@ -113,11 +113,3 @@ def test_a_pitchfork_of_cycles_has_both_arms() -> None:
     arms = cb.switch(CASES["pitchfork of cycles"].branch.first("BP"), within={"mu": (-0.5, 0.5)})
     ends = sorted(arm[-1]["max(z)"] for arm in arms)
     np.testing.assert_allclose(ends, [-math.sqrt(0.5), math.sqrt(0.5)], atol=1e-8)
-
-
-def test_lorenz_cycles_have_no_special_point_down_to_their_homoclinic_orbit() -> None:
-    hopf = CASES["lorenz"].branch.first("HB")
-    (cycles,) = cb.switch(hopf, within={"r": (14, 30)})
-    assert {at.kind for at in cycles.special} <= ENDS
-    assert cycles[-1]["r"] == 14
-    assert all(at["unstable"] == 1 for at in cycles[1:])
