@@ -968,5 +968,5 @@ CURVES = [
     Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
           lambda at: (at["F"], Impacting(at["w"]).fold)),
     Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.5, 1.7), "F": (0, 4)},
-          lambda at: (at["F"], Impacting(at["w"]).touching)),
+          lambda at: (at["F"], Impacting(at["w"]).touching), most=5),
 ]  # fmt: skip
