@@ -25,6 +25,7 @@ from .orbit import CycleProblem, problem_of
 from .time_dependence import length_of, refuse_false_period, refuse_time
 from .walls import sliding
 
+_CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _NEARLY = 3.0  # the first return that is nearly as close as the closest is the period
@@ -213,7 +214,7 @@ Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginni
 def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
     """A simulation; one that leaves the domain of its functions finds no orbit."""
     try:
-        return integrate(flows, params=params, **how)
+        return integrate(flows, params=params, tolerance=_CLOSELY, **how)
     except Undefined as error:
         raise NotConverged(f"no periodic orbit was found from there: {error}") from error
 

@@ -56,7 +56,7 @@ def kinds(branch: Branch) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("largest", [0.02, 1.0])
+@pytest.mark.parametrize("largest", [0.1, 1.0])
 def test_cusp_curve_from_either_fold_in_either_direction(largest: float) -> None:
     branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
     steps = Steps(first=0.1 * largest, largest=largest)

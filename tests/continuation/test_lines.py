@@ -323,7 +323,8 @@ def _guckenheimer_holmes(F: Any, A: Any, u: tuple[Any, Any]) -> Any:
     a, b = sympy.symbols("a b")
     shift = T * sympy.Matrix([a, b])
     moved = F.subs({u[0]: u[0] + shift[0], u[1]: u[1] + shift[1]}, simultaneous=True)
-    f, g = T.inv() * moved
+    f = moved[0] / T[0, 0]  # T is triangular
+    g = (moved[1] - T[1, 0] * f) / T[1, 1]
 
     def d(h: Any, *by: Any) -> Any:
         return sympy.diff(h, *by).subs({a: 0, b: 0})

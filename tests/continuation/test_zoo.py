@@ -40,14 +40,14 @@ small = pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
 
 @pytest.mark.slow
 @every
-@pytest.mark.parametrize("scale", [0.3, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("scale", [0.3, 1.0, 10.0])
 def test_all_events_are_found_and_no_false_one_whatever_the_steps(case: Case, scale: float) -> None:
     branch = trace_case(case, scale)
     assert wrong(case, branch) == ""
 
 
 @pytest.mark.slow
-@settings(max_examples=60, derandomize=True)
+@settings(max_examples=24, derandomize=True)
 @given(st.sampled_from(SMALL), st.floats(0.25, 40.0), st.floats(1e-4, 1.0))
 @example(crowded(1e-6), 10.0, 0.1)
 @example(crowded(1e-8), 3.0, 0.1)
@@ -61,8 +61,7 @@ def test_first_and_largest_step_do_not_matter(case: Case, scale: float, first: f
 
 @small
 def test_every_point_solves_the_equations(case: Case) -> None:
-    branch = trace_case(case)
-    for point in branch:
+    for point in case.branch:
         value = case.problem.residual(point.x, point.params)
         assert abs(value).max() <= 1e-12
         assert abs(value).max() <= point.residual + 1e-15  # that of an event has its locus in it
@@ -71,8 +70,7 @@ def test_every_point_solves_the_equations(case: Case) -> None:
 @pytest.mark.slow
 @small
 def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: Case) -> None:
-    branch = trace_case(case)
-    for point in events_of(branch):
+    for point in events_of(case.branch):
         if point.kind == "BP" and case is not PITCHFORK:
             continue  # several curves leave a branch point: see the tests of walks
         again = trace_case(case, start=point)
@@ -82,7 +80,7 @@ def test_a_walk_that_starts_at_an_event_finds_it_and_all_others(case: Case) -> N
 @pytest.mark.slow
 @small
 def test_both_directions_together_are_what_both_gives(case: Case) -> None:
-    whole = trace_case(case)
+    whole = case.branch
     up, down = (trace_case(case, towards=side) for side in ("up", "down"))
     if case.known and whole.began is None:  # closed
         assert len(events_of(up)) == len(events_of(down)) == len(events_of(whole))
@@ -104,7 +102,7 @@ def test_up_is_up_and_down_is_down(case: Case) -> None:
 
 @every
 def test_arclength_grows_and_tangents_are_of_unit_length(case: Case) -> None:
-    branch = trace_case(case)
+    branch = case.branch
     assert (np.diff(branch["arclength"]) > 0).all()
     lengths = [branch.curve.length(point.tangent) for point in branch]
     assert np.allclose(lengths, 1, rtol=0, atol=1e-12)
@@ -118,7 +116,7 @@ def test_arclength_grows_and_tangents_are_of_unit_length(case: Case) -> None:
 
 @every
 def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(case: Case) -> None:
-    for point in events_of(trace_case(case)):
+    for point in events_of(case.branch):
         assert point.located
         low, high = point.bracket
         assert low <= point.arclength <= high

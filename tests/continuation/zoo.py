@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import mpmath
@@ -49,6 +49,11 @@ class Case:
     accuracy: float = 1e-12
     largest: float = 0.1  # steps at which the curve is walked; tests take other sizes too
     stop: Stop = Stop.BOUND
+
+    @cached_property
+    def branch(self) -> Branch:
+        """The whole curve with steps of its size."""
+        return trace_case(self)
 
 
 # --- one unknown ------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ def test_the_coefficient_of_a_fold_is_that_of_its_amplitude() -> None:
 
 def test_a_cycle_without_forcing_has_the_same_coefficient() -> None:
     """Its period depends on the amplitude, and a perturbation along it is none."""
-    assert CASES["moebius"].branch().first("PD")["c"] == pytest.approx(TAU, rel=1e-8)
+    assert CASES["moebius"].branch.first("PD")["c"] == pytest.approx(TAU, rel=1e-8)
 
 
 def test_a_torus_around_a_cycle_has_the_lyapunov_coefficient_of_the_hopf_point_it_turns() -> None:
@@ -103,7 +103,7 @@ def test_a_torus_around_a_cycle_has_the_lyapunov_coefficient_of_the_hopf_point_i
 
     start = {"r": math.sqrt(RADIUS / 1.42), "z": 0.7}
     rest = cb.trace(cb.equilibrium(plane, start, {"rho": 0.6}), "rho", within={"rho": (0.5, 1)})
-    hopf, torus = rest.first("HB"), CASES["langford"].branch().first("NS")
+    hopf, torus = rest.first("HB"), CASES["langford"].branch.first("NS")
     assert torus["rho"] == pytest.approx(hopf["rho"], abs=1e-9)
     assert torus["d"].real == pytest.approx(hopf["l1"] * hopf["omega"] * TAU / 3.5, rel=1e-7)
 
@@ -150,7 +150,7 @@ def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -
 
     Its trace is 1 + e^2 - (1 + e)^2 sqrt(A^2 - gamma^2), its determinant e^2. Lengths are those of
     the height, the velocity and the phase."""
-    point = CASES["bouncing ball"].branch().first("PD")
+    point = CASES["bouncing ball"].branch.first("PD")
     assert point["criticality"] == "supercritical"
     critical, squares = point["A"], []
     for beyond in (1e-3, 2e-3):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ class Case:
     along: Callable[[Any], Pairs] | None = None
     tolerance: float = 1e-8
 
+    @cached_property
     def branch(self) -> cb.Branch:
         within = {self.free: self.window}
         return cb.trace(self.problem(), self.free, within=within, towards="both")
@@ -48,7 +50,7 @@ CASES: dict[str, Case] = {}
 
 
 def enter(name: str, problem: Callable[[], cb.Problem], *known: Any, **more: Any) -> None:
-    CASES[name] = Case(name, problem, *known, **more)
+    CASES[name] = Case(name, cache(problem), *known, **more)
 
 
 def rest(f: Any, start: Mapping[str, float], params: Mapping[str, float], **more: Any) -> Any:
@@ -778,7 +780,7 @@ enter(
         kicked(lambda x, p: -x[0] - 2 * p["h"] * x[1], 1.0, lambda p: 1.0),
         {"x": 0.1, "v": 1.0}, {"h": 0.2}, settle=60,
     ),
-    "h", (0.05, 0.7), (), along_clock,
+    "h", (0.1, 0.5), (), along_clock,
 )  # fmt: skip
 
 # A pendulum and a Duffing oscillator that lose half their speed there and gain J: v = 2 J, so the
@@ -806,7 +808,7 @@ enter(
         kicked(lambda x, p: -x[0] - x[0] ** 3, 0.5, lambda p: p["J"]),
         {"x": 0.1, "v": 1.0}, {"J": 0.5}, settle=60,
     ),
-    "J", (0.1, 3.0), (), lambda at: [(at["period"], duffing_period(at["J"]))],
+    "J", (0.2, 1.5), (), lambda at: [(at["period"], duffing_period(at["J"]))],
 )  # fmt: skip
 
 
@@ -824,7 +826,7 @@ enter(
                 until=lambda t, x, p: 1 - x[2], reset=lambda t, x, p: [-x[0], -x[1], 0.0]),
         {"x": 0.0, "v": 0.0, "s": 0.0}, {"k": 2.0}, settle=100,
     ),
-    "k", (0.5, 5.0), (),
+    "k", (1.0, 3.0), (),
     lambda at: [(at.solution.states(at.solution.times[0])[:2], bang_bang_start(at["k"]))],
 )  # fmt: skip
 
@@ -924,12 +926,12 @@ FAST, SLOW = Impacting(1.5), Impacting(0.9)
 enter(
     "impact oscillator, fold",
     cycle(FAST.flow, {"x": 0.9, "v": -2.0}, {"F": 1.0, "w": 1.5}, period=turn, settle=200),
-    "F", (0.3, 3.0), (("LP", FAST.fold), ("VI", FAST.touching)), FAST.along,
+    "F", (0.3, 1.5), (("LP", FAST.fold), ("VI", FAST.touching)), FAST.along,
 )  # fmt: skip
 enter(
     "impact oscillator, doubling",
     cycle(SLOW.flow, {"x": 0.9, "v": -1.0}, {"F": 1.0, "w": 0.9}, period=turn, settle=200),
-    "F", (0.1, 3.0), (("PD", SLOW.doubling(0.3, 0.6)), ("VI", SLOW.touching)), SLOW.along,
+    "F", (0.1, 1.2), (("PD", SLOW.doubling(0.3, 0.6)), ("VI", SLOW.touching)), SLOW.along,
 )  # fmt: skip
 
 
@@ -945,7 +947,7 @@ class Curve:
     names: tuple[str, str]
     window: Mapping[str, tuple[float, float]]
     known: Callable[[Any], tuple[float, float]]
-    most: int = 40  # steps to each side
+    most: int = 10  # steps to each side
 
 
 def doubling_of_ball(e: float) -> float:
@@ -966,5 +968,5 @@ CURVES = [
     Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
           lambda at: (at["F"], Impacting(at["w"]).fold)),
     Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.5, 1.7), "F": (0, 4)},
-          lambda at: (at["F"], Impacting(at["w"]).touching)),
+          lambda at: (at["F"], Impacting(at["w"]).touching), most=5),
 ]  # fmt: skip
