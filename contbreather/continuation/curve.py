@@ -30,6 +30,7 @@ from .sparse import (
     beside,
     canonical,
     columns_of,
+    first_columns,
     is_sparse,
     row_sizes,
     scaled,
@@ -260,7 +261,10 @@ class Curve:
         return found if fits else make(z)
 
     def in_unknowns(self, z: Array) -> Matrix:
-        """The derivative in the unknowns alone, where none in parameters are wanted."""
+        """The derivative in the unknowns alone, where none in parameters are wanted; not to be
+        written to."""
+        if self.problem.derivatives is not None:  # which come with those in parameters
+            return first_columns(self.jacobian(z), self.size)
         return self._derivatives(z, self.size)
 
     def spectrum(self, z: Array) -> NDArray[np.complex128]:

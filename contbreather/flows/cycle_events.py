@@ -15,10 +15,9 @@ from ..continuation import defining_systems, normal_forms
 from ..continuation.branch_points import crossing_event
 from ..continuation.curve import Curve
 from ..continuation.equilibria import fold
-from ..continuation.linear_algebra import least_singular
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
-from ..continuation.sparse import factorised, null_vectors
+from ..continuation.sparse import Factors, Matrix, any_vector, factorised, null_vectors
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
 from .orbit import Cycle, equations_of
@@ -28,6 +27,9 @@ _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
 _BORDERINGS = 2  # far from where a curve began its borders are no null vectors any more
+_TURNS = 4  # of inverse iteration for singular vectors; two are enough where the value vanishes
+_STEP = 1e-5  # of differences along a null vector, relative to what that moves
+_NOTHING = 1e-300  # the imaginary part of one may vanish
 _ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
@@ -60,25 +62,48 @@ def _flip_locus(point: Point) -> Locus:
 
 @dataclass(frozen=True, eq=False)
 class _Flip:
-    """The least singular value of the cycle closed with -1, with its sign, is zero."""
+    """The least singular value of the cycle closed with -1, with the sign of the determinant, is
+    zero."""
 
     equations: Equations
 
-    def _weak(self, curve: Curve, z: Array) -> Any:
-        return curve.once(
-            "flip", z, lambda z: least_singular(self.equations.closing(curve.jacobian(z), -1.0))
+    def _weak(self, curve: Curve, z: Array) -> tuple[float, Array, Array]:
+        found: tuple[float, Array, Array] = curve.once(
+            "flip", z, lambda z: self._least(curve.jacobian(z))
         )
+        return found
+
+    def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
+        """That value and the singular vectors w and v: w* B v = value."""
+        factors = Factors(self.equations.closing(matrix, -1.0))
+        left = right = any_vector(matrix.shape[0])
+        for _ in range(_TURNS):
+            right = factors.solve(left)
+            size = 1 / float(np.linalg.norm(right))
+            right = size * right
+            left = factors.transposed(right)
+            left = left / np.linalg.norm(left)
+        sign = factors.sign()
+        return sign * size, sign * left, right
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        weak = self._weak(curve, z)
-        return np.array([weak.sign * weak.size])
+        return np.array([self._weak(curve, z)[0]])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        weak = self._weak(curve, z)
+        _, left, right = self._weak(curve, z)
         # Second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v. Rows in
         # which the closing is not F_x are linear.
-        row = weak.sign * (weak.left @ curve.along(z, weak.right))
-        return np.asarray(row)[None, :]
+        return _turned(curve, z, left, right)[None, :]
+
+
+def _turned(curve: Curve, z: Array, left: NDArray[Any], right: Array) -> NDArray[Any]:
+    """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
+    Newton's iteration needs no more."""
+    way = np.append(right, np.zeros(z.size - right.size))
+    size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
+    step = _STEP / max(size, _NOTHING)
+    change = left @ curve.jacobian(z + step * way) - left @ curve.jacobian(z - step * way)
+    return np.asarray(change / (2 * step))
 
 
 # --- pairs on the unit circle --------------------------------------------------------------------
@@ -169,7 +194,7 @@ class _Rotation:
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         _, v, w = self._bordered(curve, z, extra[0])
         own = w.conj()
-        slope = -(own @ curve.along(z, v.real) + 1j * (own @ curve.along(z, v.imag)))
+        slope = -_turned(curve, z, own, v.real) - 1j * _turned(curve, z, own, v.imag)
         first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
         turned = turn * (w.conj()[first] @ v[first])
         if self.equations.phased:
