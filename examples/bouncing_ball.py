@@ -48,7 +48,7 @@ def families(e: float = 0.8, generations: int = 3) -> list[cb.Branch]:
     """The orbit of one bounce and those of 2, 4, ... that are born at its doublings."""
     ball = cb.cycle(
         BALL, start={"y": 0.5, "v": 3.1}, params={"A": 0.6, "e": e},
-        period=2 * np.pi, t0=0.9, settle=300,
+        period=2 * np.pi, t0=0.9, settle=40,
     )  # fmt: skip
     branches = [cb.trace(ball, "A", within=WITHIN, towards="both", progress=False)]
     contact = math.pi * (1 - e) / (1 + e)
@@ -73,7 +73,7 @@ def simulated(forces: Any, e: float = 0.8) -> tuple[list[float], list[float]]:
     for A in forces:
         phase = math.acos(math.pi * (1 - e) / (1 + e) / A)  # beside the orbit of one bounce
         start = [A * math.sin(phase), 3.2]
-        run = cb.integrate(BALL, start, {"A": A, "e": e}, events=110, t0=phase)
+        run = cb.integrate(BALL, start, {"A": A, "e": e}, events=90, t0=phase)
         times = np.array([event.time for event in run.events[-50:]])
         where += [A] * times.size
         when += np.mod(times / (2 * np.pi) + 0.25, 1.0).tolist()

@@ -36,9 +36,7 @@ def branches(hardnesses: tuple[int, ...]) -> dict[str, cb.Branch]:
     return found
 
 
-def main(
-    folder: Path = Path(), hardnesses: tuple[int, ...] = (6, 20), points: int = 2
-) -> list[Path]:
+def main(folder: Path = Path(), hardnesses: tuple[int, ...] = (6,), points: int = 2) -> list[Path]:
     """Draw the branches (with at least so many points), and the folds in (m, a)."""
     figure, (above, below) = new_figure(2)
     found = branches(hardnesses)

@@ -59,7 +59,7 @@ def in_its_own_process(item: pytest.Item) -> None:
     with tempfile.TemporaryDirectory() as folder:
         done = ended(
             "-m", "pytest", "--here", "-n0", "-q", "-rs", "-p", "no:cacheprovider",
-            f"--basetemp={folder}/pytest", f"--rootdir={config.rootpath}",
+            "-p", "no:randomly", f"--basetemp={folder}/pytest", f"--rootdir={config.rootpath}",
             config.rootpath / item.nodeid, cwd=config.invocation_params.dir,
         )  # fmt: skip
     if done.returncode != pytest.ExitCode.OK:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -41,6 +42,7 @@ class Import:
 # --- reading the source ---------------------------------------------------------------------
 
 
+@cache
 def modules(package: Path) -> dict[str, ast.Module]:
     trees = {}
     for path in sorted(package.rglob("*.py")):
@@ -92,6 +94,7 @@ def package_names(package: Path) -> set[str]:
     }
 
 
+@cache
 def imports_of(package: Path) -> list[Import]:
     return imports(modules(package), package_names(package))
 

@@ -649,8 +649,9 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
         assert np.array_equal(here[name]["p"], there[name]["p"], equal_nan=True)
 
 
-def test_a_cluster_that_does_not_answer_is_refused() -> None:
+def test_a_cluster_that_does_not_answer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", 0.1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(cb.BadInput, match="no cluster answers at"), cluster(address):
             pass

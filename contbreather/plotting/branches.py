@@ -134,12 +134,15 @@ def plot(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         tops = [names[0] for names in heights]
-        words = _words(axes, marked, x, tops, shades if members else [TEXT] * len(shades))
+        paper = Labels(axes)
+        words = _words(paper, marked, x, tops, shades if members else [TEXT] * len(shades))
         named = len(words) <= CROWD if labels is None else labels
         legend = {**_by_colour(key if members else {}), **_by_style(styles)}
-        _legend(axes, legend | ({} if named else _by_marker(marked)))
+        large = _legend(axes, legend | ({} if named else _by_marker(marked)))
         if named:
-            _write(axes, words, x)
+            if large:
+                paper.settle()
+            _write(paper, words, x)
     return drawn
 
 
@@ -390,24 +393,30 @@ def _by_marker(marked: Iterable[Iterable[Point]]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> None:
-    """Inside the axes as long as it is small, else above them."""
+def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> bool:
+    """Inside the axes as long as it is small, else above them: whether these have to make room."""
     from matplotlib.lines import Line2D
 
+    above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
+    large = len(entries) >= len(CYCLE)
     if entries:
         handles = [Line2D([], [], **look) for look in entries.values()]
-        above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
-        place = above if len(entries) >= len(CYCLE) else {"loc": "best"}
+        place = above if large else {"loc": "best"}
         ax.legend(handles, list(entries), frameon=False, handlelength=2.2, **place)
+    return large
 
 
 def _words(
-    ax: Axes, marked: Sequence[Sequence[Point]], x: str, tops: Sequence[str], colours: Sequence[str]
+    labels: Labels,
+    marked: Sequence[Sequence[Point]],
+    x: str,
+    tops: Sequence[str],
+    colours: Sequence[str],
 ) -> list[Word]:
     """What to write beside which point, at which height, and its colour."""
     # with several branches their ends are many, and say nothing: a dot is enough
     quiet = "EP" if len(marked) > 1 else ""
-    near = SAME * Labels(ax).pixel
+    near, at = SAME * labels.pixel, labels.ax.transData.transform
     words: list[Word] = []
     for colour in dict.fromkeys(colours):
         points = [
@@ -416,7 +425,7 @@ def _words(
             for point in its
             if shade == colour and point.kind != quiet
         ]
-        places = [ax.transData.transform((value_of(p, x), value_of(p, tops[i]))) for p, i in points]
+        places = [at((value_of(p, x), value_of(p, tops[i]))) for p, i in points]
         for group in _gathered(zip(points, places, strict=True), near):
             point, i = group[0]
             words.append((point, value_of(point, tops[i]), _text(group), colour))
@@ -433,11 +442,10 @@ def _text(group: Sequence[tuple[Point, int]]) -> str:
     return (point.label if point.located else f"{point.label}?") + several
 
 
-def _write(ax: Axes, words: Sequence[Word], x: str) -> None:
+def _write(labels: Labels, words: Sequence[Word], x: str) -> None:
     """Labels come last, when the limits of the axes are known; what is special comes first."""
-    labels = Labels(ax)
-    labels.keep_off([ax.get_legend()])
-    for line in ax.get_lines():
+    labels.keep_off([labels.ax.get_legend()])
+    for line in labels.ax.get_lines():
         labels.avoid(line.get_xdata(), line.get_ydata())
     for point, y, _, _ in words:
         labels.announce(value_of(point, x), y)

@@ -6,7 +6,8 @@ import re
 import shutil
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from colorsys import rgb_to_hsv
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,22 +34,16 @@ def chromium() -> str:
     return found
 
 
-@contextmanager
-def served(folder: Path) -> Iterator[str]:
-    """The address of an explorer with a server of its own, which lasts as long as it is needed."""
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of an explorer with a server of its own, which lasts as long as it is needed."""
     chromium()
-    explore = ("-m", "contbreather", "explore", "--headless")
+    explore, folder = ("-m", "contbreather", "explore", "--headless"), tmp_path_factory.mktemp("in")
     with begun(*explore, cwd=folder, hung=10 * HUNG) as process:
         assert process.stdout is not None
         yield process.stdout.readline().split()[4]
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
-
-
-@pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with served(tmp_path_factory.mktemp("explored")) as where:
-        yield where
 
 
 @pytest.fixture(scope="module")
@@ -80,10 +75,11 @@ FOCUSED = """() => {
 
 
 class Tab:
-    """A page of the browser, with all that it asked for and complained of."""
+    """A page of the browser of somebody who prefers the dark, with all that it asked for and
+    complained of."""
 
-    def __init__(self, browser: Any, address: str, **more: Any) -> None:
-        self.page = browser.new_page(**more)
+    def __init__(self, page: Any, address: str) -> None:
+        self.page = page
         self.page.set_default_timeout(1e3 * HUNG)
         self.asked: list[str] = []
         self.complaints: list[str] = []
@@ -91,12 +87,18 @@ class Tab:
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", self._heard)
         self.page.goto(address)
+        self.page.wait_for_url("**/?theme=dark")
         self.page.wait_for_function(f"({TITLE})().startsWith('infinite chain, k = ')")
         self.page.wait_for_function("globalThis.Bokeh?.documents?.[0]?.is_idle")
 
     def _heard(self, message: Any) -> None:
         if message.type == "error":
             self.complaints.append(message.text)
+
+    def colour(self, of: Any, what: str = "color") -> tuple[int, ...]:
+        """Red, green and blue of something, as it is drawn."""
+        drawn = of.evaluate(f"one => getComputedStyle(one).{what}")
+        return tuple(map(int, re.findall(r"\d+", drawn)[:3]))
 
     def press(self, name: str) -> None:
         """Press a button as soon as it can be."""
@@ -119,33 +121,31 @@ class Tab:
         self.page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
 
 
-@contextmanager
-def opened(browser: Any, address: str) -> Iterator[Tab]:
-    one = Tab(browser, address + "?theme=default", viewport=WIDE)
-    yield one
-    assert one.complaints == []
-    one.page.close()
+@dataclass(frozen=True)
+class Story:
+    """What a person did first of all, and took away."""
+
+    saved: str
+    script: str
+    figure: str
 
 
 @pytest.fixture(scope="module")
-def tab(browser: Any, address: str) -> Iterator[Tab]:
-    """One page for all tests: they may come in any order."""
-    with opened(browser, address) as one:
-        yield one
+def told(browser: Any, address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """One page for all tests, which may come in any order: that with a story on it."""
+    page = browser.new_page(color_scheme="dark", viewport=WIDE)
+    tab = Tab(page, address)
+    yield tab, story(tab, tmp_path_factory.mktemp("taken") / "explored.py")
+    assert tab.complaints == []
+    page.close()
 
 
-def test_nothing_is_asked_for_elsewhere(tab: Tab, address: str) -> None:
-    tab.reads("Zones")
-    own = (address, address.replace("http", "ws"), "data:", "blob:")
-    assert [url for url in tab.asked if not url.startswith(own)] == []
+@pytest.fixture
+def tab(told: tuple[Tab, Story]) -> Tab:
+    return told[0]
 
 
-def test_a_whole_story(browser: Any, tmp_path: Path) -> None:
-    with served(tmp_path) as address, opened(browser, address) as tab:
-        told(tab, tmp_path)
-
-
-def told(tab: Tab, tmp_path: Path) -> None:
+def story(tab: Tab, script: Path) -> Story:
     tab.tap("zones", 0.35, 0.4)
     tab.reads("own lattice")
     tab.field("amplitude a").fill("0.7")
@@ -168,19 +168,30 @@ def told(tab: Tab, tmp_path: Path) -> None:
     tab.reads("Wrote /")
     with tab.page.expect_download() as one:
         tab.page.get_by_text("Export Python code").click()
-    script = tmp_path / "explored.py"
     one.value.save_as(script)
-    lines = [line for line in script.read_text("utf-8").splitlines() if "save_figure" not in line]
+    with tab.page.expect_download() as other:
+        tab.page.get_by_text("Export figure").click()
+    saved = re.search(r"Wrote (/\S+)\.", tab.page.get_by_text("Wrote /").inner_text())
+    assert saved
+    return Story(saved[1], script.read_text("utf-8"), other.value.suggested_filename)
+
+
+def test_nothing_is_asked_for_elsewhere(tab: Tab, address: str) -> None:
+    tab.reads("Zones")
+    own = (address, address.replace("http", "ws"), "data:", "blob:")
+    assert [url for url in tab.asked if not url.startswith(own)] == []
+
+
+def test_a_whole_story(told: tuple[Tab, Story]) -> None:
+    """It is clicked through when the page is opened; the script makes what was saved."""
+    taken = told[1]
+    lines = [line for line in taken.script.splitlines() if "save_figure" not in line]
     made: dict[str, Any] = {}
     exec("\n".join(line for line in lines if not line.startswith("zones =")), made)
-    found = re.search(r"Wrote (/\S+)\.", tab.page.get_by_text("Wrote /").inner_text())
-    assert found
-    saved = cb.load(found[1])
+    saved = cb.load(taken.saved)
     np.testing.assert_array_equal(saved["branch1"]["p"], made["branch1"]["p"])
     np.testing.assert_array_equal(saved["arms2_1"]["t1"], made["arms2"][1]["t1"])
-    with tab.page.expect_download() as one:
-        tab.page.get_by_text("Export figure").click()
-    assert one.value.suggested_filename == "zones.pdf"
+    assert taken.figure == "zones.pdf"
 
 
 def test_long_work_shows_how_far_it_is_and_is_stopped(tab: Tab) -> None:
@@ -198,9 +209,9 @@ def test_bad_input_is_refused_beside_the_field(tab: Tab) -> None:
     tab.press("Show")
     tab.reads("'much' is not a number")
     said = tab.page.get_by_text("'much' is not a number")
-    colour = said.evaluate("one => getComputedStyle(one).color")
-    red, green, blue = map(int, re.findall(r"\d+", colour)[:3])
-    assert red > 2 * max(green, blue)
+    hue, saturation, _ = rgb_to_hsv(*tab.colour(said))
+    assert min(hue, 1 - hue) < 1 / 24  # red on dark paper is a lighter one
+    assert saturation > 0.4
     tab.field("amplitude a").fill("0.5")
     tab.press("Show")
     tab.page.get_by_text("'much' is not a number").wait_for(state="hidden")
@@ -237,11 +248,6 @@ def test_it_fits_its_window_wide_and_narrow(tab: Tab) -> None:
     tab.page.set_viewport_size(WIDE)
 
 
-def test_who_prefers_the_dark_is_given_it(browser: Any, address: str) -> None:
-    tab = Tab(browser, address, color_scheme="dark", viewport={"width": 700, "height": 1000})
-    tab.page.wait_for_url("**/?theme=dark")
+def test_who_prefers_the_dark_is_given_it(tab: Tab) -> None:
     tab.page.get_by_role("link", name="light").wait_for()
-    assert fits(tab)
-    colour = tab.page.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert sum(map(int, re.findall(r"\d+", colour)[:3])) < 3 * 64
-    tab.page.close()
+    assert sum(tab.colour(tab.page.locator("body"), "backgroundColor")) < 3 * 64

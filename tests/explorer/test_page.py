@@ -31,6 +31,15 @@ def page(plane: Any) -> Iterator[Page]:
     explorer.stop()
 
 
+@pytest.fixture(scope="module")
+def bare(plane: Any) -> Iterator[Page]:
+    """One page for tests that leave it as it was."""
+    explorer = Explorer()
+    explorer._planes["k", 0.8, "", ""] = plane
+    yield Page(explorer)
+    explorer.stop()
+
+
 def press(page: Page, name: str) -> None:
     """Press a button and wait for what it began."""
     button = page.forms.buttons[name]
@@ -60,14 +69,14 @@ def test_a_click_where_nothing_is_says_so_below_the_figure(page: Page) -> None:
     assert sentence(page.zones_trouble) == ""
 
 
-def test_the_diagram_has_its_curves_regions_and_meetings(page: Page) -> None:
-    assert {kind: len(one.data["xs"]) for kind, one in page.zones.curves.items()} == {
+def test_the_diagram_has_its_curves_regions_and_meetings(bare: Page) -> None:
+    assert {kind: len(one.data["xs"]) for kind, one in bare.zones.curves.items()} == {
         "LP": 1, "GR": 1, "PF": 1, "NS": 1,
     }  # fmt: skip
-    assert set(page.zones.letters.data["text"]) == {"S", "US"}
-    assert len(page.zones.meetings.data["text"]) == 3
-    assert len(set(page.zones.regions.data["colour"])) == 2
-    assert page.zones.figure.title.text == "infinite chain, k = 0.8"
+    assert set(bare.zones.letters.data["text"]) == {"S", "US"}
+    assert len(bare.zones.meetings.data["text"]) == 3
+    assert len(set(bare.zones.regions.data["colour"])) == 2
+    assert bare.zones.figure.title.text == "infinite chain, k = 0.8"
 
 
 @pytest.mark.parametrize(
@@ -86,14 +95,16 @@ def test_the_diagram_has_its_curves_regions_and_meetings(page: Page) -> None:
     ],
 )
 def test_bad_input_is_refused_beside_its_field(
-    page: Page, name: str, typed: str, words: str
+    bare: Page, name: str, typed: str, words: str
 ) -> None:
-    page.forms.breather[name].input.value = typed
-    press(page, "Show")
-    assert words in sentence(page.forms.breather[name].trouble)
-    assert page.explorer.state.chosen is None
-    others = [field for other, field in page.forms.breather.items() if other != name]
+    field = bare.forms.breather[name]
+    before, field.input.value = field.input.value, typed
+    press(bare, "Show")
+    assert words in sentence(field.trouble)
+    assert bare.explorer.state.chosen is None
+    others = [field for other, field in bare.forms.breather.items() if other != name]
     assert not any(sentence(field.trouble) for field in others)
+    field.input.value = before
 
 
 def test_what_the_library_refuses_stands_below_the_button(page: Page) -> None:
@@ -108,10 +119,12 @@ def test_what_the_library_refuses_stands_below_the_button(page: Page) -> None:
         page.forms.breather[name].input.value = "0.5" if name == "a" else ""
 
 
-def test_what_is_typed_is_text_and_never_part_of_the_page(page: Page) -> None:
-    page.forms.breather["a"].input.value = "<script>alert(1)</script>"
-    press(page, "Show")
-    assert "<script>" not in sentence(page.forms.breather["a"].trouble)
+def test_what_is_typed_is_text_and_never_part_of_the_page(bare: Page) -> None:
+    field = bare.forms.breather["a"]
+    before, field.input.value = field.input.value, "<script>alert(1)</script>"
+    press(bare, "Show")
+    assert "<script>" not in sentence(field.trouble)
+    field.input.value = before
 
 
 def test_a_story_with_the_buttons(page: Page) -> None:
@@ -204,8 +217,8 @@ def test_a_notebook_shows_the_same_page(page: Page) -> None:
     assert "cdn." not in bundle["text/html"]  # nothing is fetched from elsewhere
 
 
-def test_the_second_of_two_quick_clicks_counts_too(page: Page) -> None:
-    for view in (page.zones, page.branches):
+def test_the_second_of_two_quick_clicks_counts_too(bare: Page) -> None:
+    for view in (bare.zones, bare.branches):
         assert {"tap", "doubletap"} <= set(view.figure._event_callbacks)
 
 
@@ -286,9 +299,9 @@ RANGES = (
 )
 
 
-def test_each_field_takes_its_range_with_both_ends_and_nothing_beyond(page: Page) -> None:
+def test_each_field_takes_its_range_with_both_ends_and_nothing_beyond(bare: Page) -> None:
     for form, name, good, bad in RANGES:
-        field = (page.asked if form == "asked" else getattr(page.forms, form))[name]
+        field = (bare.asked if form == "asked" else getattr(bare.forms, form))[name]
         assert all(field.read(text) is not None or not text for text in good)
         for text in bad:
             with pytest.raises(BadInput):
