@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from textwrap import fill
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,7 @@ ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its 
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
 SEEN = 2000  # stretches of a line, more than a figure has pixels
-WIDE = 52  # letters of a title in a line
+WIDE = 58  # letters of a title in a line
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
@@ -115,6 +115,7 @@ class ZonesView:
 
     def __init__(self, theme: Theme) -> None:
         self.figure = fig = _sheet(theme, "γ", "a", 470)
+        fig.title.text_font_size = "12px"
         self.shades = {"S": theme.stable, "US": theme.unstable}
         self.regions = _source("xs", "ys", "colour")
         fig.multi_polygons(
@@ -171,11 +172,16 @@ class ZonesView:
         """Say what is shown, and what is on its way."""
         drawn = wanted.preview
         words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
+        elsewhere = drawn is None or drawn.fixed != wanted.fixed
+        coming = _at(wanted.fixed) if elsewhere else "another lattice"
         if drawn is not None and not drawn.exact:
             words += ", between its neighbours"
+            coming = coming if elsewhere else "the exact one"
         if wanted.awaited:
-            words += f"; {wanted.awaited} is being computed"
-        self.figure.title.text = fill(words, WIDE)
+            words += f"; {coming} is being computed"
+        lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
+        # always two: of a title that has more than before Bokeh leaves the old one behind it
+        self.figure.title.text = "\n".join((*lines, "")[:2])
 
     def boundaries(self, curves: Iterable[Named], drawn: Preview) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
