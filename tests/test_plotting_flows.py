@@ -75,11 +75,46 @@ def test_equilibria_are_dashed_beyond_their_hopf_point(rest) -> None:
     assert dashed_from_zero(plot(rest).axes)
 
 
-def test_equations_of_a_flow_are_dashed_without_a_column() -> None:
+def test_equations_of_a_flow_count_unstable_eigenvalues_and_are_dashed_by_them(tmp_path) -> None:
+    """The column is in tables and files, and what is drawn goes by it, also out of a file."""
     mine = cb.Problem(lambda x, p: np.array(field(0.0, x, p)), {"x": 0.0, "y": 0.0}, {"mu": -0.5})
     branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
-    assert "unstable" not in branch.names
-    assert dashed_from_zero(plot(branch).axes)
+    regular = np.array([not point.kind for point in branch])
+    np.testing.assert_array_equal(branch["unstable"][regular], 2 * (branch["mu"] > 0)[regular])
+    counts = branch.to_dataframe()["unstable"]
+    assert np.isnan(counts[branch.to_dataframe()["label"] == "HB1"]).all()
+    cb.save(tmp_path / "run.nc", branch)
+    for again in (branch, *(cb.load(tmp_path / "run.nc", problem=p) for p in (None, mine))):
+        assert dashed_from_zero(plot(again).axes)
+        np.testing.assert_array_equal(again["unstable"][regular], branch["unstable"][regular])
+
+
+@pytest.mark.parametrize("given", ["jacobian", "sparsity"])
+def test_large_equations_have_no_column(given) -> None:
+    """Of sparse ones some eigenvalues are known only; with up to 250 unknowns, all of them."""
+    eye_array = pytest.importorskip("scipy.sparse").eye_array
+
+    def traced(n: int) -> cb.Branch:
+        more = {given: eye_array(n) if given == "sparsity" else lambda x, p: np.eye(n)}
+        mine = cb.Problem(lambda x, p: x - p["mu"], {"u": np.zeros(n)}, {"mu": 0.0}, **more)
+        return cb.trace(mine, "mu", within={"mu": (0, 0.1)}, events=[cb.hopf()])
+
+    assert "unstable" not in traced(251).names
+    assert traced(250)["unstable"][1] == 250
+
+
+def test_a_column_and_a_parameter_of_ones_own_keep_their_name() -> None:
+    def column(point: cb.continuation.Point) -> float:
+        return 7.0
+
+    named = {"start": {"x": 0.0, "y": 0.0}, "params": {"mu": -0.5}, "record": {"unstable": column}}
+    taken = {"start": {"unstable": 0.0, "y": 0.0}, "params": {"mu": -0.5}}
+    for given, value in ((named, 7.0), (taken, 0.0)):
+        mine = cb.Problem(lambda x, p: np.array(field(0.0, x, p)), **given)
+        branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
+        assert {*branch["unstable"]} == {value}
+    plain = cb.trace(mine.at(mu=-1.0), "mu", within={"mu": (-1, 1)}, events=[cb.fold()])
+    assert plain.names.count("unstable") == 1
 
 
 def test_equations_of_which_nobody_said_that_they_are_a_flow_are_solid() -> None:
