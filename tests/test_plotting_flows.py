@@ -17,6 +17,7 @@ from contbreather.plotting import (
     plot_motion,
     plot_multipliers,
     plot_orbit,
+    plot_profile,
     plot_spectrum,
 )
 from contbreather.plotting.cards import card
@@ -121,6 +122,22 @@ def test_equations_of_which_nobody_said_that_they_are_a_flow_are_solid() -> None
     mine = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": -1.0}, {"mu": 1.0})
     branch = cb.trace(mine, "mu", within={"x": (-2, 2)}, events=[cb.fold()])
     assert {line.get_linestyle() for line in lines(plot(branch).axes)} == {"-"}
+
+
+def test_what_is_no_orbit_is_named_and_sent_where_it_is_drawn(rest, cycles) -> None:
+    spectrum = r"got an equilibrium, .*: plotting\.plot_spectrum\(branch\) draws the eigenvalues"
+    for draw in (plot_orbit, plot_multipliers):
+        for given, why in (
+            (rest, r"got a Branch: take one of its points, branch\[0\] for"),
+            (cycles, r"an orbit or a cycle was expected, got a Branch: take one"),
+            (rest[3], spectrum),
+            (rest.problem, spectrum),
+            (cycles.problem, r"got the problem of a cycle: flows\.cycle_of\(problem\) is its"),
+        ):
+            with pytest.raises(cb.BadInput, match=why):
+                draw(given)
+    with pytest.raises(cb.BadInput, match="of a lattice was expected, got a cycle of flows: plot_"):
+        plot_profile(cycles[0])
 
 
 def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest, cycles) -> None:
