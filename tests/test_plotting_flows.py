@@ -124,6 +124,27 @@ def test_equations_of_which_nobody_said_that_they_are_a_flow_are_solid() -> None
     assert {line.get_linestyle() for line in lines(plot(branch).axes)} == {"-"}
 
 
+def test_tables_of_cycles_are_without_their_collocation(cycles, tmp_path) -> None:
+    frame = cycles.to_dataframe()
+    assert not [name for name in frame if name.startswith(("orbit", "mesh"))]
+    assert {"mu", "period", "unstable", "max(x)"} <= {*frame}
+    head = cycles.to_csv(tmp_path / "cycles.csv").read_text().split("\n", 1)[0]
+    assert head.split(",") == list(frame)
+    assert {"orbit", "mesh"} <= {*cycles.to_xarray()} & {*cycles.names}
+
+
+def test_tables_of_boundaries_are_without_null_vectors() -> None:
+    mine = cb.Problem(
+        lambda x, p: np.array(field(0.0, x, {"mu": p["mu"] + p["b"] ** 2})),
+        {"x": 0.0, "y": 0.0}, {"mu": -0.5, "b": 0.0},
+    )  # fmt: skip
+    branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
+    line = cb.boundary(branch.first("HB"), ("b", "mu"), within={"b": (0.0, 0.02)}, events=())
+    assert line["null"].shape == (len(line), 2)
+    assert {"mu", "b", "omega2"} <= {*line.to_dataframe()}
+    assert not [name for name in line.to_dataframe() if name.startswith("null")]
+
+
 def test_what_is_no_orbit_is_named_and_sent_where_it_is_drawn(rest, cycles) -> None:
     spectrum = r"got an equilibrium, .*: plotting\.plot_spectrum\(branch\) draws the eigenvalues"
     for draw in (plot_orbit, plot_multipliers):
