@@ -131,14 +131,8 @@ class Search:
         if point.kind != "PF" or point.event is None or point.event.locus is None:
             return True
         least, _ = point.event.locus(point.ground).domain.get("gamma", (0.0, math.inf))
-        if point["gamma"] >= least:
-            return True
-        if self.name == "gamma":
-            raise BadInput(
-                f"gamma = {self.value:g}: idle sites rest anywhere without coupling, and there no "
-                f"pitchfork can be followed; take gamma = {least:g}, or a spring"
-            )
-        return False
+        # where gamma is fixed at 0 there is nothing beside: `boundary` refuses it
+        return bool(point["gamma"] >= least) or self.name == "gamma"
 
     def _unexplained(self) -> list[Point]:
         """Meetings with a curve that was not traced."""
