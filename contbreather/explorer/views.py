@@ -41,7 +41,7 @@ ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its 
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
 SEEN = 2000  # stretches of a line, more than a figure has pixels
-WIDE = 58  # letters of a title in a line
+WIDE = 53  # letters of a title in a line
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
@@ -115,7 +115,6 @@ class ZonesView:
 
     def __init__(self, theme: Theme) -> None:
         self.figure = fig = _sheet(theme, "γ", "a", 470)
-        fig.title.text_font_size = "12px"
         self.shades = {"S": theme.stable, "US": theme.unstable}
         self.regions = _source("xs", "ys", "colour")
         fig.multi_polygons(

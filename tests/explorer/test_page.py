@@ -67,7 +67,7 @@ def test_the_diagram_has_its_curves_regions_and_meetings(page: Page) -> None:
     assert set(page.zones.letters.data["text"]) == {"S", "US"}
     assert len(page.zones.meetings.data["text"]) == 3
     assert len(set(page.zones.regions.data["colour"])) == 2
-    assert page.zones.figure.title.text == "infinite chain, k = 0.8"
+    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8"
 
 
 @pytest.mark.parametrize(
