@@ -272,11 +272,8 @@ class Page:
                 self.run.run(*new.run)
 
     def _render_status(self) -> None:
-        explorer = self.explorer
-        words, chosen = (
-            explorer.progress or explorer.drawing or explorer.message,
-            explorer.state.chosen,
-        )
+        explorer, chosen = self.explorer, self.explorer.state.chosen
+        words = explorer.progress or explorer.drawing or explorer.message
         if not words and chosen is not None and chosen.orbit is not None:
             words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
         words = words or "Click into a diagram, or type the parameters of a breather."

@@ -160,10 +160,8 @@ class Session:
             with self._changing:
                 last = self.state.plane
                 if self._wanted == wanted:  # what is drawn stays
-                    stays = (
-                        {} if last is None else {"fixed": last.fixed, "preview": preview_of(last)}
-                    )
-                    self.change(**stays, awaited="")
+                    drawn = last and {"fixed": last.fixed, "preview": preview_of(last)}
+                    self.change(**(drawn or {}), awaited="")
             self.tell(trouble)
         # what was wanted in between may have been computed before: then nothing else comes
         elif self._wanted in self._planes:

@@ -70,20 +70,19 @@ def plot_orbit(
     >>> plot_orbit(cb.flows.cycle_of(ring), x="u", y="v").axes.get_ylabel()
     'v'
     """
-    cycle = solution_of(orbit)
-    if isinstance(cycle, Cycle):
+    whole = solution_of(orbit)
+    if isinstance(whole, Cycle):
         if sites is not None:
             raise BadInput(
-                f"sites = {sites!r}: a cycle of flows has states, y={cycle.equations.states[0]!r}"
+                f"sites = {sites!r}: a cycle of flows has states, y={whole.equations.states[0]!r}"
             )
         with drawing(ax) as drawn:
-            draw_states(drawn.axes, cycle, x, y)
+            draw_states(drawn.axes, whole, x, y)
         return drawn
-    if not isinstance(cycle, Orbit):
-        raise no_orbit(cycle, "an orbit or a cycle")
+    if not isinstance(whole, Orbit):
+        raise no_orbit(whole, "an orbit or a cycle")
     if x is not None or y is not None:
         raise BadInput("x and y are states of a cycle of flows; of a lattice choose sites=")
-    whole = cycle
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
