@@ -28,8 +28,13 @@ class Columns:
         """The columns by name, each with one row for each point; a row may be an array."""
         raise NotImplementedError
 
+    def tabulated(self) -> dict[str, Array]:
+        """The columns of tables of single numbers: all, unless there are some that say nothing by
+        themselves."""
+        return self.columns()
+
     def to_xarray(self) -> Dataset:
-        """The columns as a dataset of xarray; those that are arrays have dimensions of their own.
+        """All columns as a dataset of xarray; those that are arrays have dimensions of their own.
 
         Examples
         --------
@@ -60,7 +65,7 @@ class Columns:
         """
         from xarray import Dataset
 
-        table = {name: (self.along, one) for name, one in _flat(self.columns()).items()}
+        table = {name: (self.along, one) for name, one in _flat(self.tabulated()).items()}
         return Dataset(table).to_dataframe()[list(table)]
 
     def to_csv(self, path: str | Path) -> Path:
@@ -75,7 +80,7 @@ class Columns:
         >>> path.read_text().splitlines()[0]
         'label,a,gamma,k,unstable,arclength,residual,p,phi'
         """
-        table = _flat(self.columns())
+        table = _flat(self.tabulated())
         return write_csv(
             path, list(table), zip(*(one.tolist() for one in table.values()), strict=True)
         )

@@ -125,6 +125,29 @@ def test_the_command_writes_data_and_a_picture(run: Callable[[str], tuple[int, s
     assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
 
 
+def test_atlases_are_of_damped_finite_lattices(run: Callable[[str], tuple[int, str, str]]) -> None:
+    """Curves, file and JSON are of the lattice that was typed."""
+    on = "--lattice open:3 --site 1 --damping 0.02 --gamma-window 0.03 0.0301"
+    line = f"atlas --k 0.8 {on} --a-window 0.755 0.765 --workers 1 --save a.nc --json"
+    content = json.loads(run(line)[1])
+    found, model = content["atlas"], {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
+    assert {*found["kind"]} == {"PF"}
+    assert [content[n] for n in ("lattice", "site", "damping")] == [
+        model["lattice"].describe(), 1, 0.02,
+    ]  # fmt: skip
+    for i in (0, -1):
+        fork = cb.symmetric(found["a"][i], found["gamma"][i], 0.8, **model)
+        assert fork.phi == pytest.approx(found["phi"][i], abs=1e-9)
+        assert abs(fork.multipliers(half=True) - 1.0).min() < 1e-7
+    with xarray.open_dataset("a.nc", engine="h5netcdf", decode_cf=False) as data:
+        assert (data.attrs["damping"], data.attrs["lattice"]) == (0.02, content["lattice"])
+
+
+def test_an_atlas_without_a_curve_is_refused() -> None:
+    with pytest.raises(cb.BadInput, match="no curve passes the window"):
+        cb.atlas(k=0.8, within={"gamma": (0.03, 0.031), "a": (0.5, 0.51)}, executor=1)
+
+
 def test_the_command_says_how_many_diagrams_there_are_and_which_are_missing(
     run: Callable[[str], tuple[int, str, str]],
 ) -> None:

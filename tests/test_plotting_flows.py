@@ -17,6 +17,7 @@ from contbreather.plotting import (
     plot_motion,
     plot_multipliers,
     plot_orbit,
+    plot_profile,
     plot_spectrum,
 )
 from contbreather.plotting.cards import card
@@ -75,17 +76,89 @@ def test_equilibria_are_dashed_beyond_their_hopf_point(rest) -> None:
     assert dashed_from_zero(plot(rest).axes)
 
 
-def test_equations_of_a_flow_are_dashed_without_a_column() -> None:
+def test_equations_of_a_flow_count_unstable_eigenvalues_and_are_dashed_by_them(tmp_path) -> None:
+    """The column is in tables and files, and what is drawn goes by it, also out of a file."""
     mine = cb.Problem(lambda x, p: np.array(field(0.0, x, p)), {"x": 0.0, "y": 0.0}, {"mu": -0.5})
     branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
-    assert "unstable" not in branch.names
-    assert dashed_from_zero(plot(branch).axes)
+    regular = np.array([not point.kind for point in branch])
+    np.testing.assert_array_equal(branch["unstable"][regular], 2 * (branch["mu"] > 0)[regular])
+    counts = branch.to_dataframe()["unstable"]
+    assert np.isnan(counts[branch.to_dataframe()["label"] == "HB1"]).all()
+    cb.save(tmp_path / "run.nc", branch)
+    for again in (branch, *(cb.load(tmp_path / "run.nc", problem=p) for p in (None, mine))):
+        assert dashed_from_zero(plot(again).axes)
+        np.testing.assert_array_equal(again["unstable"][regular], branch["unstable"][regular])
+
+
+@pytest.mark.parametrize("given", ["jacobian", "sparsity"])
+def test_large_equations_have_no_column(given) -> None:
+    """Of sparse ones some eigenvalues are known only; with up to 250 unknowns, all of them."""
+    eye_array = pytest.importorskip("scipy.sparse").eye_array
+
+    def traced(n: int) -> cb.Branch:
+        more = {given: eye_array(n) if given == "sparsity" else lambda x, p: np.eye(n)}
+        mine = cb.Problem(lambda x, p: x - p["mu"], {"u": np.zeros(n)}, {"mu": 0.0}, **more)
+        return cb.trace(mine, "mu", within={"mu": (0, 0.1)}, events=[cb.hopf()])
+
+    assert "unstable" not in traced(251).names
+    assert traced(250)["unstable"][1] == 250
+
+
+def test_a_column_and_a_parameter_of_ones_own_keep_their_name() -> None:
+    def column(point: cb.continuation.Point) -> float:
+        return 7.0
+
+    named = {"start": {"x": 0.0, "y": 0.0}, "params": {"mu": -0.5}, "record": {"unstable": column}}
+    taken = {"start": {"unstable": 0.0, "y": 0.0}, "params": {"mu": -0.5}}
+    for given, value in ((named, 7.0), (taken, 0.0)):
+        mine = cb.Problem(lambda x, p: np.array(field(0.0, x, p)), **given)
+        branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
+        assert {*branch["unstable"]} == {value}
+    plain = cb.trace(mine.at(mu=-1.0), "mu", within={"mu": (-1, 1)}, events=[cb.fold()])
+    assert plain.names.count("unstable") == 1
 
 
 def test_equations_of_which_nobody_said_that_they_are_a_flow_are_solid() -> None:
     mine = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": -1.0}, {"mu": 1.0})
     branch = cb.trace(mine, "mu", within={"x": (-2, 2)}, events=[cb.fold()])
     assert {line.get_linestyle() for line in lines(plot(branch).axes)} == {"-"}
+
+
+def test_tables_of_cycles_are_without_their_collocation(cycles, tmp_path) -> None:
+    frame = cycles.to_dataframe()
+    assert not [name for name in frame if name.startswith(("orbit", "mesh"))]
+    assert {"mu", "period", "unstable", "max(x)"} <= {*frame}
+    head = cycles.to_csv(tmp_path / "cycles.csv").read_text().split("\n", 1)[0]
+    assert head.split(",") == list(frame)
+    assert {"orbit", "mesh"} <= {*cycles.to_xarray()} & {*cycles.names}
+
+
+def test_tables_of_boundaries_are_without_null_vectors() -> None:
+    mine = cb.Problem(
+        lambda x, p: np.array(field(0.0, x, {"mu": p["mu"] + p["b"] ** 2})),
+        {"x": 0.0, "y": 0.0}, {"mu": -0.5, "b": 0.0},
+    )  # fmt: skip
+    branch = cb.trace(mine, "mu", within={"mu": (-1, 1)}, events=[cb.hopf()])
+    line = cb.boundary(branch.first("HB"), ("b", "mu"), within={"b": (0.0, 0.02)}, events=())
+    assert line["null"].shape == (len(line), 2)
+    assert {"mu", "b", "omega2"} <= {*line.to_dataframe()}
+    assert not [name for name in line.to_dataframe() if name.startswith("null")]
+
+
+def test_what_is_no_orbit_is_named_and_sent_where_it_is_drawn(rest, cycles) -> None:
+    spectrum = r"got an equilibrium, .*: plotting\.plot_spectrum\(branch\) draws the eigenvalues"
+    for draw in (plot_orbit, plot_multipliers):
+        for given, why in (
+            (rest, r"got a Branch: take one of its points, branch\[0\] for"),
+            (cycles, r"an orbit or a cycle was expected, got a Branch: take one"),
+            (rest[3], spectrum),
+            (rest.problem, spectrum),
+            (cycles.problem, r"got the problem of a cycle: flows\.cycle_of\(problem\) is its"),
+        ):
+            with pytest.raises(cb.BadInput, match=why):
+                draw(given)
+    with pytest.raises(cb.BadInput, match="of a lattice was expected, got a cycle of flows: plot_"):
+        plot_profile(cycles[0])
 
 
 def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest, cycles) -> None:

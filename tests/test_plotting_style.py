@@ -375,7 +375,7 @@ def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
         assert all(len(w.partition(".")[2]) == digits for w in real)
     with pytest.raises(BadInput, match=r"^digits = -1"):
         plot_multipliers(b, sites=40, digits=-1)
-    with pytest.raises(BadInput, match="a breather was expected, got a float"):
+    with pytest.raises(BadInput, match="an orbit or a cycle was expected, got a float"):
         plot_multipliers(0.5)  # type: ignore[arg-type]
 
 

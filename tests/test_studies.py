@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray
 
 import contbreather as cb
 from contbreather.orbits.start_search import window_of
@@ -354,6 +355,10 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
             "[chain]\nspring = 0.1\n" + ONE + ARMS,
             "line 2, chain.spring: arms on the infinite chain",
         ),
+        (
+            "[chain]\nspring = 0.1\n[zones.z]\nk = 0.8",
+            "line 2, chain.spring: zones: diagrams on the infinite chain",
+        ),
         (RING + "walls = ['3:-1,2']\n" + ONE, "line 3, chain.walls: the walls are not symmetric"),
         (RING + "walls = ['9:-2,2']\n" + ONE, "walls of site 9: there is no such site"),
         ("[branch.b]\nfree = 'damping'\na = 1\ngamma = 0\nk = 0.8", "'damping' is none"),
@@ -465,7 +470,6 @@ window = [0.3, 0.6]
 [zones.plane]
 k = 0.8
 within = {gamma = [0.0, 0.1]}
-past_folds = true
 """
 
 
@@ -520,8 +524,8 @@ def test_every_key_of_a_study_reaches_the_library(
         ],
         "plane": [
             ("drawn", (Slice("k", 0.8, drives[1]),),
-             {"lattice": cb.Ring(6), "threshold": 1.01, "within": {"gamma": (0.0, 0.1)},
-              "past_folds": True}),
+             {"lattice": cb.Ring(6), "spring": 0.0, "threshold": 1.01,
+              "within": {"gamma": (0.0, 0.1)}, "past_folds": False}),
         ],
         "soft": [
             ("find_symmetric", ("a", (0.3, 0.6)),
@@ -558,9 +562,34 @@ at = "PF1"
 
 [zones.q]
 k = 0.5
+past_folds = true
 
 [atlas.r]
 gamma = [0.1, 2]
+"""
+
+
+def test_diagrams_and_atlases_are_of_the_lattice_of_the_study(tmp_path: Path) -> None:
+    path = tmp_path / "damped.toml"
+    path.write_text(DAMPED)
+    assert conduct(path, executor=1).computed == ["one"]
+    (fork,) = cb.load(tmp_path / "damped")["one"]["PF"]
+    on = fork[0].solution.conditions
+    assert (on.damping, on.lattice.sites, fork[0].solution.section.hit[0]) == (0.02, 3, 1)
+    assert abs(fork[0].multipliers(half=True) - 1.0).min() < 1e-7
+    with xarray.open_dataset(tmp_path / "damped" / "one.nc4", engine="h5netcdf") as data:
+        assert data.attrs["damping"] == 0.02
+
+
+DAMPED = """
+[chain]
+lattice = "open:3"
+damping = 0.02
+site = 1
+
+[atlas.one]
+k = 0.8
+within = {gamma = [0.03, 0.0301], a = [0.755, 0.765]}
 """
 
 
@@ -572,20 +601,15 @@ def test_what_diagrams_and_arms_cannot_do_is_refused_and_never_passed_over(tmp_p
         read(path)
     first, *lines = str(refused.value).splitlines()
     wanted = [
-        (3, "chain.lattice: zones and atlas: diagrams are of the infinite chain or of a ring"),
         (4, "chain.threshold: arms are judged by the paper's 1.005; leave threshold out"),
-        (5, "chain.damping: zones and atlas: diagrams are of site 0"),
-        (6, "chain.spring: zones and atlas: diagrams are of site 0"),
         (7, "chain.site: impact (7, 1): no such site on the open chain"),
-        (7, "chain.site: zones and atlas: diagrams are of site 0"),
-        (8, "chain.walls: zones and atlas: diagrams are of site 0"),
         (14, "branch.one.mistake: unknown here"),
-        (24, "atlas.r.gamma: gamma = 2"),
+        (22, "zones.q.past_folds: lower breathers are drawn on the infinite chain, or on a ring"),
+        (25, "atlas.r.gamma: gamma = 2"),
     ]
     assert first == f"ignored.toml has {len(wanted)} mistakes:"
     for (number, reason), line in zip(wanted, lines, strict=True):
         assert line.strip().startswith(f"line {number}, {reason}")
-    assert "leave damping out, or keep [branch] and [boundary]" in lines[2]
 
 
 # --- interruptions and clusters -------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
 from contbreather.cli.interrupts import kept
-from contbreather.cli.options import Output, Workers, ZoneWindows, letter, once
+from contbreather.cli.options import FiniteLattice, Output, Workers, ZoneWindows, letter, once
 from contbreather.cli.output import table_of
 from contbreather.errors import BadInput
 
@@ -24,6 +24,7 @@ def atlas(
     a: tuple[str, ...] = (),
     over: tuple[str, ...] = (),
     plane: ZoneWindows = ZoneWindows(),
+    where: FiniteLattice = FiniteLattice(),
     workers: Workers | None = None,
     save: str | None = None,
     into: Output = Output(),
@@ -53,12 +54,12 @@ def atlas(
 
     if into == Output() and save is None:
         into, save = Output(output=FIGURE), DATA
-    into.check(save=save)
+    into.check({"--lattice": where.lattice}, save=save)
     typed = {"k": k, "gamma": gamma, "a": a}
     fixed = {n: values_by(f"--{n}", ",".join(texts)) for n, texts in typed.items() if texts}
     further = once("--over", map(_assigned, over))
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
-    on = plane.on(*begin)
+    on = plane.on(*begin, **vars(where))
     asked: dict[str, Any] = {
         "lattice": on.lattice,
         "threshold": on.threshold,
@@ -66,15 +67,18 @@ def atlas(
         "within": plane.within,
         "past_folds": plane.past_folds,
         "executor": workers,
+        **on.more,
+        **where.losses,
         **fixed,
     }
     for name in further:
         if name in asked:
             raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
     found, cut = kept(cb.atlas, **{**asked, **further})
+    lost = {name: value for name, value in where.losses.items() if value}
     made = [] if save is None else [str(save_atlas(save, found))]
     into.leave(
-        lambda: {**on.entry(), "atlas": _columns(found), "failed": _failed(found)},
+        lambda: {**on.entry(), **lost, "atlas": _columns(found), "failed": _failed(found)},
         [*_lines(found), *(f"Wrote {path}." for path in made)],
         lambda: table_of(_columns(found)),
         lambda: cb.plotting.plot_atlas(found),

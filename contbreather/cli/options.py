@@ -209,6 +209,11 @@ class FiniteLattice:
     site: Annotated[Whole, about("site")] = 0
     walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
 
+    @property
+    def losses(self) -> dict[str, float | None]:
+        """Damping and spring as `zones` takes them."""
+        return {"damping": self.damping or 0.0, "spring": self.spring}
+
 
 class ModelParameters(NamedTuple):
     """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""

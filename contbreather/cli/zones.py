@@ -10,6 +10,7 @@ from contbreather.cli.interrupts import kept
 from contbreather.cli.options import FiniteLattice, SavedOutput, ZoneWindows
 from contbreather.cli.output import Table, table_of
 from contbreather.errors import BadInput
+from contbreather.orbits.zone_diagram import NO_CURVE, phase
 
 RESTITUTIONS = (0.8, 0.4)  # the paper's
 FIGURE, TABLE = "zones.png", "zones.csv"
@@ -50,14 +51,10 @@ def zones(
     on, windows = plane.on(**vars(where)), plane.within
     asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
     asked |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
-    asked |= {"past_folds": plane.past_folds, **on.more}
-    asked |= {"damping": where.damping or 0.0, "spring": where.spring}
+    asked |= {"past_folds": plane.past_folds, **on.more, **where.losses}
     found, cut = kept(_computed, asked, into.save)
     if not any(branches for one in found for branches in one.curves.values()):
-        raise BadInput(
-            "no curve passes the window: breathers exist all over it, all stable or all unstable "
-            "(see contbreather point); widen the window"
-        )
+        raise BadInput(f"{NO_CURVE} (see contbreather point); widen the window")
     into.leave(
         lambda: {**on.entry(), "zones": [diagram_entry(one) for one in found]},
         _lines(found),
@@ -104,14 +101,13 @@ def curves_table(found: Sequence[cb.orbits.Zones]) -> Table:
 
     there = (one for one in found if any(one.curves.values()))
     columns = stacked((dict([one.fixed]), one.columns()) for one in there)
-    rows, _ = table_of({"phi": columns.get("t1"), **columns})  # by modes phi is the first time
+    rows, _ = table_of(columns)
     return rows, COLUMNS
 
 
 def _columns(branch: cb.Branch) -> dict[str, Any]:
-    slots = branch.curve.slots
-    found = {name: branch[name] for name in COLUMNS if name in slots}
-    return found if "phi" in slots else {**found, "p": branch["p"], "phi": branch["t1"]}
+    found = {name: branch[name] for name in COLUMNS if name in branch.curve.slots}
+    return {**found, "p": branch["p"], "phi": phase(branch)}
 
 
 def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:

@@ -28,13 +28,13 @@ def active_events(
     if flag("inadmissible", inadmissible):
         problem = _lifted(problem)
     if asked is None:
-        return problem, problem.events
+        return _recording(problem, problem.events), problem.events
     kinds = {event.kind for event in asked}
     walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
     for event in asked:
         if isinstance(event, EventWithRule):
             problem = _with_rule(problem, event)
-    return problem, (*asked, *walls)
+    return _recording(problem, asked), (*asked, *walls)
 
 
 def walls_are_lifted(problem: Problem) -> bool:
@@ -71,6 +71,14 @@ def _lifted(problem: Problem) -> Problem:
 
 def _margin(walls: tuple[Event, ...], point: Point) -> float:
     return min(float(wall.value(point)) for wall in walls)
+
+
+def _recording(problem: Problem, events: Iterable[Event]) -> Problem:
+    """The problem with the columns that go with its events, as far as it has none of the name."""
+    taken = {*problem.names, *problem.record}
+    brought = {name: of for event in events for name, of in event.columns(problem).items()}
+    new = {name: column for name, column in brought.items() if name not in taken}
+    return replace(problem, record={**problem.record, **new}) if new else problem
 
 
 def _with_rule(problem: Problem, event: EventWithRule) -> Problem:

@@ -158,6 +158,14 @@ def boundary_problem(
         locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
+    for name, (low, high) in locus.domain.items():
+        value = base.params.get(name, low)
+        end = min(max(value, low), high)
+        if not math.isclose(value, end, rel_tol=1e-9):  # the end of another boundary is there
+            raise BadInput(
+                f"{name} = {value:g}: there {event.kind} cannot be traced, but up to {name} = "
+                f"{end:g}; take a point there"
+            )
     others = [
         one
         for other in given

@@ -200,6 +200,11 @@ class Branch(Columns, HtmlRepr):
                 found[name] = np.where(verge, math.nan, found[name])
         return found
 
+    def tabulated(self) -> dict[str, NDArray[Any]]:
+        """Without the unknowns of a discretisation, and vectors of what defines a boundary."""
+        internals = self.problem.internals
+        return {name: of for name, of in self.columns().items() if name not in internals}
+
     def first(self, kind: str) -> Point:
         """The first special point of a kind (``"PF"``) or with a label (``"PF2"``)."""
         check_kind(kind, str, "a kind or a label, 'PF' or 'PF2' for instance,")

@@ -271,7 +271,9 @@ class Curve:
         """Eigenvalues of the derivative in the unknowns; not to be written to."""
 
         def eigenvalues(z: Array) -> Any:
-            return np.linalg.eigvals(self.jacobian(z)[:, : self.size]).astype(complex)
+            matrix = self.jacobian(z)[:, : self.size]
+            dense = matrix.toarray() if is_sparse(matrix) else matrix
+            return np.linalg.eigvals(dense).astype(complex)
 
         values: NDArray[np.complex128] = self.once("spectrum", z, eigenvalues)
         return values

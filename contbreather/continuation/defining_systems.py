@@ -392,6 +392,12 @@ class ExtendedProblem(Problem):
 
     residual: Extended
 
+    @property
+    def internals(self) -> frozenset[str]:
+        extra = self.residual.locus.extra.items()
+        vectors = {name for name, value in extra if np.ndim(value)}
+        return self.residual.problem.internals | vectors
+
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, free)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
 from typing import Any
@@ -22,7 +22,8 @@ from . import defining_systems as systems
 from .boundary import meeting
 from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN
-from .point import CodimensionTwo, Event, Examined, Locus, Point
+from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
+from .problem import Problem
 from .sparse import Matrix, is_sparse
 
 Array = NDArray[np.float64]
@@ -62,8 +63,11 @@ def hopf() -> Event:
     A pair of real eigenvalues of opposite sign (a neutral saddle) is distinguished. A located point
     knows ``detail["omega"]``, the first Lyapunov coefficient ``detail["l1"]`` (for the eigenvector
     of length 1; negative: a stable limit cycle is born) and what its sign means,
-    ``detail["criticality"]``. As a curve in two parameters it meets GH, ZH, HH, and ends at BT,
-    where ``detail["degenerate"]`` says so if the normal form is another: by symmetry, for instance.
+    ``detail["criticality"]``. Where it is looked for, branches of up to 250 unknowns have a column
+    ``unstable``, the number of eigenvalues to the right of the axis, by which `plot` dashes what is
+    unstable; it is counted when it is read. As a curve in two parameters it meets GH, ZH, HH, and
+    ends at BT, where ``detail["degenerate"]`` says so if the normal form is another: by symmetry,
+    for instance.
 
     Examples
     --------
@@ -228,7 +232,8 @@ def _flow(point: Point) -> Matrix:
 
 
 def _rounding(point: Point) -> float:
-    return _ROUNDING * float(np.linalg.norm(_flow(point)))
+    matrix = _flow(point)
+    return _ROUNDING * float(np.linalg.norm(matrix.data if is_sparse(matrix) else matrix))
 
 
 def _small(point: Point) -> float:
@@ -236,6 +241,21 @@ def _small(point: Point) -> float:
     if _large(point):
         return _FINE * _near(point).rounding
     return _CLOSE * float(np.linalg.norm(_flow(point), 2))
+
+
+def unstable(point: Point) -> int:
+    """The number of eigenvalues to the right of the imaginary axis, by more than rounding."""
+    values = point.ground.curve.spectrum(point.ground.z)
+    return int(np.count_nonzero(values.real > _rounding(point)))
+
+
+@dataclass(frozen=True, repr=False)
+class _OfFlow(Event):
+    """An event of flows: where it is looked for, eigenvalues say which equilibria are unstable."""
+
+    def columns(self, problem: Problem) -> Mapping[str, UnstableDimension]:
+        # of more unknowns some are known only, of sparse ones, or they take seconds
+        return {"unstable": UnstableDimension(unstable)} if problem.x.size <= spectrum.FEW else {}
 
 
 def _unstable_pairs(point: Point) -> int:
@@ -404,7 +424,7 @@ def _examine_second_pair(point: Point) -> str:
 # --- the events -------------------------------------------------------------------------------
 
 _FOLD = Event("LP", _fold_test, locus=_fold_locus, examine=_examine_fold)
-_HOPF = Event("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examine=_examine_hopf)
+_HOPF = _OfFlow("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examine=_examine_hopf)
 _GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
 _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.

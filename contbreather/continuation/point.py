@@ -346,6 +346,10 @@ class Event:
         level that a user asked for, and where a count changes for no reason that is known."""
         return not (self.ends_domain or self.test is None or isinstance(self.test, Level))
 
+    def columns(self, problem: Problem) -> Mapping[str, Callable[[Point], float]]:
+        """What is kept along a branch where it is looked for, unless the problem has such names."""
+        return {}
+
     def of(self, problem: Problem) -> Event:
         """The event as it is for one problem: itself, unless only its kind is known so far."""
         return self

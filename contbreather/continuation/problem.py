@@ -120,6 +120,12 @@ class Problem:
     beneath: ClassVar[Callable[..., tuple[Curve, Array]] | None] = None
 
     @property
+    def internals(self) -> frozenset[str]:
+        """Unknowns that say nothing by themselves, as the collocation of a cycle, its mesh and null
+        vectors: tables are without them."""
+        return frozenset()
+
+    @property
     def serialised(self) -> Mapping[str, Any] | None:
         """What files make the equations of again: their ``kind``, entered by
         `contbreather.storage.serialise.serialised`, and the values that its reader takes by name,

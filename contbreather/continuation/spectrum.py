@@ -25,7 +25,7 @@ from .sparse import Factors, Matrix, any_vector, factorised, scaled, shifted
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
-_FEW = 250  # rows up to which all eigenvalues at once take less time
+FEW = 250  # rows up to which all eigenvalues at once take less time
 _IN_A_DISK = 12  # eigenvalues that are looked for around one place of the axis
 _DISKS = 4
 _SPLIT = 4.0  # a real double eigenvalue may split into a pair this many times the rounding apart
@@ -80,7 +80,7 @@ def _near(matrix: Matrix) -> NearestEigenvalues:
     for _ in range(_DISKS):
         if reach >= highest - rounding:
             return NearestEigenvalues(values, math.inf, rounding)
-        if matrix.shape[0] <= _FEW:
+        if matrix.shape[0] <= FEW:
             values = np.linalg.eigvals(matrix.toarray()).astype(complex)
             return NearestEigenvalues(values, math.inf, rounding)
         inside, radius = _disk(matrix, reach)

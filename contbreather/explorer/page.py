@@ -66,7 +66,7 @@ class Page:
 
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
-        self.drawn = State()  # what is drawn by now
+        self.drawn, self.busy = State(), False  # what is drawn by now
         self.document: Any = pn.state.curdoc
         theme = DARK if pn.config.theme == "dark" else LIGHT
         self.zones, self.branches = ZonesView(theme), BranchView(theme)
@@ -256,12 +256,12 @@ class Page:
         """Draw what has changed."""
         self._due = False
         busy = self.explorer.busy
-        if self.explorer.state is self.drawn and busy == self.stop.visible:
+        if self.explorer.state is self.drawn and busy == self.busy:
             self._render_status()  # how far work is: no reason to go through everything else
             return
         with self._quietly():
             new, old = self.explorer.state, self.drawn
-            self.drawn = new
+            self.drawn, self.busy = new, busy
             self._render_status()
             self.forms.render(new)
             self._render_zones(new, old)
@@ -272,12 +272,13 @@ class Page:
                 self.run.run(*new.run)
 
     def _render_status(self) -> None:
-        words, chosen = self.explorer.progress or self.explorer.message, self.explorer.state.chosen
+        explorer, chosen = self.explorer, self.explorer.state.chosen
+        words = explorer.progress or explorer.drawing or explorer.message
         if not words and chosen is not None and chosen.orbit is not None:
             words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
         words = words or "Click into a diagram, or type the parameters of a breather."
         self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
-        self.stop.visible = self.explorer.busy
+        self.stop.visible = explorer.stoppable
 
     def _render_zones(self, new: State, old: State) -> None:
         name, value = new.fixed

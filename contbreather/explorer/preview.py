@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.lattice.parse import as_typed
+from contbreather.orbits import Orbit
 from contbreather.orbits.regions import Region, regions
 from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.parameters import OPTIONAL
 from contbreather.plotting.labels import evenly
 from contbreather.plotting.zones import names_of_meetings
 
@@ -28,7 +31,7 @@ class Preview:
     """What is drawn of a diagram."""
 
     fixed: tuple[str, float]
-    lattice: str  # in words
+    about: str  # what its breathers are on, in words
     exact: bool  # False for what is between two neighbours
     curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
     regions: tuple[Region, ...]  # with the verdicts of breathers in this plane in any case
@@ -41,10 +44,10 @@ def preview_of(zones: Zones) -> Preview:
     curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
     return Preview(
         zones.fixed,
-        _lattice(zones),
+        _about(zones),
         True,
         curves,
-        zones.regions,
+        () if zones.interrupted else zones.regions,  # curves that are missing would bound them
         tuple(names_of_meetings(zones)),
         zones.pair,
     )
@@ -80,14 +83,22 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
     places = np.vstack(lines)
     box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
     judged = regions(lines, box, there.unstable, there.lower)
-    return Preview(("k", k), _lattice(one), False, curves, judged, meetings)
+    return Preview(("k", k), _about(one), False, curves, judged, meetings)
 
 
-def _lattice(zones: Zones) -> str:
-    """What the breathers of a diagram are on, in words."""
+def _about(zones: Zones) -> str:
     for _, branch in zones:
-        return str(branch[0].solution.lattice.describe())
+        return about(branch[0].solution) + ", stopped: curves may be missing" * zones.interrupted
     return "no curve"
+
+
+def about(orbit: Orbit) -> str:
+    """What a breather is on, in words; zones are of one such."""
+    on, site = orbit.conditions, orbit.section.hit[0]
+    said = [on.lattice.describe(), f"site {site}" if site else ""]
+    said += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
+    said += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
+    return ", ".join(filter(None, said))
 
 
 def _line(zones: Zones, branch: Any) -> Array:

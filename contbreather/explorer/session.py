@@ -17,18 +17,18 @@ from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Job, JobThread, Progress
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
-from contbreather.explorer.work import OnLattice, Work, breather, point_of
+from contbreather.explorer.work import OnLattice, Work, arguments, breather, point_of
 from contbreather.files import writable
 from contbreather.lattice import Ring
-from contbreather.lattice.parse import lattice_by
 from contbreather.orbits import zones
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.parameters import NEEDED, parameter
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
+from contbreather.progress import PATIENCE
 from contbreather.runs import load, save
 
 Listener = Callable[[State], object]
-Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing and ring
+Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
 UNDONE = ("curves", "hidden", "axes", "run", "lines")  # of a state
 KEPT = 200  # zone diagrams that are remembered
 WIDEST = 0.06  # distance of two restitutions between which a diagram may be carried on
@@ -40,11 +40,12 @@ class Session:
 
     def __init__(self, *curves: Branch, run: str | Path | None = None, k: float = 0.8) -> None:
         self.state = State(fixed=("k", parameter("k", k)))
-        self.message = self.progress = ""
+        self.message = self.progress = self.drawing = ""
         self._listeners: list[Listener] = []
         self._changing = threading.RLock()
         self._long, self._quick = JobThread(), JobThread()
         self._planes: dict[Plane, Zones] = {}
+        self._models: dict[str, dict[str, Any]] = {"": {}}  # by `zones_of`, as `zones` takes them
         self._before: list[dict[str, Any]] = []  # what `undo` goes back to
         self.lattices: dict[str, OnLattice] = {}  # by what is typed for them
         self._looks_ahead = self._ahead = False
@@ -91,10 +92,11 @@ class Session:
         if self._wanted in self._planes:
             self._show_plane()
             return
-        self.change(preview=self._rough(*self._wanted) or self.state.preview)
+        preview = self._rough(*self._wanted) or self.state.preview
+        self.change(preview=preview, awaited=self.state.title)
         with self._changing:
-            if self._ahead:
-                self._quick.stop()  # what is computed ahead can wait
+            if self._ahead or self.drawing:
+                self._quick.stop()  # what is computed ahead can wait, and nobody for what is slow
             self._ahead = False
             self._compute(self._wanted, partial(self._arrived, self._wanted))
 
@@ -104,7 +106,7 @@ class Session:
 
     def _show_plane(self) -> None:
         plane = self._planes[self._wanted]
-        self.change(plane=plane, preview=preview_of(plane))
+        self.change(plane=plane, preview=preview_of(plane), awaited="")
 
     def look_ahead(self) -> None:
         """From now on compute diagrams of other restitutions while nothing else is asked for."""
@@ -121,9 +123,16 @@ class Session:
         one, other = (self._planes["k", end, of[0], of[1]] for end in (below, above))
         return between(one, other, k)
 
-    def _compute(self, wanted: Plane, then: Callable[[Zones | None, str], object]) -> None:
-        name, value, forcing, ring = wanted
-        on: dict[str, Any] = {name: value, "lattice": lattice_by(ring) if ring else None}
+    def _compute(self, wanted: Plane, then: Callable[[Zones | None, bool, str], object]) -> None:
+        name, value, forcing, of = wanted
+        on: dict[str, Any] = {name: value, **self._models[of]}
+        began = time.monotonic()
+
+        def say(how_far: str) -> None:
+            past = time.monotonic() - began
+            if past > PATIENCE and not self._ahead:  # most are there before it could be read
+                self.drawing = f"zones at {self.state.title}: {how_far}, {past:.0f} s"
+                self._say()
 
         def job(progress: Progress) -> Zones:
             found: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
@@ -131,22 +140,28 @@ class Session:
             return found
 
         def done(found: Zones | None, cut: bool, trouble: str) -> None:
-            whole = None if cut else found
-            if whole is not None:
-                self._planes[wanted] = whole
+            self.drawing = ""
+            if found is not None and not cut:
+                self._planes[wanted] = found
                 while len(self._planes) > KEPT:
                     del self._planes[next(iter(self._planes))]
-            then(whole, trouble)
+            then(found, cut, trouble)
             self._next_ahead()
 
-        self._quick.begin(job, say=lambda _: None, done=done)
+        self._quick.begin(job, say=say, done=done)
 
-    def _arrived(self, wanted: Plane, plane: Zones | None, trouble: str) -> None:
-        if plane is None:
+    def _arrived(self, wanted: Plane, plane: Zones | None, cut: bool, trouble: str) -> None:
+        if cut:
+            if self._wanted == wanted and not self._quick.waiting:  # not for another one
+                shown = {} if plane is None else {"plane": plane, "preview": preview_of(plane)}
+                self.change(**shown, awaited="")
+                self.tell(f"zones at {self.state.title}: stopped; what was done is kept.")
+        elif plane is None:
             with self._changing:
                 last = self.state.plane
-                if trouble and last is not None and self._wanted == wanted:
-                    self.change(fixed=last.fixed, preview=preview_of(last))  # what is drawn stays
+                if self._wanted == wanted:  # what is drawn stays
+                    drawn = last and {"fixed": last.fixed, "preview": preview_of(last)}
+                    self.change(**(drawn or {}), awaited="")
             self.tell(trouble)
         # what was wanted in between may have been computed before: then nothing else comes
         elif self._wanted in self._planes:
@@ -180,7 +195,7 @@ class Session:
         chosen = self._breather(**typed)
         more = {name: value for name, value in typed.items() if name not in (*NEEDED, "forcing")}
         before = self._wanted
-        self.change(conditions=tuple(more.items()))
+        self.change(conditions=tuple(more.items()), zones_of=self._zones_of(**more))
         self.choose(chosen)
         name = self.state.fixed[0]
         if (name, typed[name], typed["forcing"], self.state.zones_of) != before:
@@ -199,6 +214,15 @@ class Session:
         here: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
         here |= {name: there[name] for name in NEEDED}
         self.choose(self._breather(**here))
+
+    def _zones_of(self, lattice: str = "", root: int | None = None, **typed: Any) -> str:
+        """What zones are wanted of: what is set, but on the infinite chain, where they have no
+        springs, that alone."""
+        if not lattice:
+            return ""
+        given, code = arguments(self.lattices[lattice], **typed)
+        self._models[code] = given
+        return code
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
@@ -321,9 +345,14 @@ class Session:
         """Whether long work is under way."""
         return bool(self.progress)
 
+    @property
+    def stoppable(self) -> bool:
+        """Whether something takes so long that it may be stopped: that work, or zones."""
+        return self.busy or bool(self.drawing)
+
     def stop(self) -> None:
-        """End the long work; what is done by then is kept."""
-        self._long.stop()
+        """End the long work, or zones that take long; what is done by then is kept."""
+        (self._long if self.busy else self._quick).stop()
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until all work has ended; whether it has."""
@@ -385,8 +414,8 @@ class Session:
     def _drawn(self, what: str) -> Any:
         state = self.state
         if what == "zones" and state.plane is not None:
-            if state.plane.fixed != state.fixed:
-                raise BadInput(f"the zones at {state.title} are being computed; wait a moment.")
+            if state.awaited:
+                raise BadInput(f"the zones at {state.awaited} are being computed; wait a moment.")
             return plot_zones(state.plane)
         if what == "branches" and state.shown:
             x, y = state.columns

@@ -10,7 +10,6 @@ from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
 from contbreather.explorer.preview import Preview, preview_of
-from contbreather.lattice.parse import as_code
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.simulation import Run
 
@@ -69,6 +68,8 @@ class State:
     fixed: tuple[str, float] = ("k", 0.8)  # what is constant in the plane of the zones
     forcing: str = ""
     conditions: tuple[tuple[str, Any], ...] = ()  # besides: lattice, site, spring, ... as typed
+    zones_of: str = ""  # what of these zones are of, as the script gives it to `cb.zones`
+    awaited: str = ""  # the diagram that is being computed, in words
     plane: Zones | None = None  # the last that was computed
     preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
     curves: tuple[Named, ...] = ()
@@ -104,16 +105,8 @@ class State:
     def title(self) -> str:
         """What the zone diagram is about."""
         name, value = self.fixed
-        return f"{name} = {value:g}" + (f", F = a ({self.forcing})" if self.forcing else "")
-
-    @property
-    def zones_of(self) -> str:
-        """The ring, as typed, that zones are wanted of; empty for the infinite chain, which has to
-        do for lattices and conditions that zones are not computed for."""
-        here = {name: value for name, value in self.conditions if value not in (None, "")}
-        lattice = str(here.pop("lattice", ""))
-        alone = not {"spring", "damping", "walls"} & {*here}
-        return lattice if alone and lattice.startswith("ring:") else ""
+        of = (f"F = a ({self.forcing})" if self.forcing else "", self.zones_of)
+        return ", ".join(filter(None, (f"{name} = {value:g}", *of)))
 
     def curve(self, code: str) -> Branch:
         """The curve that the script calls so."""
@@ -159,11 +152,11 @@ class State:
     def _made(self) -> Iterator[str]:
         yield "import contbreather as cb"
         yield ""
+        yield from self.lines  # first: a lattice may be that of a curve
         more = f", forcing={self.forcing!r}" if self.forcing else ""
-        more += f", lattice={as_code(self.zones_of)}" if self.zones_of else ""
+        more += f", {self.zones_of}" if self.zones_of else ""
         name, value = self.fixed
         yield f"zones = cb.zones({name}={value!r}{more})"
-        yield from self.lines
 
     def _asked(self) -> Iterator[str]:
         if self.chosen is None:

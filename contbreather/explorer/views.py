@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,10 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from contbreather.continuation import Branch, Point
-from contbreather.explorer.preview import Preview
+from contbreather.explorer.preview import Preview, about
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.summary import Motion, Multipliers, Profile
 from contbreather.explorer.theme import Theme
-from contbreather.lattice import Ring
-from contbreather.lattice.conditions import Walls
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import (
     BEYOND,
@@ -42,6 +41,7 @@ ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its 
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
 SEEN = 2000  # stretches of a line, more than a figure has pixels
+WIDE = 53  # letters of a title in a line
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
@@ -170,12 +170,17 @@ class ZonesView:
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
         drawn = wanted.preview
-        words = "no diagram yet" if drawn is None else f"{drawn.lattice}, {_at(drawn.fixed)}"
-        if drawn is None or drawn.fixed != wanted.fixed:
-            words += f"; {_at(wanted.fixed)} is being computed"
-        elif not drawn.exact:
-            words += ", between its neighbours; the exact one is being computed"
-        self.figure.title.text = words
+        words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
+        elsewhere = drawn is None or drawn.fixed != wanted.fixed
+        coming = _at(wanted.fixed) if elsewhere else "another lattice"
+        if drawn is not None and not drawn.exact:
+            words += ", between its neighbours"
+            coming = coming if elsewhere else "the exact one"
+        if wanted.awaited:
+            words += f"; {coming} is being computed"
+        lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
+        # always two: of a title that has more than before Bokeh leaves the old one behind it
+        self.figure.title.text = "\n".join((*lines, "")[:2])
 
     def boundaries(self, curves: Iterable[Named], drawn: Preview) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
@@ -193,7 +198,7 @@ class ZonesView:
         orbit = None if chosen is None else chosen.orbit
         if orbit is None or abs(getattr(orbit, name) - value) > 1e-9:
             _fill(self.here, [])
-        elif about(orbit) == drawn.lattice:
+        elif about(orbit) == drawn.about:
             _fill(self.here, [(getattr(orbit, x), getattr(orbit, y))])
         else:
             _fill(self.here, [])
@@ -201,14 +206,6 @@ class ZonesView:
 
 def _at(fixed: tuple[str, float]) -> str:
     return f"{symbol(fixed[0])} = {fixed[1]:g}"
-
-
-def about(orbit: Any) -> str:
-    """The zones that a breather belongs to, by the name of their lattice; empty where it is of none
-    that zones are computed for."""
-    usual = not (orbit.spring or orbit.damping) and orbit.walls == Walls()
-    ringlike = orbit.lattice.sites is None or isinstance(orbit.lattice, Ring)
-    return orbit.lattice.describe() if usual and ringlike else ""
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:

@@ -55,6 +55,12 @@ def breather(on: OnLattice, **values: Any) -> Chosen:
     BadInput
         If there is none, or a value is out of range.
     """
+    given, words = arguments(on, **values)
+    return Chosen(f"cb.symmetric({words})", symmetric(**given), typed=tuple(values.items()))
+
+
+def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
+    """What was typed, as the library takes it and as the script has it."""
     given = {name: value for name, value in values.items() if value not in (None, "")}
     codes = {name: repr(value) for name, value in given.items() if (name, value) != ("site", 0)}
     if on.code:
@@ -62,8 +68,7 @@ def breather(on: OnLattice, **values: Any) -> Chosen:
     if "walls" in given:
         given["walls"] = walls_by(given["walls"].split(), on.lattice.sites)
         codes["walls"] = repr(given["walls"])
-    words = ", ".join(f"{name}={code}" for name, code in codes.items())
-    return Chosen(f"cb.symmetric({words})", symmetric(**given), typed=tuple(values.items()))
+    return given, ", ".join(f"{name}={code}" for name, code in codes.items())
 
 
 def point_of(code: str, branch: Branch, index: int) -> Chosen:

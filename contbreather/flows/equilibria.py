@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..continuation.curve import Curve
-from ..continuation.equilibria import branch_point, fold, hopf
+from ..continuation.equilibria import branch_point, fold, hopf, unstable
 from ..continuation.interpolant import tangent_at
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
@@ -74,7 +74,7 @@ def equilibrium(
     return Equilibrium(
         _Rest(flow, collocation or Collocation()), dict(start), params,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
-        record={"unstable": UnstableDimension(_unstable)}, label=label,
+        record={"unstable": UnstableDimension(unstable)}, label=label,
     )  # fmt: skip
 
 
@@ -106,10 +106,6 @@ class Equilibrium(Problem):
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
         return _born if kind == "HB" else None
-
-
-def _unstable(point: Point) -> int:
-    return int((point.curve.spectrum(point.z).real > 0).sum())
 
 
 class _Born(Lift):

@@ -225,6 +225,10 @@ class CycleProblem(Problem):
     # of an arm: where it sets out, with twice the intervals
     again: Callable[[], Lift] | None = field(default=None, kw_only=True)
 
+    @property
+    def internals(self) -> frozenset[str]:
+        return frozenset(("orbit", "mesh"))
+
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbreather.checks import kind_of
 from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice import Forcing, Lattice
-from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
 from contbreather.orbits.zones_many import Slice, drawn, slices_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.netcdf import ATLAS, encoded, write_checked
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Variable = tuple[str, Any, dict[str, Any]]  # dimension, values, attributes
 
-COLUMNS = ("gamma", "a", "k", "p", "phi")
+COLUMNS = ("gamma", "a", "k", "p")
 MEANINGS = {
     "kind": "which limit of the breather the point is on",
     "meeting": "the limits that meet there",
@@ -46,6 +46,10 @@ def atlas(
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float = THRESHOLD,
     past_folds: bool = False,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
     executor: Executor | int | None = None,
     progress: bool | None = None,
     **over: float | Sequence[float],
@@ -58,7 +62,7 @@ def atlas(
         Exactly one: each diagram is in the plane of the other two.
     **over : float or sequence of float
         Values of parameters of the forcing, ``c3=(0.0, 0.1, 0.2)``; a diagram for each combination.
-    forcing, lattice, within, threshold, past_folds
+    forcing, lattice, within, threshold, past_folds, site, damping, spring, walls
         As of `zones`, for all of them.
     executor, progress
         As of `zones_many`.
@@ -70,7 +74,8 @@ def atlas(
         breather; ``kind`` (LP, GR, PF, NS) and ``meeting`` (the kind of point where two limits
         meet, NS-GR for instance) as numbers with `flag_values` and `flag_meanings`; ``curve``
         and ``slice`` are numbers, from 0. Along ``failed``: values of which there is no diagram,
-        with the ``reason``. `contbreather.plotting.plot_atlas` draws it.
+        with the ``reason``. Attributes say what all of it is of. `contbreather.plotting.plot_atlas`
+        draws it.
 
     Raises
     ------
@@ -89,9 +94,9 @@ def atlas(
     0.070559228
     """
     slices = slices_of({"k": k, "gamma": gamma, "a": a}, over, forcing)
-    draw = partial(
-        drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds
-    )
+    shared: dict[str, Any] = {"lattice": lattice, "within": within, "threshold": threshold}
+    on: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
+    draw = partial(drawn, **shared, past_folds=past_folds, **on)
     done: list[Zones | Failed] = []
     with (
         partial_result(lambda: surfaces(slices, done) if done else None),
@@ -115,8 +120,11 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
         if isinstance(one, Zones)
         for kind, branch in one
     ]
+    if not curves:
+        raise BadInput(f"{NO_CURVE}; widen the window")
     names = (*COLUMNS, *over)
     numbers = {name: np.concatenate([b[name] for _, _, b in curves]) for name in names}
+    numbers["phi"] = np.concatenate([phase(branch) for _, _, branch in curves])
     sizes = [len(branch) for _, _, branch in curves]
     numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)
     numbers["slice"] = np.repeat(np.array([i for i, _, _ in curves], dtype="i4"), sizes)
@@ -158,7 +166,8 @@ def _failed(
 
 
 def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
-    zones = next(zones for zones in diagrams if isinstance(zones, Zones))
+    zones = next(z for z in diagrams if isinstance(z, Zones) and any(z.curves.values()))
+    on = zones.model
     about = {
         "format": ATLAS,
         "Conventions": "CF-1.11",
@@ -166,6 +175,8 @@ def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
         "plane": " ".join(zones.pair),
         "over": " ".join(one.forcing.params),
         "forcing": one.forcing.describe(),
+        "lattice": on["lattice"].describe(),
+        **{name: on[name] for name in ("damping", "spring", "site") if on.get(name)},
     }
     return {name: text for name, text in about.items() if text}
 

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 KINDS = ("LP", "GR", "PF", "NS")
 ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
 FAMILIES = ("upper", "lower")  # breathers before and behind a fold
+NO_CURVE = "no curve passes the window: breathers exist all over it, all stable or all unstable"
 JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
 
 
@@ -79,7 +80,9 @@ class Zones(Columns, HtmlRepr):
     def columns(self) -> dict[str, Any]:
         """Those of all curves, by their kind and the number of the piece."""
         curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
-        return stacked(({"curve": kind, "piece": i}, b.columns()) for kind, i, b in curves)
+        return stacked(
+            ({"curve": kind, "piece": i}, {**b.columns(), "phi": phase(b)}) for kind, i, b in curves
+        )
 
     @property
     def special(self) -> tuple[Point, ...]:
@@ -215,6 +218,11 @@ def admissible(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     except (NoSolution, Resonance):
         return ()
     return tuple(breather for breather in found if least_margin(breather.motion) > 0.0)
+
+
+def phase(curve: Branch) -> Array:
+    """phi of the breathers on a curve: by exact modes it is the time of the first impact."""
+    return curve["phi" if "phi" in curve.names else "t1"]
 
 
 def is_meeting(point: Point) -> bool:

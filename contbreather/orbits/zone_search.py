@@ -117,12 +117,11 @@ class Search:
     def _scan(self, x: float, shown: Counter) -> bool:
         """Trace branches at one value of the first parameter, and every new event on them."""
         found = False
-        for branch in self._branches(x):
+        for branch in self._branches(x, shown):
             found = True
-            shown.advance(branch[-1])
             for point in branch.special:
                 if point.kind in KINDS and point.located and self._begins(point):
-                    self._follow(point)
+                    self._follow(point, shown)
                     self.kept.look(True, self.so_far)
         return found
 
@@ -132,14 +131,8 @@ class Search:
         if point.kind != "PF" or point.event is None or point.event.locus is None:
             return True
         least, _ = point.event.locus(point.ground).domain.get("gamma", (0.0, math.inf))
-        if point["gamma"] >= least:
-            return True
-        if self.name == "gamma":
-            raise BadInput(
-                f"gamma = {self.value:g}: idle sites rest anywhere without coupling, and there no "
-                f"pitchfork can be followed; take gamma = {least:g}, or a spring"
-            )
-        return False
+        # where gamma is fixed at 0 there is nothing beside: `boundary` refuses it
+        return bool(point["gamma"] >= least) or self.name == "gamma"
 
     def _unexplained(self) -> list[Point]:
         """Meetings with a curve that was not traced."""
@@ -166,7 +159,7 @@ class Search:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
 
-    def _branches(self, x: float) -> Iterator[Branch]:
+    def _branches(self, x: float, shown: Counter) -> Iterator[Branch]:
         """Branches of admissible breathers in the second parameter, at one value of the first."""
         free = self.pair[1]
         traced: list[Branch] = []
@@ -183,7 +176,7 @@ class Search:
                     within={free: self.within[free]},
                     events=self.events,
                     steps=Steps(first=0.02, largest=0.1),
-                    progress=False,
+                    progress=shown,
                 )
                 traced.append(branch)
                 yield branch
@@ -204,7 +197,7 @@ class Search:
         found = admissible(values, **self.model)
         return [b for b in found if self.past_folds or family_of(b) == "upper"]
 
-    def _follow(self, point: Point) -> None:
+    def _follow(self, point: Point, shown: Counter) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it
         ends: another crest that grazes, another wave of a ring, a fold."""
         waiting: list[tuple[Point, Branch | None]] = [(point, None)]
@@ -216,7 +209,7 @@ class Search:
             with add_partial_result(curves.append):
                 branch = boundary(
                     point, self.pair, within=self.within, events=self.events, steps=STEPS,
-                    progress=False,
+                    progress=shown,
                 )  # fmt: skip
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)

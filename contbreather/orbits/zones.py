@@ -146,17 +146,9 @@ def zones(
             "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
             "Take k close to it, and symmetric() for single breathers at the edge"
         )
-    model: dict[str, Any] = {"forcing": forcing_of(forcing)}
-    if site or damping or walls is not None or spring is not None or isinstance(lattice, Finite):
-        model |= _by_modes(lattice, site, damping, spring, walls)
-        if past_folds:
-            raise BadInput(
-                "past_folds: lower breathers are drawn on the infinite chain, or on a ring without "
-                "damping, springs and walls of its own; leave it out"
-            )
-    else:
-        model["lattice"] = lattice_of(lattice)
-    search = Search(name, value, model, windows(within), threshold, flag("past_folds", past_folds))
+    model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
+    model["forcing"] = forcing_of(forcing)
+    search = Search(name, value, model, windows(within), threshold, past_folds)
     line = line_of(progress, lambda own: Counter(own, search.pair[0]))
     with (
         checkpoint(save, "zones") as search.kept,
@@ -168,19 +160,36 @@ def zones(
     return search.zones()
 
 
-def _by_modes(
-    lattice: Any, site: int, damping: float, spring: float | None, walls: Any
+def model_of(
+    lattice: Lattice | None = None,
+    past_folds: bool = False,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
 ) -> dict[str, Any]:
-    """What breathers of a finite lattice live on, checked before anything is looked for."""
-    if lattice is None or lattice.sites is None:
+    """What the breathers of a diagram live on, as `symmetric` takes it but for the forcing, checked
+    before anything is looked for: with `site` and the others they are evaluated by exact modes."""
+    place = lattice if isinstance(lattice, Finite) else lattice_of(lattice)
+    if place.sites is None:
+        if site or damping or spring or walls is not None:
+            raise BadInput(
+                "zones on the infinite chain are of site 0 between walls at -1 and 1, without "
+                "damping and springs; name a lattice, Ring(20) for instance"
+            )
+        return {"lattice": place}
+    ringlike = not isinstance(place, Finite) and spring is None
+    if ringlike and not (site or damping or walls is not None):
+        return {"lattice": place}
+    if past_folds:
         raise BadInput(
-            "zones on the infinite chain are of site 0 between walls at -1 and 1, without damping "
-            "and springs; name a lattice, Ring(20) for instance"
+            "past_folds: lower breathers are drawn on the infinite chain, or on a ring without "
+            "damping, springs and walls of its own; leave it out"
         )
     more: dict[str, Any] = {"damping": damping, "spring": 0.0 if spring is None else spring}
-    on = Conditions(1.0, 0.0, 0.5, **more, walls=Walls.given(walls), lattice=lattice).checked()
-    check_walls(Section(((site, 1),), sign=-1).placed(lattice), on)
-    return {"lattice": lattice, "site": site, **more, "walls": on.walls}
+    on = Conditions(1.0, 0.0, 0.5, **more, walls=Walls.given(walls), lattice=place).checked()
+    check_walls(Section(((site, 1),), sign=-1).placed(place), on)
+    return {"lattice": place, "site": site, **more, "walls": on.walls}
 
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -27,8 +27,6 @@ Values = tuple[tuple[str, float], ...]  # of parameters, by their names
 Word = tuple[Point, float, str, str]  # a point, how high it is drawn, its name and the colour
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
-LARGEST = 200  # unknowns of a flow whose eigenvalues are found for a picture
-ZERO = 1e-10  # of the largest eigenvalue; one that is zero all along is rounding
 STABLE: Literal["-"] = "-"
 UNSTABLE: Literal["--"] = "--"
 BEYOND: Literal[":"] = ":"
@@ -289,37 +287,18 @@ def _unstable(branch: Branch) -> NDArray[np.bool_]:
     between two special points one more that lies there.
     """
     stretches = np.zeros(max(len(branch) - 1, 0), dtype=bool)
-    count = _count(branch)
-    if count is None:
+    if branch.problem.beneath is not None or STABILITY not in branch.names:
         return stretches
-    recorded = STABILITY in branch.names
-    unstable = np.asarray(branch[STABILITY] if recorded else [*map(count, branch)]) > 0
+    unstable = np.asarray(branch[STABILITY]) > 0
     special = np.array([bool(point.kind) for point in branch])
     for i in range(stretches.size):
         ends = [j for j in (i, i + 1) if not special[j]]
         inside = None if ends else between(branch[i], branch[i + 1])
         if inside is not None:
-            stretches[i] = count(inside) > 0
+            stretches[i] = inside[STABILITY] > 0
         else:
             stretches[i] = any(unstable[j] for j in ends or (i, i + 1))
     return stretches
-
-
-def _count(branch: Branch) -> Callable[[Point], float] | None:
-    """What counts unstable directions: the column, or of anybody's flow its eigenvalues."""
-    if branch.problem.beneath is not None:
-        return None
-    if STABILITY in branch.names:
-        return lambda point: float(point[STABILITY])
-    asked = branch.settings.events if branch.settings else None
-    events = branch.problem.events if asked is None else asked
-    flow = any(event.kind == "HB" for event in events)
-    return _to_the_right if flow and branch.curve.size <= LARGEST else None
-
-
-def _to_the_right(point: Point) -> int:
-    values = point.curve.spectrum(point.z)
-    return int((values.real > ZERO * abs(values).max(initial=0.0)).sum())
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:

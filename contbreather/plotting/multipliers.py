@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, kind_of, whole
-from contbreather.continuation import Branch, Point
+from contbreather.checks import check_kind, whole
+from contbreather.continuation import Branch, Point, Problem
 from contbreather.errors import BadInput
 from contbreather.flows import Cycle
 from contbreather.lattice import Ring
@@ -17,7 +17,7 @@ from contbreather.orbits import Orbit
 from contbreather.plotting.branches import value_of
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing, symbol
 from contbreather.plotting.labels import Labels
-from contbreather.plotting.orbits import solution_of
+from contbreather.plotting.orbits import no_orbit, solution_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,8 +74,8 @@ def plot_multipliers(
     ['0.6158', '1.0628']
     """
     orbit = solution_of(breather)
-    if not hasattr(orbit, "multipliers") or isinstance(orbit, type):
-        raise BadInput(f"a breather was expected, got {kind_of(orbit)}")
+    if not hasattr(orbit, "multipliers") or isinstance(orbit, type | Branch | Problem):
+        raise no_orbit(orbit, "an orbit or a cycle")
     whole("digits", digits, 0)
     if isinstance(orbit, Cycle):
         _not_of_cycles(sites, half)

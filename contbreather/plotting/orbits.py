@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import MOST, whole
-from contbreather.continuation import Point
+from contbreather.checks import MOST, kind_of, whole
+from contbreather.continuation import Branch, Point, Problem
 from contbreather.errors import BadInput
 from contbreather.flows import Cycle
+from contbreather.flows.orbit import CycleProblem
 from contbreather.orbits import Orbit
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
 from contbreather.plotting.states import draw_states
@@ -69,18 +70,19 @@ def plot_orbit(
     >>> plot_orbit(cb.flows.cycle_of(ring), x="u", y="v").axes.get_ylabel()
     'v'
     """
-    cycle = solution_of(orbit)
-    if isinstance(cycle, Cycle):
+    whole = solution_of(orbit)
+    if isinstance(whole, Cycle):
         if sites is not None:
             raise BadInput(
-                f"sites = {sites!r}: a cycle of flows has states, y={cycle.equations.states[0]!r}"
+                f"sites = {sites!r}: a cycle of flows has states, y={whole.equations.states[0]!r}"
             )
         with drawing(ax) as drawn:
-            draw_states(drawn.axes, cycle, x, y)
+            draw_states(drawn.axes, whole, x, y)
         return drawn
+    if not isinstance(whole, Orbit):
+        raise no_orbit(whole, "an orbit or a cycle")
     if x is not None or y is not None:
         raise BadInput("x and y are states of a cycle of flows; of a lattice choose sites=")
-    whole = orbit_of(orbit)
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
@@ -108,8 +110,23 @@ def orbit_of(given: object) -> Orbit:
     """An orbit, or that of a point of a branch of orbits."""
     orbit = solution_of(given)
     if not isinstance(orbit, Orbit):
-        raise BadInput(f"{given!r} is not an orbit: symmetric() finds one")
+        raise no_orbit(orbit, "an orbit of a lattice")
     return orbit
+
+
+def no_orbit(given: object, wanted: str) -> BadInput:
+    """What was given in place of an orbit, and where there is one or what draws this."""
+    what, instead = kind_of(given), "symmetric() finds breathers, cycle() cycles of flows"
+    if isinstance(given, Branch):
+        instead = "take one of its points, branch[0] for instance, or plot(branch)"
+    elif isinstance(given, Cycle):
+        what, instead = "a cycle of flows", "plot_orbit and plot_multipliers draw it"
+    elif isinstance(given, CycleProblem):
+        what, instead = "the problem of a cycle", "flows.cycle_of(problem) is its orbit"
+    elif isinstance(given, Point | Problem):
+        what = "an equilibrium, or another solution that is no orbit"
+        instead = "plotting.plot_spectrum(branch) draws the eigenvalues along its branch"
+    return BadInput(f"{wanted} was expected, got {what}: {instead}")
 
 
 def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:

@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterator
 
 from contbreather.checks import combinations
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_search import PAIRS
+from contbreather.orbits.zones import model_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.studies.schema import Chain, Figure, FromPoint, Grid, Study, part
 
@@ -133,9 +133,14 @@ def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
             )
     else:
         yield from _impacting(chain)
+        yield from _of_lower_breathers(study)
     asked = [kind for kind in ("zones", "atlas") if getattr(study, kind) or kind in unread]
-    if asked:
-        yield from _in_the_plane(chain, motion, " and ".join(asked))
+    if asked and chain.place.sites is None and chain.spring:
+        yield (
+            ("chain", "spring"),
+            f"{' and '.join(asked)}: diagrams on the infinite chain are without springs; leave "
+            "spring out, or name a lattice, 'ring:20'",
+        )
     if not (study.arms or "arms" in unread):
         return
     if chain.place.sites is None and chain.spring:
@@ -166,21 +171,15 @@ def _impacting(chain: Chain) -> Iterator[Fault]:
         yield ("chain", "walls"), str(error)
 
 
-def _in_the_plane(chain: Chain, motion: Collection[str], asked: str) -> Iterator[Fault]:
-    """Zone diagrams know breathers of eq. (11) alone."""
-    instead = "keep [branch] and [boundary], which know it, in a study of their own"
-    for name in motion:
-        yield (
-            ("chain", name),
-            f"{asked}: diagrams are of site 0 between walls at -1 and 1, without damping and "
-            f"springs; leave {name} out, or {instead}",
-        )
-    if not isinstance(chain.place, InfiniteChain | Ring):
-        yield (
-            ("chain", "lattice"),
-            f"{asked}: diagrams are of the infinite chain or of a ring, not of {chain.lattice}; "
-            f"take 'ring:20', or {instead}",
-        )
+def _of_lower_breathers(study: Study) -> Iterator[Fault]:
+    """Zone diagrams past the folds of what is evaluated by exact modes."""
+    for kind in ("zones", "atlas"):
+        for name, table in getattr(study, kind).items():
+            if table.past_folds:
+                try:
+                    model_of(**study.chain.on, past_folds=True)
+                except BadInput as error:
+                    yield (kind, name, "past_folds"), str(error).removeprefix("past_folds: ")
 
 
 def _of_the_forcing(study: Study) -> Iterator[Fault]:

@@ -222,9 +222,8 @@ def _zones(task: Task, folder: Path) -> Any:
     asked = task.asked
     chain, drive = _chain(asked)
     name = next(name for name in asked["at"] if name not in drive.params)
-    shared = {"lattice": chain.place, "threshold": chain.verge, "within": _within(task)}
-    plane = Slice(name, asked["at"][name], drive)
-    return drawn(plane, **shared, past_folds=asked["past_folds"])
+    shared = {"threshold": chain.verge, "within": _within(task), "past_folds": asked["past_folds"]}
+    return drawn(Slice(name, asked["at"][name], drive), **chain.on, **shared)
 
 
 _COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {

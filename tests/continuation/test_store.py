@@ -291,7 +291,7 @@ def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
         }  # fmt: skip
         for name, inside, own in (
             ("line", "origin", {"x", "h", "mu", "null"}),
-            ("arms", "doubtful", {"x", "mu"}),
+            ("arms", "doubtful", {"x", "mu", "unstable"}),
         ):
             group = tree[name]
             assert ("boundary" in group.attrs) == (name == "line")

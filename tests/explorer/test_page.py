@@ -11,7 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.errors import BadInput
-from contbreather.explorer import Explorer
+from contbreather.explorer import Explorer, session
 from contbreather.explorer.page import Page
 from contbreather.explorer.style import GRID
 
@@ -76,7 +76,7 @@ def test_the_diagram_has_its_curves_regions_and_meetings(bare: Page) -> None:
     assert set(bare.zones.letters.data["text"]) == {"S", "US"}
     assert len(bare.zones.meetings.data["text"]) == 3
     assert len(set(bare.zones.regions.data["colour"])) == 2
-    assert bare.zones.figure.title.text == "infinite chain, k = 0.8"
+    assert bare.zones.figure.title.text.strip() == "infinite chain, k = 0.8"
 
 
 @pytest.mark.parametrize(
@@ -237,13 +237,24 @@ def typed(page: Page, **texts: str) -> None:
         ({"lattice": "open:9", "site": "4"}, {"lattice": cb.OpenChain(9), "site": 4}),
         (
             {"lattice": "ring:12", "walls": "-0.9,0.9 3:none,none"},
-            {"lattice": cb.Ring(12), "walls": dict.fromkeys(range(12), (-0.9, 0.9)) | {3: None}},
+            {
+                "lattice": cb.Ring(12),
+                "walls": dict.fromkeys(range(12), (-0.9, 0.9)) | {3: (None, None)},
+            },
         ),
     ],
 )  # fmt: skip
-def test_lattice_springs_and_walls_are_typed(page: Page, texts: Any, given: Any) -> None:
+def test_lattice_springs_and_walls_are_typed(
+    page: Page, plane: Any, texts: Any, given: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Breathers, branches and zones are of what was typed; on the infinite chain zones have none
+    of it."""
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), plane)[1])
     page.explorer.watch((0,), 20)
     typed(page, **texts)
+    of = [{name: on[name] for name in on if name not in ("forcing", "progress")} for on in asked]
+    assert of == ([{"k": 0.8, "site": 0, **given}] if "lattice" in given else [])
     wanted = cb.symmetric(a=0.5, gamma=0.08, k=0.8, **given)
     chosen = page.explorer.chosen
     assert chosen.orbit.p == wanted.p

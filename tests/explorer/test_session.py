@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from shapely import LineString
 
 import contbreather as cb
-from contbreather.errors import BadInput, NoSolution
+from contbreather.errors import BadInput, Interrupted, NoSolution
 from contbreather.explorer import Explorer, session, work
 from contbreather.explorer.jobs import JobThread, Progress
 from contbreather.explorer.preview import LADDER, _mixed, between
@@ -278,6 +279,7 @@ def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
     assert "cb.OpenChain(9)" in explorer.chosen.code
     assert eval(explorer.chosen.code, {"cb": cb}).p == orbit.p
     assert explorer.lattice_of(explorer.chosen) == "open:9"
+    explorer.stop()
 
 
 def test_zones_are_those_of_the_ring_that_is_set() -> None:
@@ -285,8 +287,46 @@ def test_zones_are_those_of_the_ring_that_is_set() -> None:
     explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
     assert explorer.wait(HUNG)
     assert explorer.state.preview is not None
-    assert explorer.state.preview.lattice == "ring of 9"
+    assert explorer.state.preview.about == "ring of 9"
     assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
+
+
+def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(session, "PATIENCE", 0.0)
+    explorer, said = Explorer(k=0.8), threading.Event()
+    explorer.listen(lambda _: said.set() if "points" in explorer.drawing else None)
+    explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="open:4", damping=0.02)
+    assert said.wait(HUNG)
+    assert (explorer.stoppable, explorer.busy) == (True, False)
+    assert explorer.state.awaited == "k = 0.8, damping=0.02, lattice=cb.OpenChain(4)"
+    explorer.stop()
+    assert explorer.wait(HUNG)
+    assert "cb.OpenChain(4): stopped; what was done is kept" in explorer.message
+    assert (explorer.stoppable, explorer.state.awaited, explorer._planes) == (False, "", {})
+    made = "zones = cb.zones(k=0.8, damping=0.02, lattice=cb.OpenChain(4))"
+    assert made in explorer.script()
+
+
+def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    window = {"gamma": (0.03, 0.0301), "a": (0.755, 0.765)}
+    model = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
+    piece = replace(cb.zones(k=0.8, **model, within=window), interrupted=True)
+
+    def stopped(**_: Any) -> Any:
+        raise Interrupted("stopped", partial=piece)
+
+    monkeypatch.setattr(session, "zones", stopped)
+    explorer = Explorer()
+    explorer.look_at(0.8)
+    assert explorer.wait(HUNG)
+    drawn = explorer.state.preview
+    assert drawn is not None
+    on = "open chain with free ends, 3 sites, site 1, damping = 0.02"
+    assert (drawn.about, drawn.regions) == (f"{on}, stopped: curves may be missing", ())
 
 
 def test_what_cannot_be_is_refused_with_a_sentence() -> None:

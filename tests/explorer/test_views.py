@@ -180,11 +180,13 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
             (0.8, "chain", False),
             "chain, k = 0.8, between its neighbours; the exact one is being computed",
         ),
+        ((0.8, "chain", True), "chain, k = 0.8; another lattice is being computed"),
         ((0.8, "chain", True), "chain, k = 0.8"),
     ):
         known = preview and Preview(("k", preview[0]), *preview[1:], {}, (), ())
-        view.title(State(preview=known))
-        assert view.figure.title.text == words
+        view.title(State(preview=known, awaited="k = 0.8" if "computed" in words else ""))
+        lines = view.figure.title.text.split("\n")
+        assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
 
 def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, plane: Any) -> None:
@@ -203,6 +205,8 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
         view.choose(chosen, replace(drawn, fixed=("k", 0.8 + off)))
         there = orbit is B and off < 1e-9
         assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
+    view.choose(Chosen("b", damped), replace(drawn, about="ring of 12, damping = 0.01"))
+    assert view.here.data == {"x": [0.08], "y": [0.5]}
 
 
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:

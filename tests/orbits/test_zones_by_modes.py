@@ -51,9 +51,15 @@ def test_damped_rings_without_springs_have_a_diagram_from_gamma_0_on(sites, k, d
 def test_pitchforks_without_coupling_are_refused_where_idle_sites_rest_anywhere() -> None:
     model = {"lattice": cb.Ring(3), "damping": 0.02, "progress": False}
     window = {"k": (0.7, 0.71), "a": (0.68, 0.76)}
-    with pytest.raises(cb.BadInput, match="take gamma = 1e-06, or a spring"):
+    why = "gamma = 0: there PF cannot be traced, but up to gamma = 1e-06; take a point there"
+    with pytest.raises(cb.BadInput, match=why):
         cb.zones(gamma=0.0, **model, within=window)
     assert len(cb.zones(gamma=1e-6, **model, within=window)["PF"]) == 1
+    start = cb.symmetric(0.7, 0.0, 0.7, lattice=cb.Ring(3), damping=0.02)
+    fork = cb.trace(start, "a", within=window).first("PF")
+    for pair in (("gamma", "a"), ("k", "a")):
+        with pytest.raises(cb.BadInput, match=why):
+            cb.boundary(fork, pair)
 
 
 def test_upper_breathers_of_a_ring_are_the_same_by_modes() -> None:
