@@ -204,7 +204,8 @@ class RightSide:
 @lru_cache(maxsize=1)
 def _tableau() -> Tableau:
     """Dormand and Prince's, of scipy: the last stage is the end of a step."""
-    from scipy.integrate import DOP853
+    with deferred():  # nor is an import cut in two
+        from scipy.integrate import DOP853
 
     a = np.vstack([DOP853.A, DOP853.B])
     return Tableau(a, np.append(DOP853.C, 1.0), DOP853.E5.copy(), DOP853.E3.copy())
