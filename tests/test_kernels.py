@@ -106,14 +106,14 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
 
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
-    from contbreather.simulation.smooth_flow import MOTION, SmoothParameters
+    from contbreather.simulation.smooth_flow import RATES, SmoothParameters
 
     drive = np.zeros(2, int)
     on = SmoothParameters(0.5, 0.1, 0.1, 6.0, 0.0, 0.0, np.zeros((3, 1)), np.zeros((1, 3)), drive)
-    if MOTION.code() is None:
+    if RATES.code() is None:
         pytest.skip("nothing is compiled")
     with pytest.raises(TypeError, match=r"drive is int64 \(2,\); f8 with 1 axes, row by row"):
-        MOTION.following(np.zeros(4), on, np.zeros(4))
+        RATES.following(np.zeros(4), on, 0, np.zeros(4))
 
 
 # --- whose it is ----------------------------------------------------------------------------------

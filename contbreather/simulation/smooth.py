@@ -6,15 +6,14 @@ forcing is -a cos t. For m -> infinity this is the impacting ring with the k of 
 u^(2m) is |u|^(2m).
 
 Which solver: measured at m = 6, 20, 50 and N = 20 (``python -m tests.benchmarks --only
-simulation``) the chain is not stiff. Explicit order 8 with a compiled right-hand side is the
-fastest at every accuracy; implicit methods take 20 to 60 times as long at equal error. Whatever the
-solver, u^(2m) is invisible to its step control in mid flight, so its step is capped at 0.2.
+simulation``) the chain is not stiff. Explicit order 8, compiled, is the fastest at every accuracy;
+implicit methods take some hundred times as long at equal error. Whatever the solver, u^(2m) is
+invisible to its step control in mid flight, so its step is capped at 0.2.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -24,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.kernels import Kernel
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
@@ -33,7 +31,14 @@ from contbreather.progress import Bar
 from contbreather.signals import deferred
 from contbreather.simulation.chunks import Chunk, Sample, check_sample
 from contbreather.simulation.simulate import States, advance, gathered
-from contbreather.simulation.smooth_flow import MOTION, VARIED, SmoothParameters, ceiling
+from contbreather.simulation.smooth_flow import (
+    CAP,
+    CARRY,
+    RATES,
+    SmoothParameters,
+    Tableau,
+    ceiling,
+)
 from contbreather.simulation.states import (
     PERIOD,
     LatticeParameters,
@@ -50,9 +55,7 @@ from contbreather.storage.serialise import to_dict
 Array = NDArray[Any]
 
 FINE = 1e-12  # tolerance where derivatives are asked for
-CAP = 0.2  # largest step of any solver
 OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
-MOST = 1_000_000  # steps between two outputs
 
 
 def damping_of(k: float) -> float:
@@ -183,25 +186,35 @@ class SmoothModelParameters(LatticeParameters, total=False):
 Rhs = Callable[[float, Array], Array]
 
 
-def right_side(kernel: Kernel, args: tuple[Any, ...], size: int) -> Rhs:
-    """What a kernel fills in at a time and a state."""
-    # to copy both costs less than to look up where they are
-    state, out = np.empty(size), np.empty(size)
-    fill = kernel.following(state, *args, out)
+class RightSide:
+    """What a state, with variations of it, changes by; see `smooth_flow`."""
 
-    def at(t: float, y: Array) -> Array:
-        state[:] = y
-        fill(t)
-        return out.copy()
+    def __init__(self, on: SmoothConditions, size: int, params: int = 0) -> None:
+        self.given = on.parameters, params
+        # to copy both costs less than to look up where they are
+        self.state, self.rates = np.empty(size), np.empty(size)
+        self.fill = RATES.following(self.state, *self.given, self.rates)
 
-    return at
+    def __call__(self, t: float, y: Array) -> Array:
+        self.state[:] = y
+        self.fill(t)
+        return self.rates.copy()
+
+
+@lru_cache(maxsize=1)
+def _tableau() -> Tableau:
+    """Dormand and Prince's, of scipy: the last stage is the end of a step."""
+    with deferred():  # nor is an import cut in two
+        from scipy.integrate import DOP853
+
+    a = np.vstack([DOP853.A, DOP853.B])
+    return Tableau(a, np.append(DOP853.C, 1.0), DOP853.E5.copy(), DOP853.E3.copy())
 
 
 def jacobian(on: SmoothConditions, t: float, y: Array) -> Array:
     """The derivative of the right-hand side in y: the rates of variations that are unit vectors."""
-    columns = np.concatenate([y, np.eye(y.size).ravel()])
-    rates = right_side(VARIED, (on.parameters, 0), columns.size)(t, columns)
-    return rates.reshape(-1, y.size)[1:].T
+    start = np.concatenate([y, np.eye(y.size).ravel()])
+    return RightSide(on, start.size)(t, start)[y.size :].reshape(y.size, -1)
 
 
 class Solver(Protocol):
@@ -212,7 +225,8 @@ class Solver(Protocol):
 
 @dataclass(frozen=True)
 class Explicit:
-    """Dormand and Prince's method of order 8 (scipy's ``dop853``): the fastest here.
+    """Dormand and Prince's method of order 8 (scipy's ``DOP853``): the fastest here, for the
+    smooth chain is integrated by compiled code. Other functions are by scipy.
 
     Examples
     --------
@@ -223,24 +237,18 @@ class Explicit:
     tolerance: float = 1e-10
 
     def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
-        from scipy.integrate import ode
-
-        out = np.empty((len(times), len(y)))
-        settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
-        for i, t in enumerate(times):
-            step = min(CAP, 0.5 * (t - t0))
-            solver: Any = ode(rhs).set_integrator(
-                "dop853", nsteps=MOST, first_step=step, **settings
-            )
-            solver.set_initial_value(y, t0)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
-                with deferred():
-                    y = solver.integrate(t)
-            if not solver.successful():
-                raise _stuck("dop853", t)
-            out[i], t0 = y, float(t)
-        return out
+        if not isinstance(rhs, RightSide):
+            return _by_scipy("DOP853", self.tolerance, rhs, None, t0, y, times)
+        by, y = _tableau(), np.array(y, dtype=float)
+        reached = np.array([t0, min(CAP, 0.5 * (times[0] - t0))])
+        stages, room, out = np.empty((by.c.size, y.size)), np.empty((3, y.size)), []
+        for t in times:
+            with deferred():
+                CARRY(y, reached, float(t), *rhs.given, by, self.tolerance, stages, room)
+            if reached[0] != t:
+                raise _stuck("DOP853", reached[0])
+            out.append(y.copy())
+        return np.array(out)
 
 
 class _OfScipy:
@@ -250,17 +258,23 @@ class _OfScipy:
     tolerance: float
 
     def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
-        from scipy.integrate import solve_ivp
+        return _by_scipy(self.method, self.tolerance, rhs, jac, t0, y, times)
 
-        settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
-        if jac is not None:
-            settings["jac"] = jac
-        solve: Any = solve_ivp  # its stubs know every method by name and shape
-        with deferred():
-            found = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
-        if not found.success:
-            raise _stuck(self.method, found.t[-1] if len(found.t) else t0)
-        return np.ascontiguousarray(found.y.T)
+
+def _by_scipy(
+    method: str, tolerance: float, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array
+) -> Array:
+    from scipy.integrate import solve_ivp
+
+    settings: dict[str, Any] = {"rtol": max(tolerance, 3e-14), "atol": tolerance}
+    if jac is not None:
+        settings["jac"] = jac
+    solve: Any = solve_ivp  # its stubs know every method by name and shape
+    with deferred():
+        found = solve(rhs, (t0, times[-1]), y, method, times, max_step=CAP, **settings)
+    if not found.success:
+        raise _stuck(method, found.t[-1] if len(found.t) else t0)
+    return np.ascontiguousarray(found.y.T)
 
 
 @dataclass(frozen=True)
@@ -397,19 +411,21 @@ def flown(
         Where the solver cannot go on: there are no equations there.
     """
     x, times = np.concatenate(state), np.array([t0 + PERIOD * span])
-    solver, parameters = Explicit(FINE), on.parameters
+    # columns of the state's variations, then those of the parameters
+    first = np.eye(x.size) if columns is None else columns
+    params = len(OWN) if columns is None else 0
+    varied = np.hstack([first, np.zeros((x.size, params))]) if slopes else np.empty(0)
+    start = np.concatenate([x, varied.ravel()])
+    rhs = RightSide(on, start.size, params)
     try:
-        if not slopes:
-            rhs = right_side(MOTION, (parameters,), x.size)
-            return solver.states(rhs, None, t0, x, times)[0], None, None
-        first = np.eye(x.size) if columns is None else columns.T
-        params = len(OWN) if columns is None else 0
-        start = np.concatenate([x, first.ravel(), np.zeros(params * x.size)])
-        rhs = right_side(VARIED, (parameters, params), start.size)
-        end = solver.states(rhs, None, t0, start, times)[0].reshape(-1, x.size)
+        end = Explicit(FINE).states(rhs, None, t0, start, times)[0]
     except NotConverged as error:
         raise ArithmeticError(str(error)) from error
-    return end[0], end[1 : 1 + len(first)].T, end[1 + len(first) :].T
+    if not slopes:
+        return end, None, None
+    found = end[x.size :].reshape(x.size, -1)
+    wide = first.shape[1]
+    return end[: x.size], found[:, :wide], found[:, wide:]
 
 
 @dataclass
@@ -448,7 +464,7 @@ class SmoothIntegrator:
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""
         y, on = np.concatenate(self.state), self.conditions
-        rhs = right_side(MOTION, (on.parameters,), y.size)
+        rhs = RightSide(on, y.size)
         states = self.solver.states(rhs, partial(jacobian, on), self.t0, y, times)
         return np.reshape(states, (len(times), 2, -1))
 

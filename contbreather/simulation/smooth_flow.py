@@ -1,6 +1,9 @@
-"""Kernels of the smooth chain (21): its motion, and its variations.
+"""Kernels of the smooth chain (21): its motion with its variations, and their integration.
 
 ``q = |u|^(2m)`` is computed once for a site: the wall's force is ``(2m+1) q (lambda u' + q u)``.
+
+A state y is (u, u'), and behind it a matrix with as many rows, row by row, whose columns are
+variations; the last ``params`` of them, none or six, those in the first of `SmoothParameters`.
 """
 
 from __future__ import annotations
@@ -9,6 +12,9 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Vector
+
+CAP = 0.2  # largest step of any solver
+MOST = 1_000_000  # steps between two outputs
 
 
 class SmoothParameters(NamedTuple):
@@ -40,13 +46,6 @@ def force(t: float, series: Matrix) -> float:
     return total
 
 
-def add_pull(entries: Matrix, y: Vector, first: int, out: Vector, to: int, factor: float) -> None:
-    """Add a multiple of the couplings' pull at y, from ``first`` on, to ``out`` from ``to`` on."""
-    for i in range(entries.shape[0]):
-        pull = factor * entries[i, 2] * y[first + int(entries[i, 1])]
-        out[to + int(entries[i, 0])] -= pull
-
-
 def motion(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
     """(u', u'') of (21), for y that begins with (u, u')."""
     size, push = on.drive.size, on.a * force(t, on.series)
@@ -60,7 +59,9 @@ def motion(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
         wall = (2.0 * on.m + 1.0) * q * (on.lam * v + q * inside)
         out[n] = v
         out[size + n] = on.drive[n] * push - on.spring * u - on.mu * v - wall
-    add_pull(on.entries, y, 0, out, size, on.gamma)
+    for i in range(on.entries.shape[0]):
+        site, other = int(on.entries[i, 0]), int(on.entries[i, 1])
+        out[size + site] -= on.gamma * on.entries[i, 2] * y[other]
 
 
 def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float, float, float]:
@@ -68,8 +69,7 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
     inside = min(max(u, -top), top)
     size = abs(inside)
     q = size ** (2.0 * m)
-    # d q/du = 2m q/u, finite at u = 0
-    dq = 2.0 * m * size ** (2.0 * m - 1.0) * (1.0 if inside >= 0.0 else -1.0)
+    dq = 2.0 * m * q / inside if size > 0.0 else 0.0
     weight = 2.0 * m + 1.0
     in_u = weight * (lam * v * dq + (4.0 * m + 1.0) * q * q)
     in_m = 0.0
@@ -80,36 +80,128 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
     return in_u, weight * q, in_m
 
 
-def varied(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
-    """The motion with its variations: y is (u, u'), then columns of the same shape.
-
-    The last ``params`` columns, none or six, are derivatives in the first of `SmoothParameters`.
-    """
-    size = on.drive.size
-    wide = 2 * size
-    columns = y.size // wide - 1
+def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
+    """What the motion and its variations change by."""
     motion(t, y, on, out)
+    size = on.drive.size
+    columns = y.size // (2 * size) - 1
+    if columns == 0:
+        return
     push, top = force(t, on.series), ceiling(on.m)
-    behind = wide * (columns - params + 1) + size  # accelerations of the first of those columns
+    begin, half = 2 * size, size * columns  # of the matrix, and of its lower half behind that
     for n in range(size):
         u, v = y[n], y[size + n]
         in_u, density, in_m = slopes(u, v, on.lam, on.m, top)
         stiff, drag = on.spring + in_u, on.mu + on.lam * density
+        at = begin + n * columns
+        low = at + half
+        # rows as arrays of their own: whose indices are seen to be in order, so that several
+        # columns are computed at once
+        du, dv, dw = y[at : at + columns], y[low : low + columns], out[low : low + columns]
+        velocity = out[at : at + columns]
         for i in range(columns):
-            at = wide * (i + 1)
-            out[at + n] = y[at + size + n]
-            out[at + size + n] = -stiff * y[at + n] - drag * y[at + size + n]
+            velocity[i] = dv[i]
+            dw[i] = -stiff * du[i] - drag * dv[i]
         if params > 0:
-            out[behind + n] += on.drive[n] * push
-            out[behind + 2 * wide + n] -= density * v
-            out[behind + 3 * wide + n] -= in_m
-            out[behind + 4 * wide + n] -= v
-            out[behind + 5 * wide + n] -= u
-    for i in range(columns):
-        at = wide * (i + 1)
-        add_pull(on.entries, y, at, out, at + size, on.gamma)
-    if params > 0:
-        add_pull(on.entries, y, 0, out, behind + wide, 1.0)
+            own = dw[columns - params :]
+            own[0] += on.drive[n] * push
+            own[2] -= density * v
+            own[3] -= in_m
+            own[4] -= v
+            own[5] -= u
+    for i in range(on.entries.shape[0]):
+        site, other, weight = int(on.entries[i, 0]), int(on.entries[i, 1]), on.entries[i, 2]
+        at, low = begin + other * columns, begin + half + site * columns
+        du, dw, pull = y[at : at + columns], out[low : low + columns], on.gamma * weight
+        for j in range(columns):
+            dw[j] -= pull * du[j]
+        if params > 0:
+            dw[columns - params + 1] -= weight * y[other]
 
 
-MOTION, VARIED = Kernel(motion), Kernel(varied)
+# --- integration ----------------------------------------------------------------------------------
+
+
+class Tableau(NamedTuple):
+    """Of an explicit Runge-Kutta method of order 8: weights of the stages before each stage, the
+    last of which is the end of the step, its time, and weights of the errors of order 5 and 3."""
+
+    a: Matrix
+    c: Vector
+    fifth: Vector
+    third: Vector
+
+
+def weighted(weights: Vector, stages: Matrix, count: int, out: Vector) -> None:
+    """The sum of the first stages by their weights."""
+    for n in range(out.size):
+        out[n] = 0.0
+    for j in range(count):
+        weight = weights[j]
+        if weight != 0.0:
+            for n in range(out.size):
+                out[n] += weight * stages[j, n]
+
+
+def step_to(
+    t: float, y: Vector, step: float, on: SmoothParameters, params: int, by: Tableau,
+    tolerance: float, stages: Matrix, room: Matrix,
+) -> float:  # fmt: skip
+    """The end of a step, in the first row of ``room``, and its error in units of the tolerance."""
+    trial, fifth, third = room[0], room[1], room[2]
+    last = by.c.size - 1
+    for i in range(1, last + 1):
+        weighted(by.a[i], stages, i, trial)
+        for n in range(y.size):
+            trial[n] = y[n] + step * trial[n]
+        rates(t + by.c[i] * step, trial, on, params, stages[i])
+    weighted(by.fifth, stages, last, fifth)
+    weighted(by.third, stages, last, third)
+    large = small = 0.0
+    for n in range(y.size):
+        scale = tolerance * (1.0 + max(abs(y[n]), abs(trial[n])))
+        e5, e3 = fifth[n] / scale, third[n] / scale
+        large += e5 * e5
+        small += e3 * e3
+    # Hairer, Norsett, Wanner, Solving ODEs I, II.10: of order 8, where neither of both is
+    return 0.0 if large == 0.0 else abs(step) * large / math.sqrt((large + 0.01 * small) * y.size)
+
+
+def carry(
+    y: Vector, reached: Vector, end: float, on: SmoothParameters, params: int, by: Tableau,
+    tolerance: float, stages: Matrix, room: Matrix,
+) -> None:  # fmt: skip
+    """Take y to the time ``end``, in place.
+
+    ``reached`` is the time of y and the step to go on with; short of ``end`` where steps become
+    too small.
+    """
+    t, h, last = reached[0], reached[1], by.c.size - 1
+    rates(t, y, on, params, stages[0])
+    most = 6.0  # by which a step may grow; not at all after one that was too long
+    for _ in range(MOST):
+        whole = t + 1.01 * h < end
+        step = h if whole else end - t
+        off = step_to(t, y, step, on, params, by, tolerance, stages, room)
+        factor = 0.3  # also where the error is no number
+        if off == 0.0:
+            factor = most
+        elif off > 0.0:
+            factor = max(0.3, min(most, 0.9 * off**-0.125))
+        if off < 1.0:
+            t = t + step if whole else end
+            for n in range(y.size):
+                y[n], stages[0, n] = room[0, n], stages[last, n]
+            # a step cut short says little about the next one
+            h = min(CAP, step * factor if whole else max(h, step * factor))
+            most = 6.0
+            if not whole:
+                break
+        else:
+            h, most = step * factor, 1.0
+            if h <= 1e-15 * max(abs(t), abs(end)):
+                break
+    reached[0], reached[1] = t, h
+
+
+RATES, CARRY = Kernel(rates), Kernel(carry, long=True)

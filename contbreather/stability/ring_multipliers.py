@@ -48,6 +48,7 @@ SPARE = 6  # coefficients beyond the remainder's degree, which must vanish
 RADIUS = 2.0  # circle on which polynomials are compared: outside the band, near all else
 TINY = 1e-300
 VECTOR = 1e-9  # largest residual of an eigenvector
+SETTLED = 1e-11  # a step of Newton's method after which the next one is rounding
 SOUND = 1e-9  # largest defect of the product over zeros and poles; a wrong zero makes 1/N or more
 
 
@@ -180,7 +181,10 @@ def _polish(gamma: float, k: float, b: float, all_modes: RingModes, sites: int, 
         nu = -1j * np.log(mu[~far]) / math.pi
         with np.errstate(all="ignore"):
             step = _near_step(gamma, k, b, sites, all_modes.w, nu)
-        mu[~far] = np.exp(1j * math.pi * (nu - np.where(np.isfinite(step), step, 0.0)))
+        step = np.where(np.isfinite(step), step, 0.0)
+        mu[~far] = np.exp(1j * math.pi * (nu - step))
+        if not far.any() and np.abs(step).max(initial=0.0) < SETTLED:
+            break
     real = np.abs(mu.imag) < 1e-14 * np.abs(mu)
     return np.where(real, mu.real, mu)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -236,9 +237,10 @@ def _as_exact(
 
 
 def _states(solver: Any, conditions: Any, y: np.ndarray, times: np.ndarray) -> np.ndarray:
-    from contbreather.simulation.smooth import sides
+    from contbreather.simulation.smooth import RightSide, jacobian
 
-    return solver.states(*sides(conditions, y.size), 0.0, y, times)[-1]
+    sides = RightSide(conditions, y.size), partial(jacobian, conditions)
+    return solver.states(*sides, 0.0, y, times)[-1]
 
 
 def _radau(
@@ -247,10 +249,10 @@ def _radau(
     """Time and error of scipy's Radau with the same compiled right-hand side."""
     from scipy.integrate import solve_ivp
 
-    from contbreather.simulation.smooth import sides
+    from contbreather.simulation.smooth import RightSide
 
     def solve() -> Any:
-        rhs = sides(conditions, y.size)[0]
+        rhs = RightSide(conditions, y.size)
         return solve_ivp(rhs, (0.0, times[-1]), y, "Radau", rtol=1e-8, atol=1e-8, max_step=0.2)
 
     error = float(np.abs(solve().y[:, -1] - exact).max())

@@ -62,16 +62,25 @@ def _odd_sines(order, s):
     return mp.clsin(order, s) - mp.clsin(order, 2 * s) / mp.mpf(2) ** order
 
 
+@cache
+def _beside(gamma, n):
+    """What the expansion leaves of the coefficients of the first harmonics."""
+    e = _expansion(gamma, n)
+    with mp.workdps(30):
+        return [
+            coefficient(gamma, n, mp.mpf(m))
+            - mp.fsum(c / mp.mpf(m) ** (2 * j + 2) for j, c in enumerate(e))
+            for m in range(1, 2 * DIRECT, 2)
+        ]
+
+
 def flight_of(gamma, n, s):
     """v_n and v_n' per unit p at the time s after the impact, 0 < s < pi, from (9)."""
     gamma, s = mp.mpf(gamma), mp.mpf(s)
     e = _expansion(gamma, n)
     v = mp.fsum(c * _odd_cosines(2 * j + 2, s) for j, c in enumerate(e))
     w = -mp.fsum(c * _odd_sines(2 * j + 1, s) for j, c in enumerate(e))
-    for m in range(1, 2 * DIRECT, 2):
-        left = coefficient(gamma, n, mp.mpf(m)) - mp.fsum(
-            c / mp.mpf(m) ** (2 * j + 2) for j, c in enumerate(e)
-        )
+    for m, left in zip(range(1, 2 * DIRECT, 2), _beside(gamma, n), strict=True):
         v += left * mp.cos(m * s)
         w -= left * m * mp.sin(m * s)
     return v, w

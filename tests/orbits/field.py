@@ -50,7 +50,7 @@ class Field:
         while t < stop:
             flight = solve_ivp(
                 self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
-                max_step=0.1, dense_output=at is not None,
+                max_step=0.2, dense_output=at is not None,
             )  # fmt: skip
             if at is not None:
                 seen += [flight.sol(s) for s in at if t <= s < flight.t[-1]]

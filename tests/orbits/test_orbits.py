@@ -30,11 +30,10 @@ RICH = Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.2, 5: -0.3})
 
 
 @cache
-def closed_form(gamma, k, d):
-    """(p, a, t_m, |c|) of the breather with the flights pi -+ 2d: ``p = 1/(A - B cot d)``, ..."""
+def mean_responses(gamma, d):
+    """A and B of the closed form: means over the band."""
     with mp.workdps(25):
-        g, k, d = mp.mpf(gamma), mp.mpf(k), mp.mpf(d)
-        q = (1 - k) / (1 + k)
+        g, d = mp.mpf(gamma), mp.mpf(d)
 
         def A(w):
             if w == 0:
@@ -49,8 +48,17 @@ def closed_form(gamma, k, d):
                 return f(mp.mpf(0))
             return mp.quad(lambda x: f(2 * mp.sqrt(g) * mp.sin(x / 2)), [0, 1, 2, mp.pi]) / mp.pi
 
-        p = 1 / (mean(A) - mean(B) * mp.cot(d))
-        x, y = p * q / mp.cos(d), -p * mean(B) / mp.sin(d)
+        return mean(A), mean(B)
+
+
+def closed_form(gamma, k, d):
+    """(p, a, t_m, |c|) of the breather with the flights pi -+ 2d: ``p = 1/(A - B cot d)``, ..."""
+    A, B = mean_responses(gamma, d)
+    with mp.workdps(25):
+        k, d = mp.mpf(k), mp.mpf(d)
+        q = (1 - k) / (1 + k)
+        p = 1 / (A - B * mp.cot(d))
+        x, y = p * q / mp.cos(d), -p * B / mp.sin(d)
         c = p * q * mp.tan(d)
         return tuple(float(value) for value in (p, mp.hypot(x, y), mp.atan2(y, x), c))
 

@@ -231,7 +231,7 @@ def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
     assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
 
 
-@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000), (3000, 2000)])
+@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000)])
 def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
     for a, _ in BANDS:
         found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)

@@ -122,7 +122,7 @@ def test_with_one_wall_there_is_no_half_and_doublings_are_those_of_the_shot_orbi
     start = periodic(state, a=0.9, t0=0.3, **on)
     assert "PF" not in {event.kind for event in start.problem.events}
     down = cb.trace(start, "a", towards="down", within={"a": (0.5, 0.9)}).first("LP")
-    wanted = cb.trace(shot, "a", within={"a": (0.5, 1.5)}).first("LP")
+    wanted = cb.trace(shot, "a", towards="down", within={"a": (0.5, 0.9)}).first("LP")
     assert down["a"] == pytest.approx(wanted["a"], abs=1e-9)
 
 

@@ -104,7 +104,7 @@ def test_without_coupling_every_idle_site_is_free_and_the_impacting_one_alone():
 
 @pytest.mark.parametrize("sites", [1600, 1601])
 def test_on_long_rings_trace_determinant_and_eigenvectors_vouch_for_them(sites):
-    for a, gamma, k in BREATHERS[:6]:
+    for a, gamma, k in BREATHERS[sites % 2 : 6 : 2]:
         b = b_of(a, gamma, k)
         ring = Ring(sites)
         mu = half_multipliers(ring, gamma, k, b)
@@ -157,7 +157,7 @@ def test_on_a_bifurcation_the_critical_multiplier_is_there(k):
 
 def test_on_a_pitchfork_of_any_ring_the_multiplier_is_one():
     rng = np.random.default_rng(2)
-    for _ in range(250):
+    for _ in range(120):
         ring = Ring(int(rng.integers(1, 120)))
         gamma = rng.choice([rng.uniform(0, 0.25), 10 ** rng.uniform(-8, -1)])
         k = rng.choice([rng.uniform(), 0.0])
