@@ -1,4 +1,4 @@
-"""Kernels of the smooth chain (21): its motion with its variations, and their integration.
+"""Kernel of the smooth chain (21): its motion with its variations.
 
 ``q = |u|^(2m)`` is computed once for a site: the wall's force is ``(2m+1) q (lambda u' + q u)``.
 
@@ -12,9 +12,6 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Vector
-
-CAP = 0.2  # largest step of any solver
-MOST = 1_000_000  # steps between two outputs
 
 
 class SmoothParameters(NamedTuple):
@@ -119,89 +116,4 @@ def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -
             dw[columns - params + 1] -= weight * y[other]
 
 
-# --- integration ----------------------------------------------------------------------------------
-
-
-class Tableau(NamedTuple):
-    """Of an explicit Runge-Kutta method of order 8: weights of the stages before each stage, the
-    last of which is the end of the step, its time, and weights of the errors of order 5 and 3."""
-
-    a: Matrix
-    c: Vector
-    fifth: Vector
-    third: Vector
-
-
-def weighted(weights: Vector, stages: Matrix, count: int, out: Vector) -> None:
-    """The sum of the first stages by their weights."""
-    for n in range(out.size):
-        out[n] = 0.0
-    for j in range(count):
-        weight = weights[j]
-        if weight != 0.0:
-            for n in range(out.size):
-                out[n] += weight * stages[j, n]
-
-
-def step_to(
-    t: float, y: Vector, step: float, on: SmoothParameters, params: int, by: Tableau,
-    tolerance: float, stages: Matrix, room: Matrix,
-) -> float:  # fmt: skip
-    """The end of a step, in the first row of ``room``, and its error in units of the tolerance."""
-    trial, fifth, third = room[0], room[1], room[2]
-    last = by.c.size - 1
-    for i in range(1, last + 1):
-        weighted(by.a[i], stages, i, trial)
-        for n in range(y.size):
-            trial[n] = y[n] + step * trial[n]
-        rates(t + by.c[i] * step, trial, on, params, stages[i])
-    weighted(by.fifth, stages, last, fifth)
-    weighted(by.third, stages, last, third)
-    large = small = 0.0
-    for n in range(y.size):
-        scale = tolerance * (1.0 + max(abs(y[n]), abs(trial[n])))
-        e5, e3 = fifth[n] / scale, third[n] / scale
-        large += e5 * e5
-        small += e3 * e3
-    # Hairer, Norsett, Wanner, Solving ODEs I, II.10: of order 8, where neither of both is
-    return 0.0 if large == 0.0 else abs(step) * large / math.sqrt((large + 0.01 * small) * y.size)
-
-
-def carry(
-    y: Vector, reached: Vector, end: float, on: SmoothParameters, params: int, by: Tableau,
-    tolerance: float, stages: Matrix, room: Matrix,
-) -> None:  # fmt: skip
-    """Take y to the time ``end``, in place.
-
-    ``reached`` is the time of y and the step to go on with; short of ``end`` where steps become
-    too small.
-    """
-    t, h, last = reached[0], reached[1], by.c.size - 1
-    rates(t, y, on, params, stages[0])
-    most = 6.0  # by which a step may grow; not at all after one that was too long
-    for _ in range(MOST):
-        whole = t + 1.01 * h < end
-        step = h if whole else end - t
-        off = step_to(t, y, step, on, params, by, tolerance, stages, room)
-        factor = 0.3  # also where the error is no number
-        if off == 0.0:
-            factor = most
-        elif off > 0.0:
-            factor = max(0.3, min(most, 0.9 * off**-0.125))
-        if off < 1.0:
-            t = t + step if whole else end
-            for n in range(y.size):
-                y[n], stages[0, n] = room[0, n], stages[last, n]
-            # a step cut short says little about the next one
-            h = min(CAP, step * factor if whole else max(h, step * factor))
-            most = 6.0
-            if not whole:
-                break
-        else:
-            h, most = step * factor, 1.0
-            if h <= 1e-15 * max(abs(t), abs(end)):
-                break
-    reached[0], reached[1] = t, h
-
-
-RATES, CARRY = Kernel(rates), Kernel(carry, long=True)
+RATES = Kernel(rates)

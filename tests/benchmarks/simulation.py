@@ -237,9 +237,9 @@ def _as_exact(
 
 
 def _states(solver: Any, conditions: Any, y: np.ndarray, times: np.ndarray) -> np.ndarray:
-    from contbreather.simulation.smooth import RightSide, jacobian
+    from contbreather.simulation.smooth import jacobian, right_side
 
-    sides = RightSide(conditions, y.size), partial(jacobian, conditions)
+    sides = right_side(conditions, y.size), partial(jacobian, conditions)
     return solver.states(*sides, 0.0, y, times)[-1]
 
 
@@ -249,10 +249,10 @@ def _radau(
     """Time and error of scipy's Radau with the same compiled right-hand side."""
     from scipy.integrate import solve_ivp
 
-    from contbreather.simulation.smooth import RightSide
+    from contbreather.simulation.smooth import right_side
 
     def solve() -> Any:
-        rhs = RightSide(conditions, y.size)
+        rhs = right_side(conditions, y.size)
         return solve_ivp(rhs, (0.0, times[-1]), y, "Radau", rtol=1e-8, atol=1e-8, max_step=0.2)
 
     error = float(np.abs(solve().y[:, -1] - exact).max())

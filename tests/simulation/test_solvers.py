@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from contbreather.errors import NotConverged
-from contbreather.simulation import Explicit, Implicit, Switching, simulate_smooth
+from contbreather.simulation import Explicit, Implicit, Switching
 
 TIMES = np.array([0.6, 1.0, 7.0])
-SITE = {"a": 0.3, "gamma": 0.0, "k": 0.8, "m": 6, "periods": 1}
 
 
 class Oscillator:
@@ -69,9 +68,7 @@ def test_a_finer_tolerance_is_a_finer_solution() -> None:
 
 
 def test_a_solver_that_cannot_go_on_names_itself_and_what_else_there_is() -> None:
-    """``y' = y^2`` from 1 at t = 0 has a pole at t = 1; no step is as exact as 1e-40."""
-    for solver, name in ((Explicit(), "DOP853"), (Implicit(), "Radau")):
+    """``y' = y^2`` from 1 at t = 0 has a pole at t = 1."""
+    for solver, name in ((Explicit(), "dop853"), (Implicit(), "Radau")):
         with pytest.raises(NotConverged, match=rf"{name} cannot go on at t = .*Switching"):
             solver.states(lambda t, y: y * y, None, 0.0, np.array([1.0]), np.array([2.0]))
-    with pytest.raises(NotConverged, match=r"DOP853 cannot go on at t = 0: .*Switching"):
-        simulate_smooth(([0.3], [1.0]), **SITE, solver=Explicit(1e-40))
