@@ -48,7 +48,6 @@ ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unl
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
     "contbreather.lattice.response",
-    "contbreather.flows.stages",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
     "contbreather.orbits.closed_loops",

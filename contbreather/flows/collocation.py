@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from ..checks import whole
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
-from . import stages
 from .flow import Flow, Params, slopes, values
 
 _MOST_POINTS = 12
 _ITERATIONS = 12
-_SOLVED = 1e-14  # a correction still to come that is this small, of the slopes, is rounding
+_SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
 _STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest, count as this
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
@@ -90,7 +89,7 @@ class Collocation:
         """Integrals from 0 to each of `at` of the Lagrange polynomials of the nodes."""
         lifted = np.polynomial.legendre.legint(np.eye(self.points), lbnd=-1, scl=0.5)
         integrals = np.polynomial.legendre.legval(2 * at - 1, lifted).T
-        return np.ascontiguousarray(np.linalg.solve(self._legendre.T, integrals.T).T)
+        return np.asarray(np.linalg.solve(self._legendre.T, integrals.T).T)
 
     def between(self, at: Array) -> Array:
         """Lagrange polynomials of the nodes, at each of `at`."""
@@ -120,25 +119,15 @@ class Flight:
     states: Array
     slopes: Array
 
-    @cached_property
-    def steps(self) -> Array:
-        """The lengths of its intervals in units of the duration."""
-        return np.diff(self.knots)
-
-    @cached_property
+    @property
     def begins(self) -> Array:
         """The times at which its intervals begin."""
         return np.asarray(self.start + self.duration * self.knots[:-1])
 
-    @cached_property
+    @property
     def lengths(self) -> Array:
         """How long they last."""
-        return np.asarray(self.duration * self.steps)
-
-    @cached_property
-    def times(self) -> Array:
-        """The times of all Gauss points."""
-        return np.asarray(self.begins[:, None] + self.lengths[:, None] * self.scheme.nodes).ravel()
+        return np.asarray(self.duration * np.diff(self.knots))
 
     @cached_property
     def ends(self) -> Array:
@@ -164,12 +153,12 @@ class Flight:
         """Their derivatives in a time from 0 to 1."""
         j, place = self.places(s)
         rates = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.between(place))
-        return np.asarray(rates / self.steps[j])
+        return np.asarray(rates / np.diff(self.knots)[j])
 
     def places(self, s: Array) -> tuple[NDArray[np.intp], Array]:
         """The intervals in which times from 0 to 1 lie, and where in these."""
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
-        return j, (s - self.knots[j]) / self.steps[j]
+        return j, (s - self.knots[j]) / np.diff(self.knots)[j]
 
     def on(self, knots: Array) -> Flight:
         """The same flight on another mesh, by interpolation: a start for it."""
@@ -189,7 +178,7 @@ class Flight:
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there."""
         places = np.arange(per) / per
-        inside = self.knots[:-1, None] + self.steps[:, None] * places
+        inside = self.knots[:-1, None] + np.diff(self.knots)[:, None] * places
         states = self.states[..., None] + self.slopes @ self.scheme.spread(places).T
         flat = states.reshape(len(self.states), -1)
         return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
@@ -202,7 +191,7 @@ class Flight:
         where much happens and nowhere too wide. The unit of the path is that for which the shares
         of the time add up to two thirds.
         """
-        steps, moved = self.steps[:, None], self.slopes / sizes[:, None, None] / length
+        steps, moved = np.diff(self.knots)[:, None], self.slopes / sizes[:, None, None] / length
         path = (steps * _AT_REST / length) ** 2 + (moved**2).sum(axis=0)
         pace = np.sqrt(steps**2 + path)
         unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
@@ -235,21 +224,18 @@ class Flight:
         return float(left.max()), float(self.knots[j])
 
 
-# Of the matrices of the stage equations, and their pivots, one for each interval.
-Factors = tuple[Array, NDArray[np.int64]]
-
-
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """Derivatives of a flight: of the state where each interval ends, and of the slopes inside.
 
     The last axis is one entry for each state where the interval begins, the time at which it
-    begins, its length, and each parameter asked for.
+    begins, its length, and each parameter asked for. `inverse` is that of the matrix of the linear
+    equations for the slopes inside, of each interval.
     """
 
     ends: Array  # (intervals, n, n + 2 + parameters)
     inside: Array  # (intervals, points, n, n + 2 + parameters)
-    factors: Factors
+    inverse: Array  # (intervals, points n, points n)
 
     def beside(self, own: Flight, other: Flight, moved: Sequence[float]) -> Array:
         """To first order the slopes inside of another flight than their own, for parameters that
@@ -266,51 +252,47 @@ def flown(
     flight: Flight,
     p: Params,
     unit: float,
-    near: tuple[Array, Factors | None] | None = None,
+    near: tuple[Array, Array | None] | None = None,
 ) -> Flight:
     """The flight from these states on, solved for the slopes inside.
 
-    To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with factors
-    of near by; from what a Runge-Kutta method gives, or where the flow is stiff from slopes as
+    To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
+    of one near by; from what a Runge-Kutta method gives, or where the flow is stiff from slopes as
     they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
     for way in (near, _predicted, _constant) if near else (_predicted, _constant):
         try:
-            guess, factors = (way(flow, flight, p), None) if callable(way) else way
-            return replace(flight, slopes=_newton(flow, flight, p, guess, factors, unit))
+            guess, inverse = (way(flow, flight, p), None) if callable(way) else way
+            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse, unit))
         except Undefined as error:
             failed = error
     raise failed
 
 
 def _newton(
-    flow: Flow, flight: Flight, p: Params, guess: Array, factors: Factors | None, unit: float
+    flow: Flow, flight: Flight, p: Params, k: Array, inverse: Array | None, unit: float
 ) -> Array:
-    """Newton's iteration for the slopes inside of all intervals; factors serve as long as they
-    make corrections shrink."""
-    before, k, lengths = np.inf, guess.copy(), flight.lengths
+    """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
+    makes corrections shrink."""
+    before, lengths = np.inf, flight.lengths[:, None]
     still = _STILL * max(unit, abs(flight.states).max())
-    f, answer = np.empty(k.shape), np.empty(1)
-    step, correct = np.empty((lengths.size, 1, k[:, 0].size)), None
     for _ in range(_ITERATIONS):
-        fresh = factors is None
-        if factors is None:
-            found, df = _inside(flow, flight, k, p, ())
-            factors, correct = _factorised(flight, df), None
+        fresh = inverse is None
+        if inverse is None:
+            f, df = _inside(flow, flight, k, p, ())
+            inverse = _inverted(_matrix(flight, df))
         else:
-            found = values(flow.f, *_gauss(flight, k), p)
-        f[...] = found.reshape(k.shape)
-        if correct is None:
-            correct = stages.CORRECT.following(*factors, lengths, f, step, k, answer)
-        correct(still)
-        size = answer.item()
-        shrunk = min(1.0, size / before) if before < np.inf else 1.0  # as the next one would be
-        if size * shrunk <= _SOLVED or (before <= _NEARLY and shrunk >= 0.5):
+            f = values(flow.f, *_gauss(flight, k), p)
+        off = (k - f.reshape(k.shape) * lengths).transpose(1, 2, 0)
+        step = (inverse @ off.reshape(len(off), -1, 1)).reshape(off.shape)
+        k = k - step.transpose(2, 0, 1)
+        size = float(abs(step).max() / max(abs(k).max(), still))
+        if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
             return k
         if not (fresh or size <= _SHRINKS * before):
-            factors = None
+            inverse = None
         before = size
     raise Undefined(
         "an interval of the mesh is too long for its flow: the period grows without bound, or more "
@@ -340,16 +322,19 @@ def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
 
 def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:
     """Exact derivatives of a flight, of all intervals at once."""
-    (n, count, points), scheme = flight.slopes.shape, flight.scheme
+    n, scheme, lengths = len(flight.states), flight.scheme, flight.lengths[:, None, None]
     f, df = _inside(flow, flight, flight.slopes, p, names)
-    factors = _factorised(flight, df)
-    many = n + 2 + len(names)
-    inside, ends = np.empty((count, many, points * n)), np.empty((count, n, many))
-    stages.SENSITIVITIES(
-        *factors, flight.lengths, scheme.nodes, scheme.weights, f.reshape(n, count, points), df,
-        inside, ends,
-    )  # fmt: skip
-    return Slopes(ends, inside.reshape(count, many, points, n).transpose(0, 2, 3, 1), factors)
+    split = df.reshape(n, -1, lengths.size, scheme.points).transpose(2, 3, 0, 1)
+    own = f.reshape(n, lengths.size, -1).transpose(1, 2, 0)
+    right = np.empty((lengths.size, scheme.points, n, n + 2 + len(names)))
+    right[..., : n + 1] = lengths[..., None] * split[..., : n + 1]
+    right[..., n + 1] = own + lengths * scheme.nodes[:, None] * split[..., n]
+    right[..., n + 2 :] = lengths[..., None] * split[..., n + 1 :]
+    inverse = _inverted(_matrix(flight, df))
+    inside = (inverse @ right.reshape(lengths.size, -1, right.shape[-1])).reshape(right.shape)
+    ends = np.tensordot(scheme.weights, inside, (0, 1))
+    ends[:, :, :n] += np.eye(n)
+    return Slopes(ends, inside, inverse)
 
 
 def fitted(
@@ -382,18 +367,28 @@ def _inside(
 
 def _gauss(flight: Flight, k: Array) -> tuple[Array, Array]:
     """Times and states of all Gauss points."""
-    states = flight.states[..., None] + k @ flight.scheme.matrix.T
-    return flight.times, states.reshape(len(k), -1)
+    scheme = flight.scheme
+    states = (flight.states[..., None] + k @ scheme.matrix.T).reshape(len(k), -1)
+    times = flight.begins[:, None] + flight.lengths[:, None] * scheme.nodes
+    return times.ravel(), states
 
 
-def _factorised(flight: Flight, df: Array) -> Factors:
-    """Of the linear equations for the slopes of each interval."""
-    size = len(df) * flight.scheme.points
-    factors = np.empty((flight.lengths.size, size, size))
-    pivots, answer = np.empty(factors.shape[:2], np.int64), np.empty(1)
-    stages.FACTORISE(df, flight.lengths, flight.scheme.matrix, factors, pivots, answer)
-    if not np.isfinite(answer[0]):
+def _matrix(flight: Flight, df: Array) -> Array:
+    """The matrix of the linear equations for the slopes of each interval."""
+    n, count, points = len(df), flight.lengths.size, flight.scheme.points
+    inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
+    reach = flight.lengths[:, None, None] * flight.scheme.matrix
+    matrix = -inner[:, :, :, None, :] * reach[:, :, None, :, None]
+    matrix = matrix.reshape(count, points * n, points * n)
+    matrix[:, np.arange(points * n), np.arange(points * n)] += 1.0
+    return np.asarray(matrix)
+
+
+def _inverted(matrix: Array) -> Array:
+    """A step is one product with it, and serves flights near by as well."""
+    if not np.isfinite(matrix.sum()):
         raise Undefined("the vector field is not finite")
-    if not answer[0]:
-        raise Undefined("an interval of the mesh is too long for its flow")
-    return factors, pivots
+    try:
+        return np.asarray(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError as error:
+        raise Undefined("an interval of the mesh is too long for its flow") from error

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import Factors, Flight, Slopes, derivatives, flown
+from .collocation import Flight, Slopes, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .multipliers import multipliers, without_direction
 
@@ -73,12 +73,12 @@ class _Known(NamedTuple):
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
 
-    def of(self, i: int, flight: Flight, p: Params) -> tuple[Array, Factors | None]:
-        """What the slopes inside of a flow are to first order, and the factors that find them."""
+    def of(self, i: int, flight: Flight, p: Params) -> tuple[Array, Array | None]:
+        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
         if not self.slopes:
             return self.flights[i].slopes, None
         moved = [p[name] - self.params[name] for name in self.names]
-        return self.slopes[i].beside(self.flights[i], flight, moved), self.slopes[i].factors
+        return self.slopes[i].beside(self.flights[i], flight, moved), self.slopes[i].inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +213,9 @@ class Equations:
         duration = float(x[self.lengths[i]])
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
-        states = x[self.nodes[i]].T
-        found = Flight(self.start[i].scheme, knots, t, duration, states, np.empty(0))
-        if not (found.steps > 0).all():
+        if not (np.diff(knots) > 0).all():
             raise Undefined("intervals of the mesh overtake each other")
-        return found
+        return Flight(self.start[i].scheme, knots, t, duration, x[self.nodes[i]].T, np.empty(0))
 
     def __call__(self, x: Array, p: Params) -> Array:
         flights = self.flights(x, p)
@@ -268,7 +266,8 @@ class Equations:
         what keeps an orbit from sliding along itself."""
         rows = []
         for flight in self.start:
-            weights = 0.5 * (flight.steps + np.roll(flight.steps, 1))
+            steps = np.diff(flight.knots)
+            weights = 0.5 * (steps + np.roll(steps, 1))
             row = (flight.rates(flight.knots[:-1]) * weights).T.ravel()
             rows.append(row / (np.linalg.norm(row) or 1.0))
         return tuple(rows)
@@ -315,7 +314,7 @@ class Equations:
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(own.ends, shares, longer, timed / flight.steps, reset, condition)
+        return Linear(own.ends, shares, longer, timed / np.diff(flight.knots), reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
@@ -403,7 +402,7 @@ class Equations:
         what the beginning of the flow is the sum of, and the parameters."""
         n, knots = len(flight.states), flight.knots
         start, steps = (
-            at.reshape(-1, *[1] * (slope.ndim - 1)) for at in (knots[:-1], flight.steps)
+            at.reshape(-1, *[1] * (slope.ndim - 1)) for at in (knots[:-1], np.diff(knots))
         )
         begins, lasts = slope[..., n : n + 1], slope[..., n + 1 : n + 2]
         return np.concatenate(
