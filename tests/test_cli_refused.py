@@ -277,10 +277,6 @@ OF_LATTICES = {
         r"past_folds: lower breathers are drawn on the infinite chain, or on a ring",
     ),
     "zones of a site that is not there": ("zones --lattice open:5 --site 5", r"no such site"),
-    "atlas of a lattice": (
-        "atlas --k 0.8 --lattice open:9",
-        r"--lattice is not an option of atlas: its curves",
-    ),
     "figure": (
         "figure 4 --walls -2,2",
         r"--walls is not an option of figure: the figures are those",
@@ -395,7 +391,6 @@ OF_ATLASES = {
         "atlas --k 0.8 --over lattice=0:1:3 --forcing 'cos(t)+lattice*cos(3*t)'",
         r"--over lattice: this name is taken; rename it in the formula",
     ),
-    "other lattices": ("atlas --k 0.8 --lattice open:9", r"is not an option of atlas"),
 }
 OF_PLACES = {
     **{

@@ -10,7 +10,6 @@ from contbreather.cli.interrupts import kept
 from contbreather.cli.options import FiniteLattice, SavedOutput, ZoneWindows
 from contbreather.cli.output import Table, table_of
 from contbreather.errors import BadInput
-from contbreather.orbits.zone_diagram import NO_CURVE, phase
 
 RESTITUTIONS = (0.8, 0.4)  # the paper's
 FIGURE, TABLE = "zones.png", "zones.csv"
@@ -54,7 +53,7 @@ def zones(
     asked |= {"past_folds": plane.past_folds, **on.more, **where.losses}
     found, cut = kept(_computed, asked, into.save)
     if not any(branches for one in found for branches in one.curves.values()):
-        raise BadInput(f"{NO_CURVE} (see contbreather point); widen the window")
+        raise BadInput(f"{cb.orbits.zone_diagram.NO_CURVE} (see contbreather point); widen the window")
     into.leave(
         lambda: {**on.entry(), "zones": [diagram_entry(one) for one in found]},
         _lines(found),
@@ -107,7 +106,7 @@ def curves_table(found: Sequence[cb.orbits.Zones]) -> Table:
 
 def _columns(branch: cb.Branch) -> dict[str, Any]:
     found = {name: branch[name] for name in COLUMNS if name in branch.curve.slots}
-    return {**found, "p": branch["p"], "phi": phase(branch)}
+    return {**found, "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch)}
 
 
 def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:

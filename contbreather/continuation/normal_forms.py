@@ -59,10 +59,12 @@ class Jet:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient and the size of the terms it adds up, to tell a zero by."""
+    """A coefficient and the size of the terms it adds up, to tell a zero by; `rounding` is what is
+    left of them where it vanishes."""
 
     value: complex
     size: float
+    rounding: float = _ROUNDING
 
     @property
     def degenerate(self) -> bool:
@@ -73,7 +75,7 @@ class Coefficient:
     def signed(self) -> float:
         """Its real part as a test function: 0 where that is rounding, all along the curves of
         conservative systems for instance."""
-        return 0.0 if abs(self.value.real) <= _ROUNDING * self.size else float(self.value.real)
+        return 0.0 if abs(self.value.real) <= self.rounding * self.size else float(self.value.real)
 
 
 class Forms:
@@ -321,7 +323,8 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     q, p = forms.eigenvectors(forms.closed(-1.0))
     jet = forms.jet(q)
     h = solve(-forms.A, jet.B @ q)
-    return _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    found = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    return replace(found, rounding=max(_ROUNDING, agreed))
 
 
 def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
@@ -334,4 +337,5 @@ def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient
     mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    return _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
+    found = _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
+    return replace(found, rounding=max(_ROUNDING, agreed))

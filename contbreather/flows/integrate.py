@@ -440,7 +440,8 @@ class _Watched:
         """The time from which the guard is clearly positive: it may begin at zero, by a reset."""
         t = np.append(a, a + (b - a) * 2.0 ** np.arange(-40, 1))  # where flights are short, too
         g = guard(t)
-        edge = _EDGE * (size + abs(g).max())
+        # late, rounding of the time moves what changes within the step
+        edge = (_EDGE + np.finfo(float).eps * abs(a) / (b - a)) * (size + abs(g).max())
         clear = np.flatnonzero(abs(g) > edge)
         inside = np.flatnonzero(g > edge)
         if self.rough and inside.size and (np.diff(g[: inside[0] + 1]) >= 0).all():

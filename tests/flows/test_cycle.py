@@ -243,6 +243,7 @@ def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> Non
     found = {place.kind: place["turn"] for place in line.special}
     for k in (2, 3, 4):
         assert found[f"R{k}"] == pytest.approx(k * math.sqrt(2), abs=1e-8)
+    assert "CH" not in found  # Re d vanishes all along: what is left of it is rounding
 
 
 # --- from an equilibrium --------------------------------------------------------------------------

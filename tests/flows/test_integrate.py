@@ -112,6 +112,11 @@ def test_a_period_may_depend_on_the_parameters() -> None:
     assert run.final[0] == pytest.approx(1 / 3, abs=1e-12)
 
 
+def test_late_a_ball_bounces_as_it_does_early() -> None:
+    early, late = (cb.integrate(BALL, [0.5, 0.0], {"e": 0.9}, events=4, t0=t0) for t0 in (0, 1e6))
+    assert late.final == pytest.approx(early.final, abs=1e-8)
+
+
 def accumulating() -> Any:
     return cb.integrate(BALL, [0.5, 0.0], {"e": 0.5}, time=3.5)
 
