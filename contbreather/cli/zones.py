@@ -53,7 +53,8 @@ def zones(
     asked |= {"past_folds": plane.past_folds, **on.more, **where.losses}
     found, cut = kept(_computed, asked, into.save)
     if not any(branches for one in found for branches in one.curves.values()):
-        raise BadInput(f"{cb.orbits.zone_diagram.NO_CURVE} (see contbreather point); widen the window")
+        nothing = cb.orbits.zone_diagram.NO_CURVE
+        raise BadInput(f"{nothing} (see contbreather point); widen the window")
     into.leave(
         lambda: {**on.entry(), "zones": [diagram_entry(one) for one in found]},
         _lines(found),
