@@ -221,7 +221,8 @@ class Explicit:
     tolerance: float = 1e-10
 
     def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
-        from scipy.integrate import ode
+        with deferred():
+            from scipy.integrate import ode
 
         out = np.empty((len(times), len(y)))
         settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
@@ -248,7 +249,8 @@ class _OfScipy:
     tolerance: float
 
     def states(self, rhs: Rhs, jac: Rhs | None, t0: float, y: Array, times: Array) -> Array:
-        from scipy.integrate import solve_ivp
+        with deferred():
+            from scipy.integrate import solve_ivp
 
         settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
         if jac is not None:
