@@ -292,8 +292,8 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, p
 @pytest.mark.slow
 def test_bands_of_chaos_between_smooth_walls_are_no_torus():
     shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
-    settled = simulate_smooth(([-0.31], [-0.16]), periods=400, **shared).final
-    found = judge(simulate_smooth(settled, periods=300, **shared))
+    settled = simulate_smooth(([-0.31], [-0.16]), periods=100, **shared).final
+    found = judge(simulate_smooth(settled, periods=150, **shared))
     assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
 
 

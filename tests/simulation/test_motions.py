@@ -98,10 +98,10 @@ def test_torus_is_born_with_the_angle_of_its_normal_form():
 
 
 def test_smooth_walls_have_arms_and_doublings_too():
-    on = {"gamma": 0.0, "k": 0.7, "m": 30, "damping": 0.01}
+    on = {"gamma": 0.0, "k": 0.7, "m": 12, "damping": 0.01}
     start = breather(1, a=0.7, **on)
-    fork = cb.trace(start, "a", within={"a": (0.6, 1.0)}, towards="up").first("PF")
-    (arm,) = cb.switch(fork, within={"a": (0.6, 1.0)})
+    fork = cb.trace(start, "a", within={"a": (0.6, 0.8)}, towards="up").first("PF")
+    (arm,) = cb.switch(fork, within={"a": (0.6, 1.01)})
     double = arm.first("PD")
     assert (double.solution.periods, double.solution.symmetric) == (1, False)
     assert 0.9 < double["a"] < 1.1
