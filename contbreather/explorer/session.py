@@ -110,7 +110,7 @@ class Session:
         self.change(plane=plane, preview=preview_of(plane), awaited="")
 
     def look_ahead(self) -> None:
-        """From now on compute diagrams of other restitutions while nothing else is asked for, not in
+        """From now on compute diagrams of other restitutions where nothing is asked for, but not in
         the pauses of somebody at work, whose pages would be slow for it."""
         self._looks_ahead = True
         if not self._quick.busy:
