@@ -80,7 +80,7 @@ def simulated(forces: Any, e: float = 0.8) -> tuple[list[float], list[float]]:
     return where, when
 
 
-def main(folder: Path = Path(), points: int = 13) -> list[Path]:
+def main(folder: Path = Path(), points: int = 9) -> list[Path]:
     """Draw the families over simulations, and the ball of period 2 in flight."""
     figure, (above, below) = new_figure(2)
     branches = families()

@@ -58,7 +58,7 @@ def doubling(folder: Path) -> Path:
         print(f"{name}: PD meets GR at gamma = {meeting['gamma']:.12f}, a = {meeting['a']:.12f}")
     figure, (axes,) = new_figure()
     for kind, line in chain.items():
-        fine = refined(line, 60)
+        fine = refined(line, 30)
         axes.plot(fine["gamma"], fine["a"], color=COLOURS[kind], label=f"{kind}, infinite chain")
     for kind, line in ring.items():
         label = "ring of 20" if kind == "PF" else None

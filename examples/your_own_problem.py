@@ -65,7 +65,7 @@ def main(folder: Path = Path()) -> list[Path]:
     assert [point.kind for point in through.special] == ["EP", "HB", "EP"]
 
     # Both kinds of point as curves in two parameters; the cusp on the curve of folds is passed.
-    folds = cb.boundary(turning.first("LP"), ("h", "rho"), within={"h": (-20.0, 20.0)})
+    folds = cb.boundary(turning.first("LP"), ("h", "rho"), within={"h": (-10.0, 10.0)})
     show(folds.first("CP")["rho"], 1.0, "cusp, rho")
     hopf = cb.boundary(
         sides.first("HB"), ("beta", "rho"), within={"beta": (0.1, 5.0)}, steps=cb.Steps(largest=1.0)

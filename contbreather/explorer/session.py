@@ -31,6 +31,7 @@ Listener = Callable[[State], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
 UNDONE = ("curves", "hidden", "axes", "run", "lines")  # of a state
 KEPT = 200  # zone diagrams that are remembered
+QUIET = 5.0  # seconds that nothing is asked for, until diagrams are computed ahead
 WIDEST = 0.06  # distance of two restitutions between which a diagram may be carried on
 DIGITS = 6  # of what is clicked at: a pixel has no more
 
@@ -109,7 +110,8 @@ class Session:
         self.change(plane=plane, preview=preview_of(plane), awaited="")
 
     def look_ahead(self) -> None:
-        """From now on compute diagrams of other restitutions while nothing else is asked for."""
+        """From now on compute diagrams of other restitutions where nothing is asked for, but not in
+        the pauses of somebody at work, whose pages would be slow for it."""
         self._looks_ahead = True
         if not self._quick.busy:
             self._next_ahead()
@@ -123,7 +125,12 @@ class Session:
         one, other = (self._planes["k", end, of[0], of[1]] for end in (below, above))
         return between(one, other, k)
 
-    def _compute(self, wanted: Plane, then: Callable[[Zones | None, bool, str], object]) -> None:
+    def _compute(
+        self,
+        wanted: Plane,
+        then: Callable[[Zones | None, bool, str], object],
+        after: float = 0.0,
+    ) -> None:
         name, value, forcing, of = wanted
         on: dict[str, Any] = {name: value, **self._models[of]}
         began = time.monotonic()
@@ -135,6 +142,7 @@ class Session:
                 self._say()
 
         def job(progress: Progress) -> Zones:
+            progress.stop.wait(after)
             found: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
             _ = found.regions  # here, not where pages are drawn
             return found
@@ -178,9 +186,9 @@ class Session:
             waits = self.busy or self._quick.waiting
             if not self._looks_ahead or not usual or not left or waits:
                 return
-            self._ahead = True
+            after, self._ahead = 0.0 if self._ahead else QUIET, True
             nearest = min(left, key=lambda one: abs(one - k))
-            self._compute(("k", nearest, "", ""), lambda *_: None)
+            self._compute(("k", nearest, "", ""), lambda *_: None, after)
 
     # ------------------------------------------------------------------------- what is looked at
 

@@ -20,7 +20,7 @@ from contbreather.explorer.jobs import JobThread, Progress
 from contbreather.explorer.preview import LADDER, _mixed, between
 from contbreather.explorer.work import Work
 
-from ..apart import HUNG
+from ..apart import HUNG, until
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
 
@@ -243,6 +243,30 @@ def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
     assert explorer.state.plane.fixed[1] == 0.81
     assert next(iter(explorer._planes)) == ("k", 0.81, "", "")
     explorer._looks_ahead = False
+
+
+@pytest.mark.parametrize("quiet", [0.0, HUNG])
+def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a_while(
+    monkeypatch: pytest.MonkeyPatch, quiet: float
+) -> None:
+    drawn, asked = cb.zones(k=0.8), []
+
+    def told(k: float, **_: Any) -> Any:
+        asked.append(k)
+        return drawn
+
+    monkeypatch.setattr(session, "zones", told)
+    monkeypatch.setattr(session, "QUIET", quiet)
+    explorer = Explorer()
+    explorer.look_ahead()
+    explorer.look_at(0.81)
+    until(lambda: len(asked) == (1 if quiet else 1 + len(LADDER)))
+    if quiet:
+        explorer.look_at(0.79)  # it does not wait for what does
+        until(lambda: len(asked) > 1)
+    assert asked[:4] == [0.81, 0.79] if quiet else [0.81, 0.8, 0.85, 0.75]
+    explorer._looks_ahead = False
+    explorer._quick.stop()
 
 
 def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted(
