@@ -119,12 +119,12 @@ class Flight:
     states: Array
     slopes: Array
 
-    @property
+    @cached_property
     def begins(self) -> Array:
         """The times at which its intervals begin."""
         return np.asarray(self.start + self.duration * self.knots[:-1])
 
-    @property
+    @cached_property
     def lengths(self) -> Array:
         """How long they last."""
         return np.asarray(self.duration * np.diff(self.knots))
@@ -201,9 +201,11 @@ class Flight:
     def path(self, sizes: Array) -> float:
         """The unit of the path for which all shares add up to their number, or a little more."""
         low, high = 1e-8, 1e8
+        steps = np.diff(self.knots)[:, None]
+        square = (steps * _AT_REST) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(axis=0)
         for _ in range(_HALVINGS):
             length = math.sqrt(low * high)
-            long = self.shares(sizes, length)[0].mean() > 1.0
+            long = (np.sqrt(steps**2 + square / length**2) @ self.scheme.weights).sum() > _WHOLE
             low, high = (length, high) if long else (low, length)
         return high
 

@@ -79,15 +79,21 @@ def _damped(z: FloatArray, time: Any, damping: float) -> ModalPropagator:
 def _waves(x: FloatArray, lost: Any) -> tuple[FloatArray, FloatArray]:
     """``cos sqrt(x)`` and ``sin(sqrt x)/sqrt(x)`` for x of either sign, times ``exp(-lost)``: taken
     together neither overflows."""
-    root = np.sqrt(abs(x))
-    safe = np.where(root > 0.0, root, 1.0)
-    under = x >= 0.0
-    decay = np.exp(-lost)
-    grown, fallen = np.exp(np.where(under, 0.0, root) - lost), np.exp(-root - lost)
-    c = np.where(under, decay * np.cos(root), 0.5 * (grown + fallen))
+    root, decay = np.sqrt(abs(x)), np.exp(-lost)
+    c, s = decay * np.cos(root), decay * np.sin(root)
+    np.divide(s, root, out=s, where=root > 0.0)
+    over = x <= 0.0
+    if over.any():  # few modes drift or are overdamped
+        c[over], s[over] = _falling(root[over], np.broadcast_to(lost, x.shape)[over])
+    return c, s
+
+
+def _falling(root: FloatArray, lost: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``cosh(root)`` and ``sinh(root)/root``, times ``exp(-lost)``."""
+    decay, grown, fallen = np.exp(-lost), np.exp(root - lost), np.exp(-root - lost)
     sinh = np.where(root < 1.0, decay * np.sinh(np.minimum(root, 1.0)), 0.5 * (grown - fallen))
-    s = np.where(under, decay * np.sin(root), sinh) / safe
-    return c, np.where(root > 0.0, s, decay)
+    safe = np.where(root > 0.0, root, 1.0)
+    return 0.5 * (grown + fallen), np.where(root > 0.0, sinh / safe, decay)
 
 
 def propagator_slope(

@@ -135,5 +135,5 @@ def test_a_boundary_without_a_window_has_an_end() -> None:
     assert len(line) - len(line.special) <= 500
     assert line.stop is cb.continuation.Stop.MOST
     assert "raise Steps.most" in repr(line)
-    more = cb.boundary(point, ("mu", "h"), towards="up", steps=cb.Steps(most=520))
+    more = cb.boundary(point, ("mu", "h"), towards="up", steps=cb.Steps(most=520), events=())
     assert len(more) > 510

@@ -243,8 +243,8 @@ def in_units(n: int) -> cb.Problem:
 
 def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
     events, within = [cb.fold()], {"lam": (4, 7)}
-    branch = cb.trace(in_units(9), "lam", within=within, towards="up", events=events)
-    same = cb.trace(ignition(9), "lam", within=within, towards="up", events=events)
+    branch = cb.trace(in_units(7), "lam", within=within, towards="up", events=events)
+    same = cb.trace(ignition(7), "lam", within=within, towards="up", events=events)
     lines = [
         cb.boundary(one.first("LP"), ("eps", "lam"), within={"lam": (5.1, 6)}, towards="up")
         for one in (branch, same)

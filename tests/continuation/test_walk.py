@@ -347,7 +347,7 @@ def test_an_interrupted_walk_inside_of_another_is_not_taken_for_it() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [0.3, 1.0, 10.0])
+@pytest.mark.parametrize("scale", [0.3, 10.0])
 @pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.0, math.pi, -math.pi / 2])
 def test_a_circle_closes_from_anywhere_with_each_event_once(angle: float, scale: float) -> None:
     problem = CIRCLE.problem.at(x=math.cos(angle), mu=math.sin(angle))
@@ -440,7 +440,7 @@ def test_a_walk_does_not_jump_to_a_parallel_curve(distance: float, largest: floa
     branch = trace(
         scalar(equation, 0.0, {"mu": 0.0}),
         "mu",
-        within={"mu": (-3.0, 3.0)},
+        within={"mu": (-1.1, 1.1)},
         steps=Steps(first=0.1 * largest, largest=largest),
         events=STATIC,
     )

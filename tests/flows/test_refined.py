@@ -68,7 +68,7 @@ def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(
 
     rest = cb.equilibrium(f, {"x": 0.0, "y": 0.0}, {"mu": -0.5})
     line = cb.trace(rest, "mu", within={"mu": (-0.5, 0.5)})
-    (cycles,) = cb.switch(line.first("HB"), within={"mu": (-0.5, 0.5)})
+    (cycles,) = cb.switch(line.first("HB"), steps=cb.Steps(most=8))
     cb.save(tmp_path / "both.nc", line=line, cycles=cycles)
     for problems in ((rest, cycles[0]), (cycles[0], rest)):
         run = cb.load(tmp_path / "both.nc", problem=problems)

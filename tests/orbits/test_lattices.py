@@ -308,11 +308,11 @@ def test_a_curve_of_pairs_from_its_meeting_with_folds_goes_past_it_and_names_it(
 
 def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
     """Of a whole period a symmetric orbit has the squares of i and -i, which do not merge."""
-    whole = cb.symmetric(0.2, 0.08, 0.75, lattice=cb.Ring(12), damping=0.02).unfolded()
+    whole = cb.symmetric(0.2, 0.08, 0.75, lattice=cb.Ring(8), damping=0.02).unfolded()
     ns = [cb.neimark_sacker(threshold=1.0)]
     point = cb.trace(whole, "gamma", within={"gamma": (0.07, 0.1)}, events=ns).first("NS")
-    on = {"gamma": (0.08, 0.2499), "a": (0.05, 0.3)}
-    line = cb.boundary(point, ("gamma", "a"), within=on, towards="down", events=())
+    on = {"gamma": (0.07, 0.1), "a": (0.05, 0.3)}
+    line = cb.boundary(point, ("gamma", "a"), within=on, towards="up", events=())
     assert line["nu"].min() < 1.0 < line["nu"].max()
     assert line[-1].kind == "EP"
     assert "pass each other" in line.doubtful[0].detail["reason"]

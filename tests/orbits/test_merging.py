@@ -42,10 +42,10 @@ def test_curves_end_where_two_impacts_of_one_wall_become_one(twice, kind: str, l
 
 
 def test_three_impacts_become_two_on_a_fold_with_damping_free() -> None:
-    seed = {"t1": -3.155, "t2": -2.274, "t3": -1.637}
-    on = {"a": 3.3, "gamma": 0.0, "k": 0.41257, "damping": 0.02}
+    seed = {"t1": -2.541, "t2": -1.9654, "t3": -1.5121}
+    on = {"a": 3.28, "gamma": 0.0, "k": 0.46096, "damping": 1.7573557}
     start = cb.shooting(seed, sites=1, sequence=[(0, 1)] * 3, symmetric=True, **on)
-    fold = cb.trace(start, "a", within={"a": (2.5, 3.4)}).first("LP")
+    fold = cb.trace(start, "a", within={"a": (3.27, 3.3)}, events=[cb.fold()]).first("LP")
     line = cb.boundary(fold, ("damping", "k"), towards="up")
     assert (line.stop.name, line[-1].kind) == ("EVENT", "LP-VI")
     assert line[-1].detail["impacts"].startswith("2 and 3, ")

@@ -49,8 +49,8 @@ def distance(lines: tuple[cb.Branch, ...], point: cb.continuation.Point) -> floa
 @pytest.mark.parametrize(
     ("k", "forcing", "window"),
     [
-        (0.94, TIED, (0.0, 0.2499)),
-        (0.8, WELLS, (0.22, 0.2499)),
+        (0.94, TIED, (0.0, 0.05)),
+        (0.8, WELLS, (0.235, 0.2499)),
         (0.5, random_forcing(3), (0.0, 0.05)),
         (0.06, cb.Fourier(cos={1: -1.0, 3: -6.66}), (0.249, 0.2499)),
     ],

@@ -102,9 +102,7 @@ def test_kept_breather_has_no_end():
 
 
 @pytest.mark.slow
-def test_breather_of_panel_c_ends_in_a_fold_between_walls_that_keep_it_and_walls_that_do_not():
-    fold = lifetimes.softest(breather(0.7), 0.005, 20)
-    assert fold == pytest.approx(16.4605, abs=1e-3)
+def test_breather_of_panel_c_ends_between_walls_that_keep_it_and_walls_that_do_not():
     assert lifetimes.smooth_breather(breather(0.7), 18, 0.005, 20) is not None
     assert lifetimes.smooth_breather(breather(0.7), 15, 0.005, 20) is None
 

@@ -55,6 +55,7 @@ def test_figure_6_shows_three_transients(figures):
         assert numbers[f"rigid_multiplier_{a}"] == pytest.approx(multiplier, abs=5e-5)
     assert 1.0 < numbers["multiplier_0.1"] < numbers["rigid_multiplier_0.1"]
     assert math.isnan(numbers["multiplier_0.7"])
+    assert numbers["softest_0.7"] == pytest.approx(16.4605, abs=1e-3)
     told = r"growth 1\.0\d{3}, multiplier 1\.0\d{3}"
     rigid = rf"; rigid walls: lost after \d+ periods \({told}\), an attractor from damping 0\.0\d"
     gone = r"there is no breather at m = 6, it ends in a fold at m = 16\.46"
