@@ -31,6 +31,7 @@ _TURNS = 4  # of inverse iteration for singular vectors; two are enough where th
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _NOTHING = 1e-300  # the imaginary part of one may vanish
 _ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
+_BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
 
@@ -75,7 +76,11 @@ class _Flip:
 
     def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
         """That value and the singular vectors w and v: w* B v = value."""
-        factors = Factors(self.equations.closing(matrix, -1.0))
+        # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
+        both = (Factors(self.equations.closing(matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        factors = next((factors for factors in both if factors.sign()), None)
+        if factors is None:
+            raise Undefined("the cycle is singular whatever multiplies its start")
         left = right = any_vector(matrix.shape[0])
         for _ in range(_TURNS):
             right = factors.solve(left)
@@ -83,8 +88,7 @@ class _Flip:
             right = size * right
             left = factors.transposed(right)
             left = left / np.linalg.norm(left)
-        sign = factors.sign()
-        return sign * size, sign * left, right
+        return factors.sign() * size, factors.sign() * left, right
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self._weak(curve, z)[0]])

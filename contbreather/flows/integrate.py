@@ -432,8 +432,9 @@ class _Watched:
             return found
 
         if not self.armed:
-            size = abs(np.stack([step(a), step(b)])).max()
-            a = self._arm(guard, a, b, size)
+            x = step(a)
+            terms = slopes(self.function, a, x[:, None], self.params)[1][0, :-1, 0] * x
+            a = self._arm(guard, a, b, float(abs(terms).sum()))
         return _first_fall(guard, a, b) if self.armed else math.inf
 
     def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
@@ -441,7 +442,8 @@ class _Watched:
         t = np.append(a, a + (b - a) * 2.0 ** np.arange(-40, 1))  # where flights are short, too
         g = guard(t)
         # late, rounding of the time moves what changes within the step
-        edge = (_EDGE + np.finfo(float).eps * abs(a) / (b - a)) * (size + abs(g).max())
+        late = np.finfo(float).eps * abs(a) / (b - a) * np.ptp(g)
+        edge = _EDGE * (size + abs(g).max()) + late
         clear = np.flatnonzero(abs(g) > edge)
         inside = np.flatnonzero(g > edge)
         if self.rough and inside.size and (np.diff(g[: inside[0] + 1]) >= 0).all():
@@ -485,7 +487,14 @@ def _root(guard: Guard, a: float, b: float) -> float:
     from scipy.optimize import brentq
 
     spacing = np.spacing(max(abs(a), abs(b)))  # no time lies in between
-    return float(a + brentq(lambda s: guard(np.array([a + s]))[0], 0.0, b - a, xtol=spacing))
+    start, end = guard(np.array([a, b]))
+
+    def fallen(s: float) -> float:
+        found = float(guard(np.array([a + s]))[0])
+        # one that stays zero has fallen where it came to it
+        return found if found > 0.0 or end < 0.0 else -float(start)
+
+    return float(a + brentq(fallen, 0.0, b - a, xtol=spacing))
 
 
 def _minimum(guard: Guard, a: float, b: float) -> float:

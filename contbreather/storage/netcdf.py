@@ -38,6 +38,7 @@ ATLAS = "atlas of contbreather"
 ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
+_NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CHECKSUM = b"\nsha256 of all bytes before: %s\n"
@@ -227,7 +228,7 @@ def _content(group: h5py.Group) -> dict[str, Any]:
         if isinstance(one, h5py.Group):
             groups[name] = _content(one)
         elif not h5py.h5ds.is_scale(one.id):  # a dimension, which has a size and no values
-            columns[name] = _decoded(one)
+            columns[name.removeprefix(_NAMESAKE)] = _decoded(one)
     about = json.loads(columns.pop(ABOUT).tobytes())
     about.pop("parts", None)
     parts = {"columns": columns, "groups": groups}

@@ -416,6 +416,12 @@ def test_any_other_name_comes_back(name: str, path: Path) -> None:
         same(branch, found[one])
 
 
+def test_a_column_that_bears_the_name_of_a_dimension_comes_back(path: Path) -> None:
+    branch = line(record={"complex": lambda point: 1j, "z": lambda point: point["mu"] + 2j})
+    save(path, branch)
+    same(branch, load(path))
+
+
 @pytest.mark.parametrize("text", ["\0", "\udc80", "β" * 99999])
 def test_no_label_keeps_a_branch_from_being_saved(text: str, path: Path) -> None:
     save(path, line(label=text))

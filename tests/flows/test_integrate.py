@@ -117,6 +117,22 @@ def test_late_a_ball_bounces_as_it_does_early() -> None:
     assert late.final == pytest.approx(early.final, abs=1e-8)
 
 
+def test_a_condition_is_as_exact_as_what_it_is_made_of() -> None:
+    """A gap of a micrometre beside a pressure in pascal, which it does not know."""
+    fall = cb.Flow(
+        lambda t, x, p: [x[1], -1e-6, 0 * x[0]], until=lambda t, x, p: x[0],
+        reset=lambda t, x, p: [x[0], -0.5 * x[1], x[2]],
+    )  # fmt: skip
+    run = cb.integrate(fall, {"x": 0.5e-6, "v": 0.0, "pressure": 1e7}, {}, time=2.3)
+    assert [event.time for event in run.events] == pytest.approx([1.0, 2.0], abs=1e-12)
+
+
+def test_a_condition_that_stays_zero_is_met_where_it_comes_to_it() -> None:
+    empty = cb.Flow(lambda t, x, p: [-1.0], until=lambda t, x, p: np.maximum(x[0], 0.0))
+    run = cb.integrate(empty, {"x": 100.0}, {}, events=1)
+    assert run.events[0].time == pytest.approx(100.0, abs=1e-11)
+
+
 def accumulating() -> Any:
     return cb.integrate(BALL, [0.5, 0.0], {"e": 0.5}, time=3.5)
 
