@@ -341,7 +341,7 @@ class _Walk:
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [
-            _Watched(name, guard, self.params, rough=self.left == _STEPS)
+            _Watched(name, guard, self.path.field(mode), self.params, rough=self.left == _STEPS)
             for name, guard in guards.items()
             if guard not in clocks
         ]
@@ -416,8 +416,10 @@ def _refuse_chatter(pieces: Sequence[Piece]) -> None:
 class _Watched:
     """A guard along one piece: positive, and zero where the piece ends."""
 
-    def __init__(self, name: str, function: Function, params: Params, *, rough: bool) -> None:
-        self.name, self.function, self.params = name, function, params
+    def __init__(
+        self, name: str, function: Function, field: Function, params: Params, *, rough: bool
+    ) -> None:
+        self.name, self.function, self.field, self.params = name, function, field, params
         self.rough = rough  # a start may lie a little behind it, if it is on its way inside
         self.armed = False  # it was seen to be positive
 
@@ -432,10 +434,17 @@ class _Watched:
             return found
 
         if not self.armed:
-            x = step(a)
-            terms = slopes(self.function, a, x[:, None], self.params)[1][0, :-1, 0] * x
-            a = self._arm(guard, a, b, float(abs(terms).sum()))
+            a = self._arm(guard, a, b, self._size(step, a, b))
         return _first_fall(guard, a, b) if self.armed else math.inf
+
+    def _size(self, step: Callable[[Any], Array], a: float, b: float) -> float:
+        """That of the states which the guard knows, or how fast it changes."""
+        t = np.array([a, b])
+        x = step(t)
+        own, pace = (slopes(f, t, x, self.params)[1] for f in (self.function, self.field))
+        known = own[0, :-1].any(axis=1)
+        known = known | pace[known, :-1].any(axis=(0, 2))
+        return float(abs(x[known]).max(initial=0.0))
 
     def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
         """The time from which the guard is clearly positive: it may begin at zero, by a reset."""

@@ -324,6 +324,9 @@ def test_a_bouncing_ball_folds_and_doubles_where_the_closed_form_says(ball: cb.P
     flip = math.hypot(gamma, 2 * (1 + 0.64) / 1.8**2)
     assert branch.first("PD")["A"] == pytest.approx(flip, abs=1e-10)
     assert np.prod(branch.first("PD").solution.multipliers).real == pytest.approx(0.64, abs=1e-10)
+    line = cb.boundary(branch.first("PD"), ("e", "A"), within={"e": (0.3, 0.95)})
+    assert [point.kind for point in line.special] == ["EP", "EP"]
+    assert not line.doubtful
 
 
 @pytest.mark.parametrize(("A", "bounces"), [(1.065, 1), (1.07, 1), (1.072, 2)])
