@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag
 from contbreather.errors import BadInput
+from contbreather.lattice import Harmonic
 from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting.canvas import (
@@ -137,13 +138,21 @@ def draw_panels(
 
 
 def _chain(zones: Zones) -> str:
-    """Which ring the zones are about, and its threshold; nothing for the infinite chain."""
-    sites = next((branch[0].solution.lattice.sites for _, branch in zones), None)
-    if sites is None:
-        return ""
-    held = [(name, zones.model.get(name)) for name in ("damping", "spring")]
-    losses = "".join(f", {name} {value:g}" for name, value in held if value)
-    return f", {zones.model['lattice'].describe()}{losses}, threshold {zones.threshold:g}"
+    """What the zones are about, where it is not the infinite chain under the paper's forcing."""
+    model = zones.model
+    words = []
+    if model["lattice"].sites is not None:
+        held = [(name, model.get(name)) for name in ("site", "damping", "spring")]
+        words = [
+            model["lattice"].describe(),
+            *(f"{name} {value:g}" for name, value in held if value),
+        ]
+        words += [f"threshold {zones.threshold:g}"]
+    forcing = model["forcing"]
+    if not isinstance(forcing, Harmonic):
+        values = [f"{symbol(name)} = {value:g}" for name, value in forcing.params.items()]
+        words += values or [forcing.describe()]
+    return "".join(f", {word}" for word in words)
 
 
 def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
