@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag
+from contbreather.continuation import Branch
 from contbreather.errors import BadInput
 from contbreather.lattice import Harmonic
 from contbreather.orbits.regions import Box, Region
@@ -96,9 +97,10 @@ def plot_zones(
     >>> sorted(text.get_text() for text in ax.texts if text.get_text() in ("S", "US"))
     ['S', 'US']
     """
-    several = [zones] if isinstance(zones, Zones) or not np.iterable(zones) else list(zones)
+    alone = isinstance(zones, Zones | Branch) or not np.iterable(zones)
+    several: list[Any] = [zones] if alone else list(zones)
     for one in several:
-        check_kind(one, Zones, "a zone diagram")
+        check_kind(one, Zones, "a zone diagram", "plot draws branches")
     if not several or not all(any(one.curves.values()) for one in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
     given: list[Any] = list(ax) if np.iterable(ax) else [ax]
