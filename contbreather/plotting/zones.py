@@ -145,11 +145,8 @@ def _chain(zones: Zones) -> str:
     words = []
     if model["lattice"].sites is not None:
         held = [(name, model.get(name)) for name in ("site", "damping", "spring")]
-        words = [
-            model["lattice"].describe(),
-            *(f"{name} {value:g}" for name, value in held if value),
-        ]
-        words += [f"threshold {zones.threshold:g}"]
+        also = [f"{name} {value:g}" for name, value in held if value]
+        words = [model["lattice"].describe(), *also, f"threshold {zones.threshold:g}"]
     forcing = model["forcing"]
     if not isinstance(forcing, Harmonic):
         values = [f"{symbol(name)} = {value:g}" for name, value in forcing.params.items()]
