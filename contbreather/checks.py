@@ -185,7 +185,9 @@ def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                 f"a state is a pair (u, v) of rows of numbers, as an object of type "
                 f"{type(given).__name__} has: give its state(), on the infinite chain state(sites)."
             ) from error
-        raise BadInput(f"a state is a pair (u, v) of rows of numbers: {error}.") from error
+        raise BadInput(
+            f"a state is a pair (u, v) of rows of numbers, got {shown(given)}."
+        ) from error
     if u.ndim != 1 or u.shape != v.shape or not u.size:
         raise BadInput(
             f"a state is a pair (u, v) of rows of equal length; shapes "

@@ -616,6 +616,17 @@ def test_zones_of_another_forcing(run: Run) -> None:
     assert min(map(abs, smallest)) < 1e-10
 
 
+def test_the_table_of_zones_is_that_of_the_library(run: Run) -> None:
+    """With the parameter of the forcing in it, and the counts."""
+    line = "zones --k 0.8 --gamma-window 0.04 0.042 --csv z.csv --save z.nc"
+    assert run(f"{line} --forcing '-cos(t) + c3*cos(3*t)' --set c3=0.1")[0] == DONE
+    (kept,) = cb.load("z.nc").values()
+    assert Path("z.csv").read_text() == kept.to_csv("own.csv").read_text()
+    rows = table(Path("z.csv"))
+    assert {row["c3"] for row in rows} == {"0.1"}
+    assert {row["unstable"] for row in rows} == {"1.0", ""}  # empty where curves meet
+
+
 def test_a_window_that_is_cut_says_so(run: Run) -> None:
     line = "zones --k 0.8 --gamma-window 0.2 0.3 --json"
     status, out, err = run(line)

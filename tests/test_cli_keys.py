@@ -55,18 +55,18 @@ COMMANDS = {
     ),
     "branch --free gamma --a 0.2 --k .8 --window 0.09 0.1": (
         f"free {SAID} {branch('', f'{BREATHER} {COUNTED}', f'{BREATHER} nu')}",
-        {"--csv": "p,phi,a,gamma,k,unstable,arclength,residual,label"},
+        {"--csv": "a,gamma,k,unstable,arclength,residual,p,phi,label"},
     ),
     "boundary NS --k .8 --gamma .1 --window .1 .105": (
         f"curve pair {SAID} {branch('', f'{BREATHER} nu {COUNTED}', f'{BREATHER} nu')}",
-        {"--csv": "p,phi,nu,a,gamma,k,unstable,arclength,residual,label"},
+        {"--csv": "a,gamma,k,unstable,arclength,residual,p,phi,nu,label"},
     ),
     "switch --free a --gamma .04 --k .8": (
         f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
         f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
         f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t')}"
         " arms[].label arms[].stability arms[].end arms[].image_of",
-        {"--csv": "arm,p,t1,t2,c,a,gamma,k,asymmetry,unstable,arclength,residual,label"},
+        {"--csv": "arm,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c,label"},
     ),
     "diagram --free a --gamma .04 --k .8 --a .75 --window 0.7 0.85": (
         f"free {SAID} failed left edges[].from edges[].to edges[].relation"
@@ -74,14 +74,14 @@ COMMANDS = {
         f" {under('points.*', f'{BREATHER} {ARM}')}"
         f" {branch('branches[].', f'{BREATHER} {ARM} asymmetry {COUNTED}', f'{BREATHER} {ARM}')}"
         f" {under('branches[].special[]', f'{NORMAL_FORM} parent')}",
-        {"--csv": "branch,p,phi,a,gamma,k,unstable,arclength,residual,t1,t2,c,asymmetry,label"},
+        {"--csv": "branch,a,gamma,k,unstable,arclength,residual,p,phi,asymmetry,t1,t2,c,label"},
     ),
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"
         f" zones[].curves[].labels {under('zones[].points[]', f'{BREATHER} meeting')}"
         " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower"
         " zones[].regions[].outline[]",
-        {"--csv": "k,curve,gamma,a,p,phi,nu,t,piece,label"},
+        {"--csv": "k,curve,gamma,a,piece,label,unstable,arclength,residual,p,phi,t"},
     ),
     "simulate --a .2 --gamma .04 --k .8 --sites 3 --periods 3": (
         f"{SAID} {RUN} verdict.reason verdict.evidence impacts.total impacts.by_site.0 lost_after",

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,14 @@ from contbreather.orbits.constructors import shooting
 from contbreather.orbits.regions import regions
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
-from contbreather.plotting import new_figure, plot, plot_multipliers, plot_zones, save_figure
+from contbreather.plotting import (
+    new_figure,
+    plot,
+    plot_diagram,
+    plot_multipliers,
+    plot_zones,
+    save_figure,
+)
 from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
 from contbreather.plotting.labels import Labels
 from contbreather.plotting.multipliers import band
@@ -276,7 +284,8 @@ def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count:
     colours = {line.get_color(): line for line in curves(ax)}
     assert len(colours) == count
     legend = ax.get_legend()
-    named = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    *named, (left, line) = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    assert (left.get_text(), line.get_linestyle()) == (f"and {count - 7} more", "None")
     shown = {
         float(text.get_text().removeprefix("$c$ = ")): line.get_color() for text, line in named
     }
@@ -322,9 +331,25 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
     assert len({line.get_color() for line in curves(ax)}) == 2
 
 
-def test_a_diagram_is_refused_with_what_draws_it(diagram: Zones) -> None:
-    with pytest.raises(BadInput, match=r"a branch was expected, got a Zones; .*plot_diagram draws"):
-        plot(diagram)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("draw", "sentence"),
+    [
+        (lambda b, z: plot(z), "a branch was expected, got a Zones; .*plot_diagram draws"),
+        (lambda b, z: plot([b, b]), r"got a list; .* one by one, plot\(\*branches\)"),
+        (lambda b, z: plot(cb.continuation.branch.Branches([b])), r"got a Branches; .* one by one"),
+        (lambda b, z: plot_zones(b), "a zone diagram was expected, got a Branch; plot draws"),
+        (lambda b, z: save_figure("x.png", plot(b)), r"first, save_figure\(figure, 'x.png'\)"),
+    ],
+)
+def test_what_is_drawn_otherwise_is_refused_with_the_way(
+    draw: Any, sentence: str, in_a: Branch, diagram: Zones
+) -> None:
+    with pytest.raises(BadInput, match=sentence):
+        draw(in_a, diagram)
+
+
+def test_a_branch_alone_is_drawn_as_a_diagram(in_a: Branch) -> None:
+    assert curves(plot_diagram(in_a, y="p").axes)
 
 
 def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:

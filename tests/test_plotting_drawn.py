@@ -6,6 +6,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -134,6 +135,20 @@ def test_legend_of_zones_gives_each_name_the_looks_of_its_curve(panel, diagram: 
 def test_zones_are_named_by_their_axes_and_the_fixed_parameter(panel) -> None:
     assert (panel.get_xlabel(), panel.get_ylabel()) == (r"$\gamma$", "$a$")
     assert panel.get_title(loc="left") == "$k$ = 0.8"
+
+
+@pytest.mark.parametrize(
+    ("on", "title"),
+    [
+        ({"forcing": cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=0.1)}, "$k$ = 0.8, c3 = 0.1"),
+        ({"forcing": "-sin(t)"}, "$k$ = 0.8, F = a (-sin(t))"),
+    ],
+)
+def test_a_title_names_the_forcing_where_it_is_not_the_paper_s(
+    on: dict[str, Any], title: str
+) -> None:
+    ax = plot_zones(zones(k=0.8, within={"gamma": (0.04, 0.042)}, **on)).axes
+    assert ax.get_title(loc="left") == title
 
 
 def test_meetings_are_named_by_the_curves_that_meet_there(panel, diagram: Zones) -> None:

@@ -197,6 +197,10 @@ CASES += [
     (lambda: number("a", "x" * 10**6, 0, 1, "a share"), r"^a = 'x{199}\.\.\. \(1000002 char"),
     (lambda: cb.FixedPoint(grown, {"x": 0.5}, {"r": 2.0}, period=10**400), "^period is above"),
     (lambda: cb.trace(problem(), "mu", steps=np.zeros(2)), "^steps must be given as Steps"),
+    (
+        lambda: cb.trace(cb.trace(problem(), "mu", steps=cb.Steps(most=2)), "mu"),
+        r"^trace starts at one point, got a whole branch: give branch\[0\], or branch.first",
+    ),
     (lambda: cb.trace(problem(), "mu", towards=np.zeros(2)), "^towards must be 'both', 'up' or"),
     (lambda: cb.trace(problem(), "mu", inadmissible=np.zeros(2)), "^inadmissible = .*: True or F"),
     (lambda: cb.trace(problem(), "mu", progress="no"), "^progress = 'no': True or False was"),

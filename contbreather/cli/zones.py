@@ -13,7 +13,6 @@ from contbreather.errors import BadInput
 
 RESTITUTIONS = (0.8, 0.4)  # the paper's
 FIGURE, TABLE = "zones.png", "zones.csv"
-COLUMNS = ("k", "curve", "gamma", "a", "p", "phi", "nu", "t", "piece", "label")
 
 
 def zones(
@@ -100,13 +99,12 @@ def curves_table(found: Sequence[cb.orbits.Zones]) -> Table:
     from contbreather.columns import stacked
 
     there = (one for one in found if any(one.curves.values()))
-    columns = stacked((dict([one.fixed]), one.columns()) for one in there)
-    rows, _ = table_of(columns)
-    return rows, COLUMNS
+    return table_of(stacked(({}, one.columns()) for one in there))
 
 
 def _columns(branch: cb.Branch) -> dict[str, Any]:
-    found = {name: branch[name] for name in COLUMNS if name in branch.curve.slots}
+    names = ("gamma", "a", "k", "p", "nu", "t")
+    found = {name: branch[name] for name in names if name in branch.curve.slots}
     return {**found, "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch)}
 
 

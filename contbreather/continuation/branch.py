@@ -119,8 +119,12 @@ class Branch(Columns, HtmlRepr):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all columns."""
-        return (*self.problem.names, *self.problem.record, "arclength", "residual")
+        """Names of all columns: parameters, what is measured, and behind these the unknowns, of
+        which there may be hundreds."""
+        known = {*self.problem.params, *self.curve.varied}
+        parameters = [name for name in self.problem.names if name in known]
+        unknowns = [name for name in self.problem.names if name not in known]
+        return (*parameters, *self.problem.record, "arclength", "residual", *unknowns)
 
     @property
     def special(self) -> tuple[Point, ...]:
@@ -182,15 +186,12 @@ class Branch(Columns, HtmlRepr):
         raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """All columns by name: the labels of the special points, parameters, what is measured, and
-        behind these the unknowns, of which there may be hundreds. At special points there is no
-        count where rounding decides it."""
+        """All columns by name, the labels of the special points first. At special points there is
+        no count where rounding decides it."""
         found: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
-        states = [name for name in self.problem.names if name not in self.problem.params]
-        measures = [name for name in self.names if name not in states]
         own = (name for name in self.problem.record if name not in self.problem.names)
         recorded = self._rows.recorded(*own)
-        for name in (*measures, *states):
+        for name in self.names:
             found[name] = recorded[name] if name in recorded else np.asarray(self[name])
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
         for name in self.problem.record:

@@ -295,6 +295,8 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     why, lift = _nothing(point), lift_of(point)
     if not why and lift is None:
         why = f": no other branch is known to leave points of kind {point.kind}"
+        if point.kind == "HB":
+            why += "; the cycles that leave it need the flow: begin with cb.equilibrium"
     if why or lift is None:
         raise NothingToSwitch(f"{point!r}{why}", point)
     try:

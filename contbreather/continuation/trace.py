@@ -138,6 +138,10 @@ def trace(
     'CLOSED'
     """
     one_of("towards", towards, ("both", "up", "down"))
+    if isinstance(start, Branch):
+        raise BadInput(
+            "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
+        )
     events = all_of(events)  # both walks need them
     origin = start if isinstance(start, Point) else None
     steps = steps_of(steps)

@@ -357,9 +357,11 @@ def _returns(
 def _refuse_rest(moved: Array, state: Array, size: float) -> None:
     """Refuse an equilibrium, by its speed or its extent; beside 0 only the size of what came
     before tells how small is none."""
-    if float(abs(moved).max()) <= _AT_REST * max(size, float(abs(state).max())):
+    size = max(size, float(abs(state).max()))
+    if float(abs(moved).max()) <= _AT_REST * size:
+        place = [float(f"{x:.6g}") if abs(x) > _AT_REST * size else 0.0 for x in state.tolist()]
         raise NotConverged(
-            f"there is an equilibrium at {shown(state.tolist())}, not a cycle: cb.equilibrium "
+            f"there is an equilibrium at {shown(place)}, not a cycle: cb.equilibrium "
             "continues it; start elsewhere for a cycle"
         )
 

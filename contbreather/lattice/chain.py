@@ -375,7 +375,8 @@ def lattice_of(given: object) -> Lattice:
         return InfiniteChain()
     if isinstance(given, type) or not hasattr(given, "first_harmonic"):
         raise BadInput(
-            f"lattice = {given!r}: this needs InfiniteChain() or, for a ring of 20 sites, Ring(20)."
+            f"lattice = {given!r}: this needs InfiniteChain() or, for a ring of 20 sites, Ring(20)"
+            "; where any finite one is taken OpenChain(9), Grid(5, 5), Lattice(stiffness) do, too."
         )
     if getattr(given, "spring", 0.0):
         raise BadInput(

@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 KINDS = ("LP", "GR", "PF", "NS")
 ORDER = ("PF", "NS", "LP", "GR")  # of the two names of a meeting
+PLACE = ("k", "curve", "gamma", "a")  # the first columns
 FAMILIES = ("upper", "lower")  # breathers before and behind a fold
 NO_CURVE = "no curve passes the window: breathers exist all over it, all stable or all unstable"
 JOINT = "NS-NS"  # between two pieces of the envelope that is the paper's rule on a ring
@@ -78,11 +79,12 @@ class Zones(Columns, HtmlRepr):
         return self.curves[kind]
 
     def columns(self) -> dict[str, Any]:
-        """Those of all curves, by their kind and the number of the piece."""
+        """Those of all curves, by their kind and the number of the piece; first where they are."""
         curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
-        return stacked(
+        found = stacked(
             ({"curve": kind, "piece": i}, {**b.columns(), "phi": phase(b)}) for kind, i, b in curves
         )
+        return {name: found[name] for name in (*PLACE, *found) if name in found}
 
     @property
     def special(self) -> tuple[Point, ...]:

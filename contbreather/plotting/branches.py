@@ -41,6 +41,7 @@ BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
 MOST = 7  # values in a legend
 CROWD = 14  # words beside points; of more none is read, and the axes have no room
 OTHERS = "plotting.plot_diagram draws diagrams, plotting.plot_zones zones"
+SEVERAL = "several are given one by one, plot(*branches)"
 TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
@@ -106,7 +107,8 @@ def plot(
     if not branches:
         raise BadInput("plot needs at least one branch")
     for branch in branches:
-        check_kind(branch, Branch, "a branch", OTHERS)
+        several = isinstance(branch, list | tuple)
+        check_kind(branch, Branch, "a branch", SEVERAL if several else OTHERS)
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x
@@ -355,7 +357,9 @@ def _by_colour(key: dict[Values, str]) -> dict[str, dict[str, Any]]:
     few = np.unique(np.linspace(0, len(key) - 1, min(len(key), MOST)).round().astype(int))
     named = [list(key.items())[i] for i in few]
     texts = [", ".join(f"{symbol(name)} = {x:g}" for name, x in one) for one, _ in named]
-    return {text: {"color": colour} for text, (_, colour) in zip(texts, named, strict=True)}
+    entries = {text: {"color": colour} for text, (_, colour) in zip(texts, named, strict=True)}
+    left = len(key) - len(few)
+    return {**entries, f"and {left} more": {"linestyle": "none"}} if left else entries
 
 
 def _by_style(styles: set[str]) -> dict[str, dict[str, Any]]:

@@ -198,6 +198,10 @@ def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Pa
     BadInput
         For what has no figure, another suffix, a directory, or a place that cannot be written.
     """
+    if isinstance(figure, str | Path) and not isinstance(path, str | Path):
+        raise BadInput(
+            f"the figure comes first, save_figure(figure, {str(figure)!r}), then its file"
+        )
     target = figure_path(path)
     kind = target.suffix.lower().removeprefix(".")
     # no date inside: the same figure gives the same file

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ SMOOTH = 60  # points of a drawn branch
 
 
 def plot_diagram(
-    tree: Diagram | Sequence[Branch],
+    tree: Diagram | Branch | Sequence[Branch],
     *,
     x: str | None = None,
     y: str | Callable[[Point], float] | None = None,
@@ -31,7 +31,7 @@ def plot_diagram(
 
     Parameters
     ----------
-    tree : Diagram, or sequence of Branch
+    tree : Diagram, Branch, or sequence of Branch
     x : str, optional
         The free parameter unless given.
     y : str or callable, optional
@@ -61,7 +61,8 @@ def plot_diagram(
     >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
     ('$\\mu$', 'x', True)
     """
-    branches = list(tree) if np.iterable(tree) else [tree]
+    alone = isinstance(tree, Branch) or not np.iterable(tree)
+    branches: list[Any] = [tree] if alone else list(tree)
     for branch in branches:
         check_kind(branch, Branch, "a diagram, or a sequence of branches,")
     if not branches:

@@ -96,8 +96,9 @@ def plot_multipliers(
         _dots(axes, mu, shown, alone)
         labels = Labels(axes)
         labels.avoid(*_circle())
-        for one in shown[alone]:
+        for one in (*waves, *shown):
             labels.avoid(one.real, one.imag)
+        for one in shown[alone]:
             labels.announce(one.real, one.imag)
         space = "\n" if axes.bbox.width / labels.pixel < NARROW else " "
         for one, place in _named(mu, shown, alone & (mu.imag >= 0.0)):

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag
+from contbreather.continuation import Branch
 from contbreather.errors import BadInput
+from contbreather.lattice import Harmonic
 from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting.canvas import (
@@ -95,9 +97,10 @@ def plot_zones(
     >>> sorted(text.get_text() for text in ax.texts if text.get_text() in ("S", "US"))
     ['S', 'US']
     """
-    several = [zones] if isinstance(zones, Zones) or not np.iterable(zones) else list(zones)
+    alone = isinstance(zones, Zones | Branch) or not np.iterable(zones)
+    several: list[Any] = [zones] if alone else list(zones)
     for one in several:
-        check_kind(one, Zones, "a zone diagram")
+        check_kind(one, Zones, "a zone diagram", "plot draws branches")
     if not several or not all(any(one.curves.values()) for one in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
     given: list[Any] = list(ax) if np.iterable(ax) else [ax]
@@ -137,13 +140,18 @@ def draw_panels(
 
 
 def _chain(zones: Zones) -> str:
-    """Which ring the zones are about, and its threshold; nothing for the infinite chain."""
-    sites = next((branch[0].solution.lattice.sites for _, branch in zones), None)
-    if sites is None:
-        return ""
-    held = [(name, zones.model.get(name)) for name in ("damping", "spring")]
-    losses = "".join(f", {name} {value:g}" for name, value in held if value)
-    return f", {zones.model['lattice'].describe()}{losses}, threshold {zones.threshold:g}"
+    """What the zones are about, where it is not the infinite chain under the paper's forcing."""
+    model = zones.model
+    words = []
+    if model["lattice"].sites is not None:
+        held = [(name, model.get(name)) for name in ("site", "damping", "spring")]
+        also = [f"{name} {value:g}" for name, value in held if value]
+        words = [model["lattice"].describe(), *also, f"threshold {zones.threshold:g}"]
+    forcing = model["forcing"]
+    if not isinstance(forcing, Harmonic):
+        values = [f"{symbol(name)} = {value:g}" for name, value in forcing.params.items()]
+        words += values or [forcing.describe()]
+    return "".join(f", {word}" for word in words)
 
 
 def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:

@@ -14,7 +14,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
-from contbreather.parameters import HEAVIEST, NAMES, SMOOTH, parameter
+from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 
 Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
@@ -87,9 +87,18 @@ def conditions_of(
     Raises
     ------
     BadInput
-        A number out of its range, another number of sites, walls of a site that is not there.
+        A number that is missing, unknown or out of its range, another number of sites, walls of a
+        site that is not there.
     """
     without_noise(numbers)
+    missing = [name for name in NEEDED if name not in numbers]
+    unknown = [name for name in numbers if name not in NAMES]
+    if missing or unknown:
+        what = f"missing {', '.join(missing)}" if missing else f"not known {', '.join(unknown)}"
+        raise BadInput(
+            f"simulate and all that simulates takes {', '.join(NEEDED)}, and, where wanted, "
+            f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
+        )
     around, where = Walls.given(walls), lattice_for(sites, lattice)
     for site, _ in around.own:
         if not 0 <= site < sites:

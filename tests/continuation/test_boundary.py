@@ -93,16 +93,17 @@ def test_a_hopf_line_ends_where_its_pair_becomes_real(planar: Branch) -> None:
 def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Branch) -> None:
     line = boundary(planar.first("HB"), ("b2", "b1"), within=WINDOW)
     assert line.names == (
-        "x",
-        "y",
-        "null",
-        "omega2",
         "b1",
         "b2",
         "unstable",
         "arclength",
         "residual",
+        "x",
+        "y",
+        "null",
+        "omega2",
     )
+    assert [name for name in line.columns() if name != "label"] == [*line.names]
     assert line["null"].shape == (len(line), 2)
     assert np.allclose(np.sum(line["null"] ** 2, axis=1), 1, atol=1e-13)
     assert line.free == "b2"

@@ -48,14 +48,16 @@ def printed(thing) -> str:
 # --- branches ---------------------------------------------------------------------------------
 
 
-def test_columns_are_unknowns_parameters_records_and_arclength(branch: Branch) -> None:
-    assert branch.names == ("x", "mu", "h", "slope", "arclength", "residual")
+def test_columns_are_parameters_records_arclength_and_unknowns(branch: Branch) -> None:
+    assert branch.names == ("mu", "h", "slope", "arclength", "residual", "x")
     for name in branch.names:
         assert branch[name].shape == (len(branch),)
     assert (branch["mu"] == 1.0).all()
     assert np.allclose(branch["slope"], 1 - 3 * branch["x"] ** 2, atol=1e-12)
     assert branch["arclength"][0] == 0.0
-    with pytest.raises(BadInput, match=r"no column 'y'; this branch has \['x', 'mu', 'h', 'slope'"):
+    with pytest.raises(
+        BadInput, match=r"no column 'y'; this branch has \['mu', 'h', 'slope', 'arclength'"
+    ):
         branch["y"]
 
 

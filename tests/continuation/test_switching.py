@@ -251,7 +251,9 @@ def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
     branch = trace_case(LORENZ)
     assert "is not a special point" in str(refused(branch[3]))
     assert "is where a branch ends" in str(refused(branch.special[0]))
-    assert "no other branch is known to leave points of kind HB" in str(refused(branch.first("HB")))
+    hopf = str(refused(branch.first("HB")))
+    assert "known to leave points of kind HB; " in hopf
+    assert "begin with cb.equilibrium" in hopf
     assert "leave points of kind LP" in str(refused(trace_case(CIRCLE).first("LP")))
 
 

@@ -17,6 +17,11 @@ def damped() -> cb.orbits.Zones:
     )
 
 
+def test_the_picture_names_the_site(damped) -> None:
+    title = cb.plotting.plot_zones(damped).axes.get_title(loc="left").replace("\n", " ")
+    assert "3 sites, site 1, damping 0.02, threshold" in title
+
+
 def test_curves_of_a_damped_chain_are_where_multipliers_and_margins_say(damped) -> None:
     (fork,), (graze,) = damped["PF"], damped["GR"]
     for point in fork[::20]:
