@@ -106,7 +106,7 @@ class Page:
 
     def _branch_controls(self) -> None:
         self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
-        self.curve = pn.widgets.Select(label="curve", width=190)
+        self.curve = pn.widgets.Select(label="curve", width=230)
         self.label = pn.widgets.Select(
             label="special point", options={"\N{EN DASH}": NOWHERE}, value=NOWHERE, width=120
         )

@@ -114,8 +114,8 @@ class State:
         return next(one.branch for one in self.curves if one.code == code)
 
     def without(self, code: str) -> State:
-        """Without a curve; the script goes on making it, for others, and what is looked at, may come
-        from it."""
+        """Without a curve; the script goes on making it, for others may come from it, and what is
+        looked at."""
         curves = tuple(one for one in self.curves if one.code != code)
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 

@@ -31,7 +31,7 @@ CARD = """
 """
 STUCK = """
 :host { position: sticky; top: 0; z-index: 5; background: var(--bs-body-bg, white);
-  box-shadow: 0 -24px var(--bs-body-bg, white); }
+  box-shadow: 0 -16px 0 8px var(--bs-body-bg, white); }
 """  # by its shadow what scrolls is not seen above it, either
 WORDS = """
 .trouble { color: #c92a2a; font-size: 13px; margin: 2px 0 4px; }

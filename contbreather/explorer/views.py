@@ -216,12 +216,13 @@ def _at(fixed: tuple[str, float]) -> str:
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
-    """The mark of what is looked at."""
+    """The mark of what is looked at. Of one at the level of annotations Bokeh leaves a grey rim where
+    it was."""
     source = _source("x", "y")
     for size, colour, width in ((15, theme.paper, 5), (15, theme.vermillion, 2.5)):
         fig.scatter(
             "x", "y", source=source, size=size, fill_color=None, line_color=colour,
-            line_width=width, level="annotation",
+            line_width=width,
         )  # fmt: skip
     return source
 

@@ -208,7 +208,7 @@ def with_band(
     """
     mu, waves = np.asarray(orbit.multipliers(sites=sites, half=half)), band(orbit, half)
     if np.isnan(mu).any():
-        raise BadInput(f"no multipliers: {orbit.stability(sites).describe()}")
+        raise BadInput(orbit.stability(sites).describe())
     return mu, waves, off_the_band(mu, waves, sites or orbit.lattice.sites or 1)
 
 

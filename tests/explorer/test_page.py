@@ -371,10 +371,9 @@ def test_where_an_impact_vanishes_all_else_is_drawn_and_why_no_multipliers(page:
     assert max(page.profile.sites.data["high"]) == pytest.approx(1.0)
     assert "VI1 on branch1" in page.words.text.text
     assert page.multipliers.dots.data["x"] == []
-    assert page.multipliers.figure.title.text.split() == (
-        "no multipliers: ring of 400: nothing is said of stability where an impact vanishes".split()
-    )
-    with pytest.raises(BadInput, match="nothing is said of stability where an impact vanishes"):
+    why = "ring of 400: nothing is said of stability where an impact vanishes"
+    assert page.multipliers.figure.title.text.replace("\n", " ") == why
+    with pytest.raises(BadInput, match=why):
         cb.plotting.plot_multipliers(page.explorer.chosen.point)
 
 
@@ -406,7 +405,6 @@ def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     assert page.curve.options == {
         "branch1: gamma = 0.08": "branch1", "branch2: gamma = 0.07": "branch2",
     }  # fmt: skip
-    page._branch_tapped(SimpleNamespace(x=0.5, y=0.8))
     page.explorer.choose_point("branch1", 3)
     press(page, "Continue")
     assert page.curve.value == "branch3"
