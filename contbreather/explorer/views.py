@@ -216,8 +216,8 @@ def _at(fixed: tuple[str, float]) -> str:
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
-    """The mark of what is looked at: of one at the level of annotations Bokeh would leave a grey rim
-    where it was."""
+    """The mark of what is looked at; at the level of annotations Bokeh would leave grey rims of it
+    behind."""
     source = _source("x", "y")
     for size, colour, width in ((15, theme.paper, 5), (15, theme.vermillion, 2.5)):
         fig.scatter(
