@@ -106,7 +106,7 @@ class Page:
 
     def _branch_controls(self) -> None:
         self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
-        self.curve = pn.widgets.Select(label="curve", width=120)
+        self.curve = pn.widgets.Select(label="curve", width=230)
         self.label = pn.widgets.Select(
             label="special point", options={"\N{EN DASH}": NOWHERE}, value=NOWHERE, width=120
         )
@@ -296,7 +296,9 @@ class Page:
     def _render_branches(self, new: State, old: State) -> None:
         x, y = new.columns
         codes = [one.code for one in new.curves]
-        offered(self.curve, codes)
+        if new.curves != old.curves:
+            self.curve.options = summary.names(new.curves)
+        self.curve.value = new.listed or next(iter(codes), None)
         self.remove.disabled = not codes
         self.undo.disabled = self.explorer.busy or not self.explorer.undoes
         self.shown.options = codes
@@ -306,16 +308,17 @@ class Page:
         offered(self.y, names, y)
         if (new.shown, new.columns) != (old.shown, old.columns):
             self.branches.show(new.shown, x, y)
-        self.branches.choose(new.chosen, x, y)
+        seen = new.chosen is not None and new.chosen.curve in (one.code for one in new.shown)
+        self.branches.choose(new.chosen if seen else None, x, y)
         self._render_place(new)
 
     def _render_place(self, new: State) -> None:
         """Which point of which curve is looked at."""
-        chosen = new.chosen if new.chosen is not None and new.chosen.curve else None
-        if chosen is not None:
-            self.curve.value = chosen.curve
         if not self.curve.value:
+            self.label.options, self.label.value = {"\N{EN DASH}": NOWHERE}, NOWHERE
             return
+        there = new.chosen is not None and new.chosen.curve == self.curve.value
+        chosen = new.chosen if there else None
         branch = new.curve(self.curve.value)
         labels = {point.title: i for i, point in marked(branch)}
         self.point.end = max(len(branch) - 1, 1)
@@ -326,11 +329,13 @@ class Page:
 
     def _render_chosen(self, new: State, old: State) -> None:
         wanted = new.chosen, new.sites, new.ring
-        if new.chosen is None or wanted == (old.chosen, old.sites, old.ring):
+        if wanted == (old.chosen, old.sites, old.ring):
             return
-        orbit = new.chosen.orbit
         self.words.show(_described(new))
-        if orbit is None:
+        orbit = None if new.chosen is None else new.chosen.orbit
+        if orbit is None:  # nothing of what was there before is of it
+            for view in (self.profile, self.motion, self.multipliers):
+                view.nothing()
             return
         self.profile.show(summary.profile(orbit))
         self.motion.show(summary.motion(orbit, new.sites), summary.verdict(orbit))
@@ -352,7 +357,8 @@ def _common(state: State) -> list[str]:
 def _described(state: State) -> str:
     """Numbers and verdicts of what is looked at."""
     chosen = state.chosen
-    assert chosen is not None
+    if chosen is None:
+        return ""
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:

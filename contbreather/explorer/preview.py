@@ -20,6 +20,7 @@ from contbreather.plotting.zones import names_of_meetings
 Array = NDArray[np.float64]
 Meeting = tuple[float, float, str]
 
+STOPPED = ", stopped: curves may be missing"
 FINE = 80  # points of a curve between two others
 # Restitutions at which diagrams are computed ahead: halfway between two of them curves are
 # off by 2e-3 at most, about as wide as a line.
@@ -88,8 +89,13 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
 
 def _about(zones: Zones) -> str:
     for _, branch in zones:
-        return about(branch[0].solution) + ", stopped: curves may be missing" * zones.interrupted
+        return about(branch[0].solution) + STOPPED * zones.interrupted
     return "no curve"
+
+
+def is_of(drawn: Preview, orbit: Orbit) -> bool:
+    """Whether it is a diagram of such breathers."""
+    return about(orbit) == drawn.about.removesuffix(STOPPED)
 
 
 def about(orbit: Orbit) -> str:

@@ -29,7 +29,7 @@ from contbreather.runs import load, save
 
 Listener = Callable[[State], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
-UNDONE = ("curves", "hidden", "axes", "run", "lines")  # of a state
+UNDONE = ("curves", "listed", "hidden", "axes", "run", "lines")  # of a state
 KEPT = 200  # zone diagrams that are remembered
 QUIET = 5.0  # seconds that nothing is asked for, until diagrams are computed ahead
 WIDEST = 0.06  # distance of two restitutions between which a diagram may be carried on
@@ -47,7 +47,7 @@ class Session:
         self._long, self._quick = JobThread(), JobThread()
         self._planes: dict[Plane, Zones] = {}
         self._models: dict[str, dict[str, Any]] = {"": {}}  # by `zones_of`, as `zones` takes them
-        self._before: list[dict[str, Any]] = []  # what `undo` goes back to
+        self._before: list[tuple[str, State]] = []  # what `undo` says, and goes back to
         self.lattices: dict[str, OnLattice] = {}  # by what is typed for them
         self._looks_ahead = self._ahead = False
         self._count = 0
@@ -195,7 +195,7 @@ class Session:
     def choose(self, chosen: Chosen) -> None:
         """Look at an orbit or a point."""
         self.message = ""
-        self.change(chosen=chosen)
+        self.change(chosen=chosen, listed=chosen.curve or self.state.listed)
 
     def choose_typed(self, **typed: Any) -> None:
         """Look at the breather with these parameters, and have zones of its lattice where there are
@@ -318,17 +318,14 @@ class Session:
         name = f"{name}{self._count}"
         *setup, last = lines
         with self._changing:
-            self._remember()
+            self._before.append((f"{name} is taken back.", self.state))
             self.state = self.state.with_result(name, (*setup, last.replace("{}", name, 1)), value)
         self._say()
-
-    def _remember(self) -> None:
-        self._before.append({name: getattr(self.state, name) for name in UNDONE})
 
     def remove(self, code: str) -> None:
         """Take a curve away, by the name that the script has for it."""
         with self._changing:
-            self._remember()
+            self._before.append((f"{code} is back.", self.state))
             self.state = self.state.without(code)
         self._say()
 
@@ -342,10 +339,12 @@ class Session:
         if not self._before:
             raise BadInput("there is nothing to take back.")
         with self._changing:
-            state = replace(self.state, **self._before.pop())
+            self.message, before = self._before.pop()
+            state = replace(self.state, **{name: getattr(before, name) for name in UNDONE})
             chosen = state.chosen
             gone = chosen is not None and chosen.curve not in ("", *(c.code for c in state.curves))
-            self.state = replace(state, chosen=None) if gone else state
+            # of a curve that is gone no point can be made: what was looked at before it came
+            self.state = replace(state, chosen=before.chosen) if gone else state
         self._say()
 
     @property

@@ -73,6 +73,7 @@ class State:
     plane: Zones | None = None  # the last that was computed
     preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
     curves: tuple[Named, ...] = ()
+    listed: str = ""  # the curve whose points are offered, by its code
     hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
     axes: tuple[str, str] = ("", "")  # columns; empty: those of the first curve
     chosen: Chosen | None = None
@@ -113,10 +114,10 @@ class State:
         return next(one.branch for one in self.curves if one.code == code)
 
     def without(self, code: str) -> State:
-        """Without a curve; the script goes on making it, for others may come from it."""
+        """Without a curve; the script goes on making it, for others may come from it, and what is
+        looked at."""
         curves = tuple(one for one in self.curves if one.code != code)
-        here = self.chosen is not None and self.chosen.curve == code
-        return replace(self, curves=curves, chosen=None if here else self.chosen)
+        return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
     def with_result(self, name: str, lines: Iterable[str], value: Any) -> State:
         """With one more result, whatever `save` takes or several of that, and how it came."""
@@ -129,6 +130,7 @@ class State:
             self,
             lines=(*self.lines, *lines),
             curves=(*self.curves, *curves),
+            listed=curves[0].code if curves else self.listed,
             run=runs[-1] if runs else self.run,
             plane=plane,
             preview=preview_of(plane) if planes and plane is not None else self.preview,

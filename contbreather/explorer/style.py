@@ -30,8 +30,9 @@ CARD = """
   padding: 6px !important; }
 """
 STUCK = """
-:host { position: sticky; top: 0; z-index: 5; background: var(--bs-body-bg, white); }
-"""
+:host { position: sticky; top: 0; z-index: 5; background: var(--bs-body-bg, white);
+  box-shadow: 0 -16px 0 8px var(--bs-body-bg, white); }
+"""  # by its shadow what scrolls is not seen above it, either
 WORDS = """
 .trouble { color: #c92a2a; font-size: 13px; margin: 2px 0 4px; }
 :host-context([data-bs-theme=dark]) .trouble { color: #ff8787; }
@@ -39,6 +40,6 @@ h2 { font-size: 15px; margin: 2px 0; font-weight: 600; }
 dl { margin: 0; font-size: 13px; line-height: 1.4; } dt { font-weight: 600; }
 dd { margin: 0 0 5px 0; overflow-wrap: anywhere; }
 table { font-size: 13px; border-collapse: collapse; margin-bottom: 6px; }
-td { padding: 0 12px 0 0; font-variant-numeric: tabular-nums; }
+th, td { padding: 0 12px 0 0; } td { font-variant-numeric: tabular-nums; }
 pre { font-size: 12px; white-space: pre-wrap; overflow-wrap: anywhere; margin: 4px 0; }
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -11,10 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation import Branch
 from contbreather.errors import BadInput, ContbreatherError
+from contbreather.explorer.state import Named
+from contbreather.explorer.work import point_of
 from contbreather.lattice import Ring
 from contbreather.orbits import Orbit
-from contbreather.plotting.multipliers import band, off_the_band
+from contbreather.plotting.multipliers import with_band
 
 Array = NDArray[Any]
 
@@ -53,6 +56,23 @@ class Multipliers:
     alone: NDArray[np.bool_]
     waves: Array
     about: str
+
+
+def names(curves: Iterable[Named]) -> dict[str, str]:
+    """The codes of curves by their names, which have what not all of them share: the parameters
+    that vary, those that do not, and the lattice."""
+    known = {one.code: _facts(one.branch) for one in curves}
+    shared = set.intersection(*map(set, known.values())) if known else set()
+    own = {code: [fact for fact in facts if fact not in shared] for code, facts in known.items()}
+    return {": ".join(filter(None, (code, ", ".join(own[code])))): code for code in own}
+
+
+def _facts(branch: Branch) -> list[str]:
+    varied, first = branch.curve.varied, point_of("", branch, 0)
+    facts = [f"in {', '.join(varied)}"]
+    facts += [first.orbit.lattice.describe()] if first.orbit is not None else []
+    fixed = ((n, v) for n, v in branch.problem.params.items() if n not in varied)
+    return facts + [f"{name} = {value:.6g}" for name, value in fixed]
 
 
 def profile(orbit: Orbit) -> Profile:
@@ -99,11 +119,11 @@ def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
 def multipliers(orbit: Orbit, ring: int) -> Multipliers:
     """On its own lattice if that is finite, otherwise on a ring of so many sites."""
     own, half = orbit.lattice.sites, orbit.symmetric
-    mu = (orbit if own is not None else on_ring(orbit, ring)).multipliers(half=half)
+    there = orbit if own is not None else on_ring(orbit, ring)
     lattice = f"ring of {ring}" if own is None else orbit.lattice.describe()
     about = f"over {'half a' if half else 'a'} period, {lattice}"
-    waves = band(orbit, half)
-    return Multipliers(mu, off_the_band(mu, waves, own or ring), waves, about)
+    mu, waves, alone = with_band(there, None, half)
+    return Multipliers(mu, alone, waves, about)
 
 
 @lru_cache(maxsize=1)

@@ -12,7 +12,7 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from contbreather.continuation import Branch, Point
-from contbreather.explorer.preview import Preview, about
+from contbreather.explorer.preview import Preview, about, is_of
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.summary import Motion, Multipliers, Profile
 from contbreather.explorer.theme import Theme
@@ -41,7 +41,7 @@ ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its 
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
 SEEN = 2000  # stretches of a line, more than a figure has pixels
-WIDE = 53  # letters of a title in a line
+WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the multipliers
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
@@ -132,20 +132,21 @@ class ZonesView:
             "x", "y", "text", source=self.letters, text_color=theme.text, text_align="center",
             text_baseline="middle", text_font_style="bold", text_font_size="16px",
         )  # fmt: skip
-        self.meetings = _source("x", "y", "text")
-        fig.scatter(
+        self.meetings = _source("x", "y", "text", "what", "dx", "dy")
+        marks = fig.scatter(
             "x", "y", source=self.meetings, marker="hex", size=9, fill_color=theme.paper,
             line_color=theme.line,
         )  # fmt: skip
+        fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
         fig.text(
-            "x", "y", "text", source=self.meetings, text_color=theme.text, x_offset=8, y_offset=-4,
-            text_font_size="12px",
+            "x", "y", "text", source=self.meetings, text_color=theme.text, x_offset="dx",
+            y_offset="dy", text_font_size="12px",
         )  # fmt: skip
         self.traced = _source("xs", "ys")
         fig.multi_line("xs", "ys", source=self.traced, color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
         _legend(fig, theme)
-        fig.legend[0].ncols = 2
+        fig.legend[0].update(ncols=2, spacing=12)
         fig.add_layout(fig.legend[0], "below")  # inside it would cover curves of some planes
 
     def show(self, drawn: Preview) -> None:
@@ -154,13 +155,16 @@ class ZonesView:
         _fill(self.regions, (self._region(one) for one in shaded))
         for kind, source in self.curves.items():
             _fill(source, (one.T for one in drawn.curves[kind]))
-        _fill(self.meetings, drawn.meetings)
         _fill(self.letters, ((one.x, one.y, one.verdict) for one in shaded))
         x, y = drawn.pair
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
+        met: dict[str, Any] = {
+            name: [one[i] for one in drawn.meetings] for i, name in enumerate(("x", "y", "text"))
+        }
+        self.meetings.data = met | {"what": met["text"]} | _beside(self.figure, **met)
 
     def _region(self, one: Region) -> tuple[Any, Any, str]:
         rings = (one.outline, *one.holes)
@@ -171,6 +175,9 @@ class ZonesView:
         """Say what is shown, and what is on its way."""
         drawn = wanted.preview
         words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
+        orbit = None if wanted.chosen is None else wanted.chosen.orbit
+        if drawn is not None and orbit is not None and not is_of(drawn, orbit):
+            words += f"; chosen: {about(orbit)}"
         elsewhere = drawn is None or drawn.fixed != wanted.fixed
         coming = _at(wanted.fixed) if elsewhere else "another lattice"
         if drawn is not None and not drawn.exact:
@@ -198,7 +205,7 @@ class ZonesView:
         orbit = None if chosen is None else chosen.orbit
         if orbit is None or abs(getattr(orbit, name) - value) > 1e-9:
             _fill(self.here, [])
-        elif about(orbit) == drawn.about:
+        elif is_of(drawn, orbit):
             _fill(self.here, [(getattr(orbit, x), getattr(orbit, y))])
         else:
             _fill(self.here, [])
@@ -209,12 +216,13 @@ def _at(fixed: tuple[str, float]) -> str:
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
-    """The mark of what is looked at."""
+    """The mark of what is looked at; at the level of annotations Bokeh would leave grey rims of it
+    behind."""
     source = _source("x", "y")
     for size, colour, width in ((15, theme.paper, 5), (15, theme.vermillion, 2.5)):
         fig.scatter(
             "x", "y", source=source, size=size, fill_color=None, line_color=colour,
-            line_width=width, level="annotation",
+            line_width=width,
         )  # fmt: skip
     return source
 
@@ -267,16 +275,7 @@ class BranchView:
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
         data: dict[str, Any] = {name: [one[i] for one in marked] for i, name in enumerate(SPECIAL)}
-        ends = (self.figure.x_range, self.figure.y_range)
-        across, up = (
-            (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
-            for name, axis in zip("xy", ends, strict=True)
-        )
-        # as wide and high as it is in the browser, once that has said so
-        said = self.figure.properties_with_values(include_defaults=False)
-        wide, high = said.get("inner_width", ROOM[0]), said.get("inner_height", ROOM[1])
-        data |= spread(wide * across, high * (1.0 - up), data["text"], wide)
-        self.special.data = data
+        self.special.data = data | _beside(self.figure, data["x"], data["y"], data["text"])
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
@@ -296,6 +295,18 @@ class BranchView:
             far[[i for i, _ in marked(one.branch)]] *= 0.5
             found.append((float(far.min()), one.code, int(far.argmin())))
         return min(found)[1:] if found else None
+
+
+def _beside(fig: Any, x: Iterable[float], y: Iterable[float], text: Any) -> dict[str, list[Any]]:
+    """Words beside points of a figure."""
+    across, up = (
+        (np.array(values, dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
+        for values, axis in ((x, fig.x_range), (y, fig.y_range))
+    )
+    # as wide and high as it is in the browser, once that has said so
+    said = fig.properties_with_values(include_defaults=False)
+    wide, high = said.get("inner_width", ROOM[0]), said.get("inner_height", ROOM[1])
+    return spread(wide * across, high * (1.0 - up), text, wide)
 
 
 def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> dict[str, list[Any]]:
@@ -377,6 +388,12 @@ class ProfileView:
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
         _reach(self.figure.y_range, [*walls, *seen.lowest, *seen.highest])
 
+    def nothing(self) -> None:
+        """No orbit is looked at."""
+        _fill(self.walls, [])
+        _fill(self.sites, [])
+        self.figure.title.text = "profile"
+
 
 class MotionView:
     """Some sites over a period of an orbit, or over all of a simulation."""
@@ -404,6 +421,12 @@ class MotionView:
         colours = self._draw(seen.times, seen.by_site)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in seen.hits))
         self._bound(seen.walls)
+
+    def nothing(self) -> None:
+        """No orbit is looked at."""
+        for source in (self.walls, self.lines, self.hits):
+            _fill(source, [])
+        self.figure.title.text = ""
 
     def run(self, name: str, run: Run) -> None:
         """The motion of a simulation."""
@@ -475,8 +498,8 @@ class MultipliersView:
         for axis in (self.figure.x_range, self.figure.y_range):
             axis.update(start=-reach, end=reach, reset_start=-reach, reset_end=reach)
 
-    def nothing(self, why: str) -> None:
+    def nothing(self, why: str = "multipliers") -> None:
         """None are known, for this reason."""
         _fill(self.dots, [])
         _fill(self.band, [])
-        self.figure.title.text = why
+        self.figure.title.text = "\n".join(wrap(why, NARROW))

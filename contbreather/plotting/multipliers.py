@@ -66,6 +66,11 @@ def plot_multipliers(
     Drawn
         The artists, with their ``axes`` and ``figure``.
 
+    Raises
+    ------
+    BadInput
+        For what has no multipliers: a branch, say, or an orbit whose impact vanishes (VI).
+
     Examples
     --------
     >>> import contbreather as cb
@@ -82,12 +87,9 @@ def plot_multipliers(
         mu, waves = orbit.others, np.empty((0, 0))
         alone = np.ones(mu.size, dtype=bool)
     else:
-        own = orbit.lattice.sites
-        if sites is None and own is None:
+        if sites is None and orbit.lattice.sites is None:
             sites = 400
-        mu = np.asarray(orbit.multipliers(sites=sites, half=half))
-        waves = band(orbit, half)
-        alone = off_the_band(mu, waves, sites or own or 1)
+        mu, waves, alone = with_band(orbit, sites, half)
     with drawing(ax, height=8.5) as drawn:
         axes = drawn.axes
         _circle_and_band(axes, waves)
@@ -193,6 +195,22 @@ def band(orbit: Orbit, half: bool = False) -> Array:
     squares = float(getattr(orbit, "spring", 0.0)) + 4.0 * orbit.gamma * np.sin(0.5 * theta) ** 2
     root = np.sqrt(decay**2 - squares + 0j)
     return np.exp((-decay + np.multiply.outer([1.0, -1.0], root)) * period)
+
+
+def with_band(
+    orbit: Orbit, sites: int | None, half: bool
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Multipliers on its own lattice or on a ring, those of plane waves, and which are not theirs.
+
+    Raises
+    ------
+    BadInput
+        Where an impact vanishes, which has none.
+    """
+    mu, waves = np.asarray(orbit.multipliers(sites=sites, half=half)), band(orbit, half)
+    if np.isnan(mu).any():
+        raise BadInput(orbit.stability(sites).describe())
+    return mu, waves, off_the_band(mu, waves, sites or orbit.lattice.sites or 1)
 
 
 def off_the_band(mu: Array, waves: Array, sites: int) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.explorer import Explorer, session
 from contbreather.explorer.page import Page
+from contbreather.explorer.state import Chosen
 from contbreather.explorer.style import GRID
 
 from ..apart import HUNG
@@ -361,3 +362,59 @@ def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
     page.undo.clicks += 1
     assert page.undo.disabled
     assert page.shown.options == []
+
+
+def test_where_an_impact_vanishes_all_else_is_drawn_and_why_no_multipliers(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    press(page, "Continue")
+    page.label.value = page.label.options["VI1"]
+    assert max(page.profile.sites.data["high"]) == pytest.approx(1.0)
+    assert "VI1 on branch1" in page.words.text.text
+    assert page.multipliers.dots.data["x"] == []
+    why = "ring of 400: nothing is said of stability where an impact vanishes"
+    assert page.multipliers.figure.title.text.replace("\n", " ") == why
+    with pytest.raises(BadInput, match=why):
+        cb.plotting.plot_multipliers(page.explorer.chosen.point)
+
+
+def test_undo_goes_back_to_the_breather_from_which_the_curve_went(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    press(page, "Continue")
+    page.label.value = page.label.options["LP1"]
+    page.undo.clicks += 1
+    assert "branch1 is taken back." in page.status.text.text
+    assert page.explorer.chosen.code == "cb.symmetric(a=0.1, gamma=0.08, k=0.8)"
+    assert "here = cb.symmetric(a=0.1, gamma=0.08, k=0.8)" in page.explorer.script()
+    assert page.forms.breather["a"].input.value == "0.1"
+    assert not any(page.forms.buttons[name].disabled for name in ("Continue", "Simulate from here"))
+    assert (page.label.options, page.branches.here.data["x"]) == ({"\N{EN DASH}": -1}, [])
+
+
+def test_without_a_breather_nothing_of_an_earlier_one_is_left(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    page.explorer.change(chosen=None)
+    for data in (page.profile.sites.data, page.motion.lines.data, page.multipliers.dots.data):
+        assert not any(map(len, data.values()))
+    assert page.words.text.text == ""
+
+
+def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
+    for gamma in (0.08, 0.07):
+        page._zones_tapped(SimpleNamespace(x=gamma, y=0.1))
+        press(page, "Continue")
+    assert page.curve.options == {
+        "branch1: gamma = 0.08": "branch1", "branch2: gamma = 0.07": "branch2",
+    }  # fmt: skip
+    page.explorer.choose_point("branch1", 3)
+    press(page, "Continue")
+    assert page.curve.value == "branch3"
+    page.label.value = page.label.options["LP1"]
+    assert page.explorer.chosen.code == "branch3.first('LP1')"
+
+
+def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    assert "chosen" not in page.zones.figure.title.text
+    on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
+    page.explorer.choose(Chosen("...", on_ring))
+    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"

@@ -458,14 +458,16 @@ def test_a_curve_is_removed_and_everything_taken_back_step_by_step(told: Any) ->
     explorer.choose_point("given1", 3)
     explorer.remove("given1")
     assert [one.code for one in explorer.state.curves] == ["given2"]
-    assert explorer.state.chosen is None
-    assert explorer.state.lines == lines  # others may come from it
+    assert explorer.chosen.code == "given1[3]"  # as before, and so is the script that makes it
+    assert explorer.state.lines == lines
     explorer.undo()
+    assert explorer.message == "given1 is back."
     assert [one.code for one in explorer.state.curves] == ["given1", "given2"]
     explorer.choose_point("given2", 3)
     explorer.undo()
     assert [one.code for one in explorer.state.curves] == ["given1"]
-    assert explorer.state.chosen is None
+    assert explorer.message == "given2 is taken back."
+    assert explorer.state.chosen is None  # nothing was when it came
     explorer.undo()
     with pytest.raises(BadInput, match="nothing to take back"):
         explorer.undo()

@@ -9,6 +9,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.explorer import summary
+from contbreather.explorer.state import Named
 
 B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
 
@@ -20,6 +21,21 @@ def test_profile_has_the_site_that_impacts_at_its_wall() -> None:
     assert found.highest[centre] == pytest.approx(1.0, abs=1e-12)
     assert found.highest[centre + 1] == pytest.approx(B.admissibility().max_neighbour, abs=1e-4)
     np.testing.assert_array_equal(found.walls, np.tile([-1.0, 1.0], (found.sites.size, 1)))
+
+
+def test_curves_are_named_by_what_not_all_of_them_share() -> None:
+    window = {"a": (0.49, 0.51), "gamma": (0.07, 0.09)}
+    curves = [
+        Named(f"branch{i}", cb.trace(orbit, free, within={free: window[free]}))
+        for i, (orbit, free) in enumerate([(B, "a"), (B.on(cb.Ring(12)), "a"), (B, "gamma")])
+    ]
+    assert summary.names(curves[:1]) == {"branch0": "branch0"}
+    assert list(summary.names(curves[:2])) == ["branch0: infinite chain", "branch1: ring of 12"]
+    assert list(summary.names(curves)) == [
+        "branch0: in a, infinite chain, gamma = 0.08",
+        "branch1: in a, ring of 12, gamma = 0.08",
+        "branch2: in gamma, infinite chain, a = 0.5",
+    ]
 
 
 def test_small_lattices_are_shown_whole() -> None:

@@ -90,7 +90,8 @@ def test_all_is_drawn_in_the_colours_of_its_theme_in_sizes_that_are_seen(theme: 
 
 DRAWN = (
     "MultiPolygons xs ys fill=colour line=colour; " + "MultiLine xs ys; " * 4
-    + "Text x y text; Scatter x y; Text x y text; MultiLine xs ys; Scatter x y; Scatter x y",
+    + "Text x y text; Scatter x y; Text x y text x_offset=dx y_offset=dy; MultiLine xs ys; "
+    + "Scatter x y; Scatter x y",
     "MultiLine xs ys line=colour; " * 3
     + "Scatter x y fill=colour line=colour marker=mark; Text x y text x_offset=dx y_offset=dy; "
     + "Scatter x y; Scatter x y",
@@ -205,8 +206,24 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
         view.choose(chosen, replace(drawn, fixed=("k", 0.8 + off)))
         there = orbit is B and off < 1e-9
         assert view.here.data == ({"x": [0.08], "y": [0.5]} if there else {"x": [], "y": []})
-    view.choose(Chosen("b", damped), replace(drawn, about="ring of 12, damping = 0.01"))
-    assert view.here.data == {"x": [0.08], "y": [0.5]}
+    for stopped in ("", ", stopped: curves may be missing"):
+        there = replace(drawn, about=f"ring of 12, damping = 0.01{stopped}")
+        view.choose(Chosen("b", damped), there)
+        assert view.here.data == {"x": [0.08], "y": [0.5]}
+        view.title(State(preview=there, chosen=Chosen("b", damped)))
+        assert "chosen" not in view.figure.title.text
+
+
+def test_words_at_the_edge_of_the_zones_stay_inside_and_do_not_cover_each_other(plane: Any) -> None:
+    view, drawn = views.ZonesView(LIGHT), preview_of(plane)
+    right = max(line[:, 0].max() for lines in drawn.curves.values() for line in lines)
+    met = ((right, 0.5, "LP\N{EN DASH}GR"), (right, 0.501, "NS\N{EN DASH}GR"))
+    view.show(replace(drawn, meetings=met))
+    assert rows(view.meetings, "x", "y", "what") == list(met)
+    one, other = rows(view.meetings, "text", "dx", "dy")
+    assert (one[0], other[0]) == (met[0][2], met[1][2])
+    assert max(one[1], other[1]) <= -7.0 - views.LETTER * len(one[0])  # they end at the point
+    assert abs(one[2] - other[2]) >= views.LINE
 
 
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
