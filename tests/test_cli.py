@@ -415,7 +415,7 @@ def test_boundary_passes_the_fold_as_the_library_does(run: Run) -> None:
     ("walk", "line", "shown"),
     [
         ("trace", BRANCH, "label"),
-        ("trace", f"{BRANCH} --json", '"columns": {"p": ['),
+        ("trace", f"{BRANCH} --json", '"columns": {"a": ['),
         ("boundary", "boundary PF --k 0.8", "label"),
     ],
 )

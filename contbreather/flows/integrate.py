@@ -28,6 +28,7 @@ _POWERS = partial(np.polynomial.chebyshev.chebvander, deg=_NODES - 1)
 _BETWEEN = _POWERS(2 * _PLACES[1::2] - 1) @ np.linalg.inv(_POWERS(2 * _PLACES[::2] - 1))
 _ALIKE = 1e-3  # relative to its size there
 _HALVINGS = 8
+_SHIFTED = 1.0 + 1e-6  # a state times this is another one
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
 _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
 _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
@@ -439,12 +440,18 @@ class _Watched:
 
     def _size(self, step: Callable[[Any], Array], a: float, b: float) -> float:
         """That of the states which the guard knows, or how fast it changes."""
-        t = np.array([a, b])
-        x = step(t)
-        own, pace = (slopes(f, t, x, self.params)[1] for f in (self.function, self.field))
-        known = own[0, :-1].any(axis=1)
-        known = known | pace[known, :-1].any(axis=(0, 2))
-        return float(abs(x[known]).max(initial=0.0))
+        x = step(b)
+        moved = np.where(x, x * _SHIFTED, _SHIFTED - 1.0)
+        beside = np.where(np.eye(x.size, dtype=bool), moved, x[:, None])
+        states = np.column_stack([x, beside])
+        try:
+            own, pace = (values(f, b, states, self.params) for f in (self.function, self.field))
+        except Undefined:  # a little further it has no value
+            known = np.ones(x.size, dtype=bool)
+        else:
+            known = own[0, 1:] != own[0, 0]
+            known = known | (pace[known, 1:] != pace[known, :1]).any(axis=0)
+        return float(abs(np.append(step(a)[known], x[known])).max(initial=0.0))
 
     def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
         """The time from which the guard is clearly positive: it may begin at zero, by a reset."""
