@@ -357,8 +357,10 @@ class ContinuationIterator:
                     self.end = End(Stop.INFINITY, limit, tuple(unverified))
                     return
                 continue
-            last = line[-1].arclength if stop is Stop.EVENT else math.inf
-            unverified += [point for point in found.doubtful if point.arclength <= last]
+            # what is singular where an event ends the curve needs no other name: at R1 of a curve
+            # of NS its equations are those of a fold, too
+            last = line[-1].arclength - self._near(step) if stop is Stop.EVENT else math.inf
+            unverified += [point for point in found.doubtful if point.arclength < last]
             yield line
             if stop is not None:
                 self.end = End(stop, self._edge(line[-1], stop), tuple(unverified))
@@ -460,8 +462,7 @@ class ContinuationIterator:
 
     def _line_up(self, step: Step, found: Found) -> tuple[list[Point], Stop | None]:
         """What to yield for this step, in order, and whether the walk ends with it."""
-        point = self.point
-        near = 1e-8 * (step.point.arclength - point.arclength)
+        point, near = self.point, self._near(step)
         starts, line = list[Point](), list[Point]()
         if self.count == 0:  # later, what the step before ended short of is found
             starts = [p for p in found.points if p.arclength <= point.arclength + near]
@@ -482,6 +483,10 @@ class ContinuationIterator:
         if not (line and abs(line[-1].arclength - step.point.arclength) <= near):
             line.append(step.point)
         return line, step.stop
+
+    def _near(self, step: Step) -> float:
+        """Points of a step that are closer than this are one."""
+        return 1e-8 * (step.point.arclength - self.point.arclength)
 
     def _broken(self, found: Found) -> list[Event]:
         """The events on whose negative side the step ends, where only the positive one is meant."""

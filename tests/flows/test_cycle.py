@@ -246,6 +246,21 @@ def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> Non
     assert "CH" not in found  # Re d vanishes all along: what is left of it is rounding
 
 
+def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
+    """A forced van der Pol oscillator: at R1 the equations are those of a fold, too."""
+
+    def forced(t, x, p):
+        return [x[1], 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * np.cos(p["w"] * t)]
+
+    start, params, few = {"x": 0.8, "v": 2.0}, {"w": 1.1, "A": 0.5}, Collocation(intervals=8)
+    locked = cb.cycle(forced, start, params, period=force, settle=60, collocation=few)
+    point = cb.trace(locked, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
+    line = cb.boundary(point, ("w", "A"), within={"w": (1.05, 1.1)}, towards="down")
+    assert line[-1].kind == "R1"
+    assert abs(line[-1].solution.multipliers - 1) == pytest.approx(0, abs=1e-4)
+    assert not line.doubtful
+
+
 # --- from an equilibrium --------------------------------------------------------------------------
 
 
