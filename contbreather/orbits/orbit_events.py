@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, real, shown
+from contbreather.checks import check_kind, flag, real, shown
 from contbreather.continuation import Event, Locus, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.defining_systems import Singular
@@ -423,7 +423,10 @@ def grazing() -> Event:
 
 
 def neimark_sacker(
-    *, on: InfiniteChain | Ring | None = None, threshold: float | None = None
+    *,
+    on: InfiniteChain | Ring | None = None,
+    threshold: float | None = None,
+    every: bool = False,
 ) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
 
@@ -438,6 +441,9 @@ def neimark_sacker(
         On finite lattices: the modulus over the whole period that a pair must pass, 1.005 in the
         paper. A boundary ends where another of a ring's waves gets there first (NS-NS);
         `contbreather.paper.threshold.neimark_sacker_line` puts the pieces together.
+    every : bool
+        Of motions by exact modes, with damping or springs for instance: each pair that passes the
+        threshold, as in their zones, not the first alone.
 
     Examples
     --------
@@ -447,32 +453,43 @@ def neimark_sacker(
     >>> round(branch.first("NS")["gamma"], 7)
     0.0969709
     """
-    if on is None and threshold is None:
+    if on is None and threshold is None and not flag("every", every):
         return _own("NS")
     modulus = THRESHOLD if threshold is None else threshold
-    form = {"kind": "NS", "on": on, "threshold": threshold}
+    form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}
     if not (on is None or isinstance(on, InfiniteChain)):
         check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
         check_threshold(modulus)
-    return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, form), form=form)
+    return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, every, form), form=form)
 
 
 serialised("NS")(neimark_sacker)
 
 
 def _pair_leaves(
-    on: InfiniteChain | Ring | None, threshold: float, form: Mapping[str, Any], problem: Problem
+    on: InfiniteChain | Ring | None,
+    threshold: float,
+    every: bool,
+    form: Mapping[str, Any],
+    problem: Problem,
 ) -> Event:
     orbit: Any = orbit_at(problem)
     if not isinstance(orbit, Orbit):
         raise BadInput(f"a threshold, or a lattice to ask about, is for orbits; got {orbit!r}.")
+    if every and (on is not None or not isinstance(orbit.map, ModalMap)):
+        raise BadInput(
+            "every=True counts the multipliers of exact modes, on the orbit's own lattice: "
+            "leave it out, or give the breather of a ring spring=0.0"
+        )
     closed = isinstance(orbit.map, HalfMap)
     if on is None and orbit.lattice.sites is None:
         raise BadInput(
             f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
             "name the ring it is about, on=Ring(N)."
         )
-    if on is None or on == orbit.lattice:
+    if every:
+        event = pair_leaves(orbit.lattice, threshold, every=True)
+    elif on is None or on == orbit.lattice:
         event = _of_kind("NS", orbit.representation.problem(threshold))
     elif closed:
         event = pair_leaves(on, threshold, elsewhere=True)

@@ -31,7 +31,7 @@ from contbreather.errors import BadInput, add_partial_result
 from contbreather.orbits.closure import folds
 from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.orbit_events import pair_leaves
+from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
@@ -157,8 +157,8 @@ class Search:
         if self.events is None:
             self.events = problem.events
             if "damping" in self.model:  # by exact modes one pair may follow another
-                pair = pair_leaves(breather.lattice, self.threshold, every=True)
-                self.events = tuple(pair if e.kind == "NS" else e for e in self.events)
+                pairs = neimark_sacker(threshold=self.threshold, every=True).of(problem)
+                self.events = tuple(pairs if e.kind == "NS" else e for e in self.events)
             if not self.past_folds:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
