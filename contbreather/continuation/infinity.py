@@ -3,7 +3,7 @@
 No single step tells: z has to become several times as long. What is asked of a parameter is
 relative to the largest that it was, so that its unit does not matter:
 
-- all of them stay, whatever the limit, as on ``x = lam e^x``;
+- all of them stay, whatever the limit, as next to a homoclinic orbit while the period grows;
 - or one vanishes while others go on, as on curves of folds along which u grows as eps^-2 and lam
   falls as exp(-1/eps). It falls as a power of z may, and does not pass zero, which is much steeper.
 
@@ -25,7 +25,7 @@ from .starts import Bound
 ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |z|
 STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
 SMALL = 1e-3  # if it was no more than this all the while
-STEEP = 50.0  # the power of |z| that nothing vanishes with: x e^-x is at e^-33 by then
+STEEP = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
 STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
 
 
@@ -42,9 +42,9 @@ class Tendency:
     reaches : bool
         Whether its window has zero in it.
     moved, since : float
-        Its value where it last moved, and 1 + \\|z\\| there.
+        Its value where it last moved, and 1 + |z| there.
     small : float
-        1 + \\|z\\| from where on it has been small; infinite where it is not.
+        1 + |z| from where on it has been small; infinite where it is not.
     """
 
     name: str

@@ -443,7 +443,7 @@ def neimark_sacker(
         `contbreather.paper.threshold.neimark_sacker_line` puts the pieces together.
     every : bool
         Of motions by exact modes, with damping or springs for instance: each pair that passes the
-        threshold, as in their zones, not the first alone.
+        threshold, as in zones with damping, not the first alone.
 
     Examples
     --------

@@ -156,7 +156,7 @@ class Search:
         problem = breather.representation.problem(self.threshold).having(*self.pair)
         if self.events is None:
             self.events = problem.events
-            if "damping" in self.model:  # by exact modes one pair may follow another
+            if self.model.get("damping"):  # without losses nearly all pairs follow the first
                 pairs = neimark_sacker(threshold=self.threshold, every=True).of(problem)
                 self.events = tuple(pairs if e.kind == "NS" else e for e in self.events)
             if not self.past_folds:

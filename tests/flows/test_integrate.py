@@ -155,7 +155,7 @@ def relayed(h: Any) -> Any:
     [
         (accumulating, cb.NotConverged, r"accumulate before t = 2\.99"),
         (resetting_behind, cb.BadInput, "at t = 1 lies behind until"),
-        (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "start or the reset"),
+        (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "or the reset"),
         (
             lambda: dropped(until=lambda t, x, p: np.sign(x[0]), reset=None),
             cb.BadInput,
