@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import networkx
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -505,8 +506,11 @@ def test_a_profile_has_the_displacement_of_each_site_in_its_place() -> None:
 
 def test_sites_of_a_grid_are_tiles_in_its_rows() -> None:
     on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Grid(3, 5), site=7)
-    (tiles,) = plot_profile(on_grid, shape=(3, 5)).axes.images
+    (tiles,) = plot_profile(on_grid).axes.images
+    assert tiles.get_array().shape == (3, 5)
     np.testing.assert_allclose(np.ravel(tiles.get_array()), on_grid.state(t=0.0)[0], atol=1e-12)
+    assert plot_profile(on_grid, shape=(5, 3)).axes.images[0].get_array().shape == (5, 3)
+    assert not plot_profile(on_grid, sites=range(15)).axes.images
     with pytest.raises(cb.BadInput, match="16 places for 15 sites"):
         plot_profile(on_grid, shape=(4, 4))
 
@@ -518,6 +522,27 @@ def test_a_run_over_space_and_time_has_its_sites_in_order(run, dense: bool) -> N
     want = run.record.u[:, [0, 1, 2]] if dense else run.strobe.u
     assert run.record.sites == (0, 1, 9)
     np.testing.assert_array_equal(np.reshape(mesh.get_array(), want.shape), want)
+
+
+def test_a_grid_over_space_and_time_is_the_row_of_the_site_that_hits() -> None:
+    lattice = cb.Lattice.from_graph(networkx.grid_2d_graph(3, 4), name="mine")
+    on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=lattice, site=5, damping=0.02)
+    run = cb.simulate(on_grid.state(), periods=2, **SET, lattice=lattice)
+    for motion, what in ((on_grid, "hits"), (run, "moves most")):
+        ax = plot_space_time(motion).axes
+        assert ax.get_title(loc="left") == f"row 1, in which site 5 {what}"
+        values = np.reshape(ax.collections[0].get_array(), (-1, 4))
+        np.testing.assert_allclose(values[0], on_grid.state()[0][4:8], atol=1e-12)
+    ax = plot_space_time(on_grid, sites=(1, 5, 9)).axes
+    assert (ax.get_title(loc="left"), ax.get_xlabel()) == ("", "$n$")
+
+
+def test_multipliers_up_to_a_vanishing_impact_do_not_hide_those_at_the_circle() -> None:
+    """Where it vanishes there are none; just before they are large."""
+    lower = cb.orbits.symmetric_roots(0.9, 0.04, 0.8)[-1]
+    branch = cb.trace(lower, "a", within={"a": (0.9, 1.2)}, towards="up")
+    assert branch[-1].kind == "VI"
+    assert plot_spectrum(branch, sites=8).axes.get_yscale() == "symlog"
 
 
 def test_an_orbit_over_space_and_time_is_its_period() -> None:

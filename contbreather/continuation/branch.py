@@ -37,7 +37,7 @@ class Stop(enum.Enum):
     BOUND = "reached the edge of the window"
     EVENT = "ended at a terminal event"
     CLOSED = "closed: the curve came back to its start"
-    INFINITY = "runs to infinity, its parameters no longer change"
+    INFINITY = "runs to infinity while its parameters tend to limits"
     MOST = "took as many steps as allowed; raise Steps.most to go on"
     NO_CONVERGENCE = "Newton's iteration failed down to the smallest step"
     RIM = "reached the rim of the domain of the equations"

@@ -163,13 +163,25 @@ class Run(HtmlRepr, Mapping[str, Any]):
             here = path.stat()
             state = (here.st_mtime_ns, here.st_size, here.st_ino)
         if path not in self._cache or self._cache[path][0] != state:
-            contents, alone = read(path)
             try:
-                results = {n: result_from_dict(c, self.problems) for n, c in contents.items()}
-            except BadInput as error:
-                raise BadInput(f"{path}: {error}") from error
-            self._cache[path] = state, (results, alone)
+                self._cache[path] = state, self._read(path)
+            except BadInput:
+                raise
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+                if self.problems:  # whose equations may have failed
+                    raise
+                raise BadInput(
+                    f"cannot read {path}: its contents are not as `save` writes them "
+                    f"({type(error).__name__}: {error}); restore a copy"
+                ) from error
         return self._cache[path][1]
+
+    def _read(self, path: Path) -> Contents:
+        contents, alone = read(path)
+        try:
+            return {n: result_from_dict(c, self.problems) for n, c in contents.items()}, alone
+        except BadInput as error:
+            raise BadInput(f"{path}: {error}") from error
 
     def __repr__(self) -> str:
         return f"<Run {self.path}: {', '.join(self) or 'nothing yet'}>"

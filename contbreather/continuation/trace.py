@@ -24,8 +24,9 @@ from .checkpoint import Save, checkpoint
 from .curve import Curve
 from .defining_systems import Singular
 from .event_detection import Ends, Found, find, without_candidate
+from .infinity import Growth
 from .interpolant import StepInterpolant
-from .newton import Array, Undefined
+from .newton import Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
@@ -47,8 +48,6 @@ Piece = Sequence[Point]
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
-_STILL = 1e-6  # a parameter that moves less, relative to the largest it was, tends to a limit
-_ENDLESS = 3.0  # and where z has become so many times as long meanwhile nothing else is to come
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
 
 
@@ -308,7 +307,7 @@ class ContinuationIterator:
         self.point, self.count = start, 0  # where it is, after how many steps
         self.end = End(Stop.INTERRUPTED)
         self.tests = self._first_tests()
-        self.moving, self.largest = start.z, abs(start.z)  # where parameters last moved; how far
+        self.growth = Growth(self.curve, self.bounds, start.z)
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
@@ -352,10 +351,12 @@ class ContinuationIterator:
                 break
             # record
             if clear:
-                yield clear
-                if limit := self._limit(clear[-1].z):
-                    self.end = End(Stop.INFINITY, limit, tuple(unverified))
+                clear = Points.of(clear)
+                if limit := self.growth.end(clear.z, clear.tangent):
+                    yield clear[: limit[0] + 1]
+                    self.end = End(Stop.INFINITY, limit[1], tuple(unverified))
                     return
+                yield clear
                 continue
             # what is singular where an event ends the curve needs no other name: at R1 of a curve
             # of NS its equations are those of a fold, too
@@ -366,8 +367,8 @@ class ContinuationIterator:
                 self.end = End(stop, self._edge(line[-1], stop), tuple(unverified))
                 return
             self.point, self.tests, self.count = step.point, found.after, self.count + 1
-            if limit := self._limit(step.point.z):
-                self.end = End(Stop.INFINITY, limit, tuple(unverified))
+            if limit := self.growth.end(self.point.z[None], self.point.direction[None]):
+                self.end = End(Stop.INFINITY, limit[1], tuple(unverified))
                 return
         reason = end.reason or self._edge(self.point, end.stop)
         if self.count == 0:
@@ -375,23 +376,6 @@ class ContinuationIterator:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
         self.end = End(end.stop, reason, tuple(unverified))
-
-    def _limit(self, z: Array) -> str:
-        """What a curve tends to that runs to infinity: unknowns that nobody bounds grow and grow,
-        while all parameters stay."""
-        curve = self.curve
-        varied = [curve.slots[name] for name in curve.varied]
-        self.largest = np.maximum(self.largest, abs(z))
-        if (abs(z - self.moving)[varied] > _STILL * self.largest[varied]).any():
-            self.moving = z
-            return ""
-        bounded = any(bound.name not in curve.varied for bound in self.bounds)
-        if bounded or not curve.length(z) > _ENDLESS * (1 + curve.length(self.moving)):
-            return ""
-        sizes = {n: np.linalg.norm(z[curve.slots[n]] / curve.scales[curve.slots[n]])
-                 for n in curve.slots if n not in curve.varied}  # fmt: skip
-        limits = ", ".join(f"{name} to {z[curve.slots[name]]:.6g}" for name in curve.varied)
-        return f"{max(sizes, key=lambda n: sizes[n])} grows without bound while {limits}"
 
     # --- test ---
 
@@ -506,6 +490,8 @@ class ContinuationIterator:
         window but of the domain."""
         if stop is Stop.EVENT:
             return str(point.detail.get("said", ""))
+        if stop is Stop.MOST:
+            return self.growth.towards(point.z, point.direction)
         for bound in self.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):

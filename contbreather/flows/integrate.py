@@ -465,10 +465,13 @@ class _Watched:
         if self.rough and inside.size and (np.diff(g[: inside[0] + 1]) >= 0).all():
             clear = inside
         if clear.size and g[clear[0]] < 0:
+            look = "look at the start or the reset"
+            if np.ptp(g) == 0.0:
+                look = "it does not change there: in place of sign(x[0]) give x[0]"
             raise BadInput(
                 f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "
                 f"{self.name} = {g[0]:.3g} there, {g[clear[0]]:.3g} after {t[clear[0]] - a:.1g}. "
-                "It must be positive inside the flow; look at the start or the reset"
+                f"It must be positive inside the flow; {look}"
             )
         self.armed = bool(clear.size)
         return float(t[clear[0]]) if clear.size else b

@@ -225,6 +225,23 @@ class Lattice:
         """The sites coupled to site n."""
         return tuple(np.flatnonzero(self._bonds[n]).tolist())
 
+    @cached_property
+    def shape(self) -> tuple[int, int] | None:
+        """Rows and columns where its bonds are those of a `Grid`, open or periodic in either way,
+        whoever made it; None where they are not."""
+        i, j = np.nonzero(np.triu(self._bonds))
+        # the second shortest bond leads to the next row or, closed, from end to end of a row
+        for columns in np.add(np.unique(j - i)[1:2], [[0], [1]]).ravel().tolist():
+            rows, rest = divmod(self.sites, columns)
+            (r, c), (below, right) = np.divmod(i, columns), np.divmod(j, columns)
+            across, down = (r == below) * (right - c), (c == right) * (below - r)
+            next_to = (across == 1) | (down == 1)
+            closing = (across == columns - 1) | (down == rows - 1)
+            every = np.count_nonzero(next_to) == rows * (columns - 1) + (rows - 1) * columns
+            if not rest and rows > 1 and every and (next_to | closing).all():
+                return rows, columns
+        return None
+
     def idle(self, hit: tuple[int, ...]) -> NDArray[np.int64]:
         """All sites that are not in `hit`."""
         return np.setdiff1d(np.arange(self.sites), hit)

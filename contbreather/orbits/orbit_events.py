@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, real, shown
+from contbreather.checks import check_kind, flag, real, shown
 from contbreather.continuation import Event, Locus, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.defining_systems import Singular
@@ -45,7 +45,7 @@ from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
-from contbreather.stability.pairs import upper
+from contbreather.stability.pairs import nearest, passing, upper
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 from contbreather.storage.serialise import serialised
 
@@ -160,19 +160,22 @@ def _beyond_closing(point: Point) -> float:
 # --- a complex pair -------------------------------------------------------------------------------
 
 
-def pair_leaves(lattice: Any, threshold: float, *, elsewhere: bool = False) -> Event:
+def pair_leaves(
+    lattice: Any, threshold: float, *, elsewhere: bool = False, every: bool = False
+) -> Event:
     """NS: a complex pair leaves the unit circle of the infinite chain; on a finite lattice, whose
     band is on that circle, the first to pass a threshold over the whole period.
 
-    With `elsewhere` of a symmetric breather as one of that lattice, whichever it lives on.
+    With `elsewhere` of a symmetric breather as one of that lattice, whichever it lives on; with
+    `every` of a motion by exact modes any pair, after the first one, too.
     """
     endless = lattice.sites is None
     if not (endless or 1.0 <= real(threshold) < math.inf):
         raise BadInput(
             f"threshold = {shown(threshold)}: a finite modulus of at least 1 is expected."
         )
-    pair = _Pair(threshold, lattice if elsewhere else None)
-    count = pair.passed if endless else None
+    pair = _Pair(threshold, lattice if elsewhere else None, every)
+    count = pair.passed if endless or every else None
     return Event("NS", pair.test, count=count, locus=pair.locus, examine=_examine_angle)
 
 
@@ -186,10 +189,13 @@ class _Pair:
         Their modulus over the whole period on a finite lattice.
     lattice : InfiniteChain or Ring, optional
         Whose they are, unless those of the orbit's own.
+    every : bool
+        Whether each one that passes it counts, not the first alone; of multipliers by modes.
     """
 
     threshold: float
     lattice: Any = None
+    every: bool = False
 
     def circle(self, map: Any) -> OnCircle:
         """Over a section, which may be half the period."""
@@ -207,10 +213,15 @@ class _Pair:
         map = self.map(point)
         if map.lattice.sites is None:
             return self._on_chain(map, point)[0]
+        if self.every and not _is_blurred(map):
+            return passing(map.coupled, self.circle(map).radius)[0]
         return float(map.pairs(self.circle(map).radius)[0])
 
     def passed(self, point: Point) -> int:
-        return self._on_chain(self.map(point), point)[1]
+        map = self.map(point)
+        if self.every:
+            return passing(map.coupled, self.circle(map).radius)[1]
+        return self._on_chain(map, point)[1]
 
     def _on_chain(self, map: Any, point: Point) -> tuple[float, int]:
         # along a curve in k elastic impacts are the limit of those before: what is neutral only
@@ -229,7 +240,7 @@ class _Pair:
         if _is_elastic(map):
             # two neutral multipliers meet on the circle, beyond the band, and leave it together
             raise Undefined("elastic impacts: no angle in the band, bisection has to do")
-        angle = map.nearest()
+        angle = nearest(map.coupled, self.circle(map).radius) if self.every else map.nearest()
         if math.isnan(angle):
             raise Undefined("no complex multipliers on this ring")
         return self.following(point, angle)
@@ -412,7 +423,10 @@ def grazing() -> Event:
 
 
 def neimark_sacker(
-    *, on: InfiniteChain | Ring | None = None, threshold: float | None = None
+    *,
+    on: InfiniteChain | Ring | None = None,
+    threshold: float | None = None,
+    every: bool = False,
 ) -> Event:
     """NS: a complex pair of multipliers leaves the unit circle.
 
@@ -427,6 +441,9 @@ def neimark_sacker(
         On finite lattices: the modulus over the whole period that a pair must pass, 1.005 in the
         paper. A boundary ends where another of a ring's waves gets there first (NS-NS);
         `contbreather.paper.threshold.neimark_sacker_line` puts the pieces together.
+    every : bool
+        Of motions by exact modes, with damping or springs for instance: each pair that passes the
+        threshold, as in zones with damping, not the first alone.
 
     Examples
     --------
@@ -436,32 +453,43 @@ def neimark_sacker(
     >>> round(branch.first("NS")["gamma"], 7)
     0.0969709
     """
-    if on is None and threshold is None:
+    if on is None and threshold is None and not flag("every", every):
         return _own("NS")
     modulus = THRESHOLD if threshold is None else threshold
-    form = {"kind": "NS", "on": on, "threshold": threshold}
+    form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}
     if not (on is None or isinstance(on, InfiniteChain)):
         check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
         check_threshold(modulus)
-    return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, form), form=form)
+    return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, every, form), form=form)
 
 
 serialised("NS")(neimark_sacker)
 
 
 def _pair_leaves(
-    on: InfiniteChain | Ring | None, threshold: float, form: Mapping[str, Any], problem: Problem
+    on: InfiniteChain | Ring | None,
+    threshold: float,
+    every: bool,
+    form: Mapping[str, Any],
+    problem: Problem,
 ) -> Event:
     orbit: Any = orbit_at(problem)
     if not isinstance(orbit, Orbit):
         raise BadInput(f"a threshold, or a lattice to ask about, is for orbits; got {orbit!r}.")
+    if every and (on is not None or not isinstance(orbit.map, ModalMap)):
+        raise BadInput(
+            "every=True counts the multipliers of exact modes, on the orbit's own lattice: "
+            "leave it out, or give the breather of a ring spring=0.0"
+        )
     closed = isinstance(orbit.map, HalfMap)
     if on is None and orbit.lattice.sites is None:
         raise BadInput(
             f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
             "name the ring it is about, on=Ring(N)."
         )
-    if on is None or on == orbit.lattice:
+    if every:
+        event = pair_leaves(orbit.lattice, threshold, every=True)
+    elif on is None or on == orbit.lattice:
         event = _of_kind("NS", orbit.representation.problem(threshold))
     elif closed:
         event = pair_leaves(on, threshold, elsewhere=True)

@@ -31,6 +31,7 @@ from contbreather.errors import BadInput, add_partial_result
 from contbreather.orbits.closure import folds
 from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
@@ -155,6 +156,9 @@ class Search:
         problem = breather.representation.problem(self.threshold).having(*self.pair)
         if self.events is None:
             self.events = problem.events
+            if self.model.get("damping"):  # without losses nearly all pairs follow the first
+                pairs = neimark_sacker(threshold=self.threshold, every=True).of(problem)
+                self.events = tuple(pairs if e.kind == "NS" else e for e in self.events)
             if not self.past_folds:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
@@ -211,6 +215,8 @@ class Search:
                     point, self.pair, within=self.within, events=self.events, steps=STEPS,
                     progress=shown,
                 )  # fmt: skip
+            if len(branch) == 1:  # no step leaves it: what it is on is found from another branch
+                continue
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
             curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)

@@ -103,7 +103,8 @@ def zones(
         As for `trace`.
     site, damping, spring, walls
         As for `symmetric`, on finite lattices. There curves are followed by exact modes, at seconds
-        each and more; NS are then the curves on which any pair passes the threshold.
+        each and more; NS are then the curves on which a pair passes the threshold, without damping
+        those of pairs that are somewhere the first to do so.
 
     Returns
     -------

@@ -45,9 +45,9 @@ def plot_profile(
         Time; the forcing has the period 2 pi.
     sites : sequence of int, optional
         All sites of a finite lattice, and ten on each side of the one that hits on the infinite
-        chain, unless given.
+        chain, unless given. All sites of a `Grid` are colours, in its rows and columns.
     shape : (int, int), optional
-        Rows and columns of a `Grid`: its sites in their places, as colours.
+        Rows and columns to show the sites of another lattice in.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -65,6 +65,8 @@ def plot_profile(
     """
     known = orbit_of(orbit)
     chosen = _all_sites(known) if sites is None else chosen_sites(sites)
+    if sites is None and shape is None:
+        shape = getattr(known.lattice, "shape", None)
     u = np.array([known.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
                   for n in chosen])  # fmt: skip
     with drawing(ax) as drawn:
@@ -89,7 +91,8 @@ def plot_space_time(
         An orbit is shown over its period; a run as its sites were recorded densely, or else once a
         period.
     sites : sequence of int, optional
-        As for `plot_profile`; all that were recorded of a run.
+        As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
+        that of the site that hits, of a run that of the site that moves most.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -100,16 +103,38 @@ def plot_space_time(
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('$n$', '$t/2\\\\pi$')
     """
-    times, there, u = _field(motion, sites)
+    row, title = _row_of_grid(motion) if sites is None else (None, "")
+    times, there, u = _field(motion, sites if row is None else row)
+    label, there = ("$n$", there) if row is None else ("column", there - row.start)
     with drawing(ax, height=8.0) as drawn:
         axes = drawn.axes
         limit = float(np.abs(u).max()) or 1.0
         mesh = axes.pcolormesh(there, times / math.tau, u, cmap=COLOURS, vmin=-limit, vmax=limit,
                                shading="nearest", rasterized=True)  # fmt: skip
-        axes.set(xlabel="$n$", ylabel=r"$t/2\pi$")
+        axes.set(xlabel=label, ylabel=r"$t/2\pi$")
+        axes.set_title(title, loc="left")
         _whole_numbers(axes.xaxis)
         axes.figure.colorbar(mesh, ax=axes, label="$u_n$")
     return drawn
+
+
+def _row_of_grid(motion: Any) -> tuple[range | None, str]:
+    """The sites of one row of a grid, and which it is; None of what is on no grid."""
+    if isinstance(motion, Record):
+        return None, ""
+    if isinstance(motion, Run | SmoothRun):
+        known = range(motion.sites) if motion.record is None else motion.record.sites
+        site = known[int(abs(motion.strobe.u[:, known]).max(axis=0).argmax())]
+        lattice, what = motion.conditions.lattice, "moves most"
+    else:
+        orbit = orbit_of(motion)
+        lattice, site, what = orbit.lattice, orbit.section.impacts[0][0], "hits"
+    shape = getattr(lattice, "shape", None)
+    if shape is None:
+        return None, ""
+    row, columns = site // shape[1], shape[1]
+    sites = range(row * columns, (row + 1) * columns)
+    return sites, f"row {row}, in which site {site} {what}"
 
 
 def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:

@@ -174,7 +174,7 @@ def plot_spectrum(
     with drawing(ax) as drawn:
         axes = drawn.axes
         axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
-        if of_orbits and np.max(values, initial=0.0) > LONG:
+        if of_orbits and np.nanmax(values, initial=0.0) > LONG:  # at VI there are none
             axes.set_yscale("symlog", linthresh=1.0)  # as it is within the circle
         axes.axhline(1.0 if of_orbits else 0.0, color=GREY, linewidth=0.6, zorder=0)
         for point in branch.special:

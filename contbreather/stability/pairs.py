@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,14 @@ def outermost(mu: Array, radius: float = 1.0) -> float:
     return float(pairs.max()) / radius - 1.0 if pairs.size else math.nan
 
 
+def passing(mu: Array, radius: float = 1.0) -> tuple[float, int]:
+    """How far off a circle the nearest pair is, with a sign that changes wherever one passes it,
+    positive where none is outside, NaN if there is none; and how many are outside."""
+    off = np.abs(mu[mu.imag > 0.0]) / radius - 1.0
+    outside = int(np.count_nonzero(off > 0.0))
+    return (-1.0) ** outside * float(abs(off).min()) if off.size else math.nan, outside
+
+
 def upper(mu: Array) -> Array:
     """Complex ones in the upper half plane; those of modes without impacts never leave."""
     return np.asarray(mu[mu.imag > REAL])
@@ -35,5 +44,14 @@ def upper(mu: Array) -> Array:
 
 def farthest(mu: Array) -> float:
     """Angle, over pi, of the complex pair with the largest modulus; NaN if there is none."""
+    return _angle(mu, abs)
+
+
+def nearest(mu: Array, radius: float) -> float:
+    """The same of the pair that is nearest to a circle."""
+    return _angle(mu, lambda pairs: -abs(abs(pairs) - radius))
+
+
+def _angle(mu: Array, by: Callable[[Array], Array]) -> float:
     pairs = upper(mu)
-    return float(np.angle(pairs[abs(pairs).argmax()])) / math.pi if pairs.size else math.nan
+    return float(np.angle(pairs[by(pairs).argmax()])) / math.pi if pairs.size else math.nan

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import shown
 from contbreather.errors import BadInput
 from contbreather.files import opened, stream_of, writable, write_whole
 
@@ -119,6 +120,12 @@ def encoded(data: Dataset) -> Dataset:
             flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
         elif values.dtype.kind == "U":
             values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
+        elif values.dtype.kind == "O":
+            odd = next((v for v in values.flat if np.asarray(v).dtype.kind == "O"), values.flat[0])
+            raise BadInput(
+                f"the column {name!r} has {shown(odd)}, which no file holds: numbers of up to 64 "
+                "bits, words and truth values were expected; record another"
+            )
         columns[name] = dimensions, values, _encoded(column.attrs | flags)
     return Dataset(columns, attrs=_encoded(data.attrs))
 
@@ -132,6 +139,9 @@ def _decoded(variable: h5py.Dataset) -> Array:
     # pairs along a dimension `complex`, named after its group too in a group within another
     if values.shape[-1:] == (2,) and variable.dims[values.ndim - 1][0].name.endswith("complex"):
         values = values[..., 0] + 1j * values[..., 1]
+    if values.dtype.kind == "S" and variable.name.rpartition("/")[2] != ABOUT:
+        words = values.view(f"S{values.shape[-1]}")[..., 0]  # one byte each along a last axis
+        values = np.char.decode(words, "utf-8")
     truth = _plain(variable.attrs.get("flag_meanings")) == "false true"
     return values.astype(bool) if truth else values
 
@@ -191,6 +201,8 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
     ------
     BadInput
         If it is something else, damaged, or of a later version.
+    ArithmeticError, AttributeError, LookupError, TypeError, ValueError
+        Where somebody else has changed it, and its checksum.
     """
     import h5py  # without xarray, which asks for each variable thirty times
 
@@ -210,6 +222,8 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
                 f"is {number}, this version reads {NUMBER}; update contbreather"
             )
         contents = {n: _content(one) for n, one in root.items() if isinstance(one, h5py.Group)}
+        if about["alone"] and len(contents) != 1:
+            raise ValueError(f"{len(contents)} results in place of one")
         return contents, bool(about["alone"])
 
 
@@ -232,7 +246,7 @@ def _content(group: h5py.Group) -> dict[str, Any]:
     about = json.loads(columns.pop(ABOUT).tobytes())
     about.pop("parts", None)
     parts = {"columns": columns, "groups": groups}
-    return {"kind": about.pop("content"), **about, **{n: p for n, p in parts.items() if p}}
+    return {"kind": str(about.pop("content")), **about, **{n: p for n, p in parts.items() if p}}
 
 
 def _checked(path: str | Path) -> bytes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import os
 import platform
@@ -113,6 +115,22 @@ def test_recorded_numbers_come_back_whatever_they_are(branch: Branch, path: Path
     assert again.first("HB")["omega2"] == branch.first("HB")["omega2"]
     assert "HB1" in str(again)
     assert len(again.table().rows) == len(branch.table().rows)
+
+
+def test_recorded_words_come_back_as_words(path: Path) -> None:
+    words = {"side": lambda point: "über" if point["mu"] > 0.5 else ""}
+    branch = line(record=words)
+    save(path, branch)
+    for again in (load(path), load(path, problem=branch.problem)):
+        assert again["side"].tolist() == branch["side"].tolist()
+    assert load(path)[-1]["side"] == "über"
+
+
+@pytest.mark.parametrize("odd", [2**70, None, {"a": 1}])
+def test_what_no_column_holds_is_refused_in_a_sentence(odd: Any, path: Path) -> None:
+    branch = line(record={"odd": lambda point: odd if point["mu"] > 0.5 else 1})
+    with pytest.raises(BadInput, match=f"the column 'odd' has {odd}, which no file holds"):
+        save(path, branch)
 
 
 def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) -> None:
@@ -517,6 +535,40 @@ def test_hdf5_and_netcdf_of_others_are_refused(path: Path) -> None:
     xarray.Dataset({"x": ("point", [1.0])}).to_netcdf(path, engine="h5netcdf")
     with pytest.raises(BadInput, match="holds nothing that `save` wrote"):
         load(path)
+
+
+def _without(name: str) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        about = json.loads(file["branch1/about_in_json"][()].tobytes())
+        del about[name], file["branch1/about_in_json"]
+        file["branch1/about_in_json"] = np.bytes_(json.dumps(about).encode())
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda file: file.attrs.__delitem__("format_number"),
+        lambda file: file.__delitem__("branch1"),
+        lambda file: file.__delitem__("branch1/about_in_json"),
+        lambda file: file.__delitem__("branch1/x"),
+        *map(_without, ("content", "kinds", "settings", "free")),
+    ],
+)
+def test_what_somebody_changed_together_with_its_checksum_is_refused(
+    change: Callable[[h5py.File], None], path: Path
+) -> None:
+    save(path, line())
+    path.write_bytes(path.read_bytes().partition(b"\nsha256")[0])
+    with h5py.File(path, "r+") as file:
+        change(file)
+    image = path.read_bytes()
+    sum_of_all = hashlib.sha256(image).hexdigest().encode()
+    path.write_bytes(image + b"\nsha256 of all bytes before: %s\n" % sum_of_all)
+    with pytest.raises(BadInput, match="its contents are not as `save` writes them") as refused:
+        load(path)
+    assert str(refused.value).count(str(path)) == 1
 
 
 @pytest.mark.parametrize("given", [3, "", None, "\0", "x" * 300])

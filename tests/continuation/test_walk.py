@@ -513,7 +513,7 @@ def test_a_curve_that_runs_to_infinity_ends_there_unless_its_unknown_is_bounded(
     branch = trace(problem, "lam", towards="up", events=[fold()])
     assert branch.stop is Stop.INFINITY
     assert len(branch) < 500
-    assert branch.reason.startswith("x grows without bound while lam to")
+    assert branch.reason.startswith("x grows without bound while lam vanishes")
     assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
     bounded = trace(problem, "lam", towards="up", within={"x": (-1, 200)}, events=())
     assert bounded[-1]["x"] == 200

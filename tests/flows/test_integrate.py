@@ -155,7 +155,12 @@ def relayed(h: Any) -> Any:
     [
         (accumulating, cb.NotConverged, r"accumulate before t = 2\.99"),
         (resetting_behind, cb.BadInput, "at t = 1 lies behind until"),
-        (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "lies behind"),
+        (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "or the reset"),
+        (
+            lambda: dropped(until=lambda t, x, p: np.sign(x[0]), reset=None),
+            cb.BadInput,
+            r"in place of sign\(x\[0\]\) give x\[0\]",
+        ),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}), cb.BadInput, "say how far to go"),
         (
             lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, periods=1),

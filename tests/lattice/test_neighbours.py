@@ -93,3 +93,19 @@ def test_a_drive_moves_a_ring_as_a_whole(sites: int) -> None:
     assert shapes.shape == (sites, 1)
     assert shapes @ share == pytest.approx(np.ones(sites))
     assert shapes.T @ shapes == pytest.approx(np.eye(1))
+
+
+def test_a_grid_is_known_by_its_bonds() -> None:
+    for rows in (2, 3, 5):
+        for columns in (2, 3, 4):
+            for periodic in (False, True):
+                assert cb.Grid(rows, columns, periodic=periodic).shape == (rows, columns)
+    cylinder = nx.grid_2d_graph(3, 5, periodic=(True, False))
+    assert cb.Lattice.from_graph(cylinder).shape == (3, 5)
+    hexagons = nx.hexagonal_lattice_graph(2, 2)
+    cut = nx.grid_2d_graph(3, 5)
+    cut.remove_edge((1, 2), (1, 3))
+    for graph in (nx.complete_graph(6), nx.cycle_graph(6), hexagons, cut):
+        assert cb.Lattice.from_graph(graph).shape is None
+    for lattice in (STAR, cb.OpenChain(6), cb.OpenChain(1), cb.Grid(1, 5), cb.Grid(5, 1)):
+        assert lattice.shape is None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from pathlib import Path
+
 import pytest
 
 import contbreather as cb
@@ -37,6 +40,27 @@ def test_curves_of_a_damped_chain_are_where_multipliers_and_margins_say(damped) 
     assert cb.symmetric(
         0.88, 0.031, 0.8, lattice=cb.OpenChain(3), site=1, damping=0.02
     ).stability().unstable == 1  # fmt: skip
+
+
+def test_every_pair_that_passes_the_threshold_has_its_curve(tmp_path: Path) -> None:
+    """Where one pair is outside a second one follows, and the first comes back."""
+    model = {"lattice": cb.OpenChain(4), "site": 1, "damping": 0.03, "spring": 0.1}
+    branch = cb.trace(
+        cb.symmetric(0.6, 0.11, 0.8, **model), "a", within={"a": (0.6, 0.7)},
+        events=[cb.neimark_sacker(every=True)],
+    )  # fmt: skip
+    assert [point.kind for point in branch.special] == ["EP", "NS", "NS", "NS", "GR"]
+    middles = [0.5 * (p["a"] + q["a"]) for p, q in pairwise(branch.special)]
+    counts = [cb.symmetric(a, 0.11, 0.8, **model).stability().unstable for a in middles]
+    assert counts == [2, 4, 2, 0]
+    second = cb.boundary(branch.special[2], ("gamma", "a"), within={"gamma": (0.109, 0.111)})
+    cb.save(tmp_path / "second.nc", second)
+    for line in (second, cb.load(tmp_path / "second.nc")):
+        assert all(abs(p.multipliers(half=True)).max() > 1.005**0.5 + 1e-5 for p in line)
+        assert abs(line.curve.equations(line[-1].z)).max() < 1e-9
+    for orbit in (cb.symmetric(0.6, 0.11, 0.8), cb.symmetric(0.6, 0.11, 0.8, lattice=cb.Ring(9))):
+        with pytest.raises(cb.BadInput, match="every=True counts the multipliers of exact modes"):
+            cb.trace(orbit, "a", events=[cb.neimark_sacker(every=True)])
 
 
 def test_damped_rings_without_springs_have_a_diagram_from_gamma_0_on() -> None:

@@ -1,0 +1,116 @@
+"""Where a curve runs to infinity: z grows and grows, and parameters tend to limits meanwhile.
+
+No single step tells: z has to become several times as long. What is asked of a parameter is
+relative to the largest that it was, so that its unit does not matter:
+
+- all of them stay, whatever the limit, as next to a homoclinic orbit while the period grows;
+- or one vanishes while others go on, as on curves of folds along which u grows as eps^-2 and lam
+  falls as exp(-1/eps). It falls as a power of z may, and does not pass zero, which is much steeper.
+
+A window of what grows, or one of what vanishes that ends short of zero, says how far to go instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .curve import Curve
+from .newton import Array
+from .starts import Bound
+
+ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |z|
+STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
+SMALL = 1e-3  # if it was no more than this all the while
+STEEP = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
+STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
+
+
+@dataclass
+class Tendency:
+    """What a parameter does while z grows.
+
+    Attributes
+    ----------
+    name, slot
+        Its name and its place in z.
+    largest : float
+        The size it had at most.
+    reaches : bool
+        Whether its window has zero in it.
+    moved, since : float
+        Its value where it last moved, and 1 + |z| there.
+    small : float
+        1 + |z| from where on it has been small; infinite where it is not.
+    """
+
+    name: str
+    slot: int
+    largest: float
+    reaches: bool
+    moved: float = math.nan
+    since: float = math.inf
+    small: float = math.inf
+
+    def passes(self, value: float, size: float) -> None:
+        """The next value, and the length of z there."""
+        self.largest = max(self.largest, abs(value))
+        if not abs(value - self.moved) <= STILL * self.largest:
+            self.moved, self.since = value, 1.0 + size
+        small = abs(value) <= SMALL * self.largest
+        self.small = min(self.small, 1.0 + size) if small else math.inf
+
+    def vanishes(self, value: float, slope: float, size: float) -> bool:
+        """Whether it tends to zero: with ``d log|value| / d log|z|`` between -STEEP and 0."""
+        less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
+        falls = -slope * math.copysign(size, value)
+        return self.reaches and less and 0.0 < falls < STEEP * abs(value)
+
+
+class Growth:
+    """How z grows along a walk."""
+
+    def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
+        self.slots, self.first = curve.slots, curve.length(start)
+        self.weights = np.ones(start.size) if curve.metric is None else curve.metric
+        self.windows = {bound.name: (bound.low, bound.high) for bound in bounds}
+        self.tendencies = []
+        for name in curve.varied:
+            slot, (low, high) = curve.slots[name], self.windows.get(name, (0.0, 0.0))
+            own = Tendency(name, slot, abs(float(start[slot])), low <= 0.0 <= high)
+            self.tendencies.append(own)
+
+    def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
+        """The first of several places beyond which nothing is to come, and what it tends to."""
+        for i, size in enumerate(np.sqrt(rows**2 @ self.weights).tolist()):
+            gone = []
+            for own in self.tendencies:
+                value, slope = float(rows[i, own.slot]), float(tangents[i, own.slot])
+                own.passes(value, size)
+                if own.vanishes(value, slope, size):
+                    gone.append(f"{own.name} vanishes, {value:.3g} of at most {own.largest:.3g}")
+            if gone or all(size > ENDLESS * own.since for own in self.tendencies):
+                limits = [f"{own.name} tends to {rows[i, own.slot]:.6g}" for own in self.tendencies]
+                grows, bounded = self._growing(rows[i])
+                if not bounded:
+                    return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
+        return None
+
+    def towards(self, z: Array, tangent: Array) -> str:
+        """What there is to say of a curve that was walked as many steps as allowed, outwards."""
+        size, (grows, bounded) = math.sqrt(z**2 @ self.weights), self._growing(z)
+        outwards = z * self.weights @ tangent > STRAIGHT * size
+        if bounded or not (outwards and size > ENDLESS * (1.0 + self.first)):
+            return ""
+        return f"{grows} grows, and no window ends it; give one, within={{{grows!r}: (low, high)}}"
+
+    def _growing(self, z: Array) -> tuple[str, bool]:
+        """What z mostly consists of, and whether a window says how far it may grow."""
+        parts = {n: float(np.dot(z[at] ** 2, self.weights[at])) for n, at in self.slots.items()}
+        name = max(parts, key=lambda name: parts[name])
+        low, high = self.windows.get(name, (-math.inf, math.inf))
+        at = self.slots[name]  # the window of an array is one of its norm
+        return name, math.isfinite(high if isinstance(at, slice) or z[at] >= 0.0 else low)
