@@ -26,6 +26,7 @@ ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |
 STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
 SMALL = 1e-3  # if it was no more than this all the while
 STEEP = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
+MANY = 8  # places from which on to look at all at once is quicker
 STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
 
 
@@ -63,6 +64,16 @@ class Tendency:
         small = abs(value) <= SMALL * self.largest
         self.small = min(self.small, 1.0 + size) if small else math.inf
 
+    def moves_on(self, values: Array, sizes: Array) -> bool:
+        """Take several values at once, if each is another than the one before and none is small."""
+        largest = max(self.largest, float(abs(values).max()))
+        moved = abs(np.diff(values, prepend=self.moved)) > STILL * largest
+        if not (moved & (abs(values) > SMALL * largest)).all():
+            return False
+        self.largest, self.small = largest, math.inf
+        self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
+        return True
+
     def vanishes(self, value: float, slope: float, size: float) -> bool:
         """Whether it tends to zero: with ``d log|value| / d log|z|`` between -STEEP and 0."""
         less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
@@ -85,7 +96,11 @@ class Growth:
 
     def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
         """The first of several places beyond which nothing is to come, and what it tends to."""
-        for i, size in enumerate(np.sqrt(rows**2 @ self.weights).tolist()):
+        sizes = np.sqrt(rows**2 @ self.weights)
+        many = len(rows) >= MANY
+        if many and all(own.moves_on(rows[:, own.slot], sizes) for own in self.tendencies):
+            return None
+        for i, size in enumerate(sizes.tolist()):
             gone = []
             for own in self.tendencies:
                 value, slope = float(rows[i, own.slot]), float(tangents[i, own.slot])
