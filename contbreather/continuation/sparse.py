@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -321,10 +321,13 @@ def correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array
     return wider.solve(padded, rows)[:width], True
 
 
+@cache
 def any_vector(n: int) -> Array:
-    """A unit vector that no symmetry of the equations knows."""
+    """A unit vector that no symmetry of the equations knows; not to be written to."""
     vector = np.cos(1.0 + np.arange(n) ** 1.5)
-    return np.asarray(vector / math.sqrt(float(vector @ vector)))
+    vector /= math.sqrt(float(vector @ vector))
+    vector.flags.writeable = False
+    return vector
 
 
 def shifted(matrix: Matrix, value: complex) -> Matrix:
