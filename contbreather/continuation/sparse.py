@@ -341,7 +341,11 @@ def shifted(matrix: Matrix, value: complex) -> Matrix:
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Unit null vectors (q, p) of a sparse matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
+    """Unit null vectors (q, p) of a matrix of many rows, most entries 0, that has one: ``M q = 0``,
+    ``conj(p) M = 0``."""
+    from scipy.sparse import csc_array
+
+    matrix = csc_array(matrix)
     try:
         lu = factorised(matrix)
     except RuntimeError:
