@@ -338,12 +338,11 @@ def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -
     """Exact derivatives of a flight, of all intervals at once."""
     n, scheme, count = len(flight.states), flight.scheme, flight.lengths.size
     f, df = slopes(flow.f, flight.inner, _reached(flight, flight.slopes), p, names)
-    right = df * np.repeat(flight.lengths, scheme.points)
-    longer = f + right[:, n] * np.tile(scheme.nodes, count)
-    right = np.concatenate([right[:, : n + 1], longer[:, None], right[:, n + 1 :]], axis=1)
-    right = right.reshape(n, -1, count, scheme.points).transpose(2, 3, 0, 1)
+    whole = df.reshape(n, -1, count, scheme.points) * flight.lengths[:, None]
+    longer = f.reshape(n, count, -1) + whole[:, n] * scheme.nodes
+    right = np.concatenate([whole[:, : n + 1], longer[:, None], whole[:, n + 1 :]], axis=1)
     inverse = _inverted(_matrix(flight, df))
-    inside = inverse @ right.reshape(count, scheme.points * n, -1)
+    inside = inverse @ right.transpose(2, 3, 0, 1).reshape(count, scheme.points * n, -1)
     ends = (scheme.weights @ inside.reshape(count, scheme.points, -1)).reshape(count, n, -1)
     ends[:, :, :n] += np.eye(n)
     return Slopes(ends, inside, inverse)
@@ -384,11 +383,9 @@ def _matrix(flight: Flight, df: Array) -> Array:
     """The matrix of the linear equations for the slopes of each interval."""
     n, count, points = len(df), flight.lengths.size, flight.scheme.points
     inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
-    reach = -flight.lengths[:, None, None] * flight.scheme.matrix
+    reach = flight.lengths[:, None, None] * flight.scheme.matrix
     matrix = inner[:, :, :, None, :] * reach[:, :, None, :, None]
-    matrix = matrix.reshape(count, points * n, points * n)
-    matrix.reshape(count, -1)[:, :: points * n + 1] += 1.0
-    return np.asarray(matrix)
+    return np.asarray(np.eye(points * n) - matrix.reshape(count, points * n, points * n))
 
 
 def _inverted(matrix: Array) -> Array:

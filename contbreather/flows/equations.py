@@ -471,7 +471,8 @@ class Equations:
         """The derivatives of all pieces of the orbit in the state alone, with the saltation where
         a flow ends, and the velocities where they begin: stacks of those of one shape."""
         flights, linear = self.flights(x, p), self.linear(x, p)
-        factors, velocities = [], []
+        factors: list[Array] = []
+        velocities: list[Array] = []
         for i, (flow, flight, one) in enumerate(zip(self.flows, flights, linear, strict=True)):
             own, last = np.split(one.ends[:, :, : len(flight.states)], [-1])
             last = self._saltation(i, flights, one, p) @ last
@@ -541,20 +542,14 @@ class Equations:
         if self.smooth and self.flows[0].reset is None:
             (own,) = flights
             knots = np.concatenate([0.5 * own.knots[:-1], 0.5 + 0.5 * own.knots])
-            twice = Flight(
-                own.scheme, knots, own.start, 2 * own.duration,
-                np.hstack([own.states] * 2), np.hstack([own.slopes] * 2),
-            )  # fmt: skip
-            return Equations(
-                self.flows, (twice,), self.period, 2 * self.turns, self.states, self.sizes
-            )
+            states, slopes = np.hstack([own.states] * 2), np.hstack([own.slopes] * 2)
+            twice = Flight(own.scheme, knots, own.start, 2 * own.duration, states, slopes)
+            return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
         flows = (*self.flows, *(flow.later(self.turns) for flow in self.flows))
-        return Equations(
-            flows, (*flights, *again), self.period, 2 * self.turns, self.states,
-            self.sizes * 2,
-        )  # fmt: skip
+        start, sizes = (*flights, *again), self.sizes * 2
+        return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
     def once(self, x: Array, p: Params) -> Equations:
         """As begun at this orbit, a single time around where it goes around several times."""
