@@ -383,9 +383,11 @@ def _matrix(flight: Flight, df: Array) -> Array:
     """The matrix of the linear equations for the slopes of each interval."""
     n, count, points = len(df), flight.lengths.size, flight.scheme.points
     inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
-    reach = flight.lengths[:, None, None] * flight.scheme.matrix
+    reach = -flight.lengths[:, None, None] * flight.scheme.matrix
     matrix = inner[:, :, :, None, :] * reach[:, :, None, :, None]
-    return np.asarray(np.eye(points * n) - matrix.reshape(count, points * n, points * n))
+    matrix = matrix.reshape(count, points * n, points * n)
+    matrix[:, np.arange(points * n), np.arange(points * n)] += 1.0
+    return np.asarray(matrix)
 
 
 def _inverted(matrix: Array) -> Array:
