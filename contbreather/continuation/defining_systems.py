@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -213,8 +214,11 @@ def without(values: NDArray[np.complex128], *everywhere: complex) -> NDArray[np.
 
 def pairs(values: Values) -> tuple[Values, Values]:
     """The first and the second eigenvalues of all pairs of them."""
-    first, second = np.triu_indices(values.size, 1)
+    first, second = _each_with_later(values.size)
     return values[first], values[second]
+
+
+_each_with_later = cache(partial(np.triu_indices, k=1))
 
 
 def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) -> float:

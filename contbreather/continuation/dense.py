@@ -48,8 +48,5 @@ class Dense:
         """Of the determinant; 0 where the matrix is singular."""
         if not self.exact:
             return 0
-        sign, diagonal = 1, self._factors.diagonal().tolist()
-        for i, (pivot, row) in enumerate(zip(diagonal, self._pivots.tolist(), strict=True)):
-            if (pivot < 0) != (row != i):
-                sign = -sign
-        return sign
+        turns = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
+        return -1 if (np.count_nonzero(self._factors.diagonal() < 0) + turns) % 2 else 1

@@ -207,12 +207,10 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
         bend = 2 * (first @ (x - y) - 2 * (middle @ (x - y)) + last @ (x - y))
         return np.concatenate([first.solve(first @ x - last @ x + bend), x])
 
-    whole = size if middle is last else 2 * size
-    operator = LinearOperator(
-        (whole, whole), matvec=linear if middle is last else quadratic, dtype=float
-    )
-    if not _grows(operator):
+    whole, matvec = (size, linear) if middle is last else (2 * size, quadratic)
+    if not _grows(matvec, whole):
         return np.empty(0)
+    operator = LinearOperator((whole, whole), matvec=matvec, dtype=float)
     values, wanted = np.empty(0, dtype=complex), 2
     while wanted < min(size - 2, _AT_ONCE):
         try:
@@ -227,11 +225,11 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
     return np.asarray(values)
 
 
-def _grows(operator: Any) -> bool:
+def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
     """Whether an eigenvalue may be of size 1: most steps of a walk are short against all others."""
-    x, growth = any_vector(operator.shape[0]), 0.0
+    x, growth = any_vector(size), 0.0
     for _ in range(_LOOKS):
-        x = operator.matvec(x)
+        x = matvec(x)
         growth = float(np.linalg.norm(x))
         x = x / (growth or 1.0)
     return growth > _SLOW

@@ -30,7 +30,17 @@ from numpy.typing import NDArray
 from .linear_algebra import least_singular, sense, solved
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
-from .sparse import Factors, Matrix, above, beside, is_sparse, null_vectors, scaled, shifted
+from .sparse import (
+    Factors,
+    Matrix,
+    above,
+    beside,
+    is_large,
+    is_sparse,
+    null_vectors,
+    scaled,
+    shifted,
+)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -117,7 +127,8 @@ class Forms:
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
         """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
-        if is_sparse(matrix):
+        of_cycle = self.closing is not None and is_large(matrix)  # most entries are 0
+        if of_cycle or is_sparse(matrix):
             q, p = null_vectors(matrix)
         else:
             left, _, right = np.linalg.svd(matrix)

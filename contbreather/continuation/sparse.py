@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -321,10 +321,13 @@ def correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array
     return wider.solve(padded, rows)[:width], True
 
 
+@cache
 def any_vector(n: int) -> Array:
-    """A unit vector that no symmetry of the equations knows."""
+    """A unit vector that no symmetry of the equations knows; not to be written to."""
     vector = np.cos(1.0 + np.arange(n) ** 1.5)
-    return np.asarray(vector / math.sqrt(float(vector @ vector)))
+    vector /= math.sqrt(float(vector @ vector))
+    vector.flags.writeable = False
+    return vector
 
 
 def shifted(matrix: Matrix, value: complex) -> Matrix:
@@ -338,7 +341,11 @@ def shifted(matrix: Matrix, value: complex) -> Matrix:
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Unit null vectors (q, p) of a sparse matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""
+    """Unit null vectors (q, p) of a matrix of many rows, most entries 0, that has one: ``M q = 0``,
+    ``conj(p) M = 0``."""
+    from scipy.sparse import csc_array
+
+    matrix = csc_array(matrix)
     try:
         lu = factorised(matrix)
     except RuntimeError:

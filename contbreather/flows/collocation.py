@@ -125,9 +125,19 @@ class Flight:
         return np.asarray(self.start + self.duration * self.knots[:-1])
 
     @cached_property
+    def steps(self) -> Array:
+        """The lengths of its intervals in units of the duration."""
+        return np.asarray(self.knots[1:] - self.knots[:-1])
+
+    @cached_property
     def lengths(self) -> Array:
         """How long they last."""
-        return np.asarray(self.duration * np.diff(self.knots))
+        return np.asarray(self.duration * self.steps)
+
+    @cached_property
+    def inner(self) -> Array:
+        """The times of all Gauss points."""
+        return (self.begins[:, None] + self.lengths[:, None] * self.scheme.nodes).ravel()
 
     @cached_property
     def ends(self) -> Array:
@@ -153,12 +163,12 @@ class Flight:
         """Their derivatives in a time from 0 to 1."""
         j, place = self.places(s)
         rates = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.between(place))
-        return np.asarray(rates / np.diff(self.knots)[j])
+        return np.asarray(rates / self.steps[j])
 
     def places(self, s: Array) -> tuple[NDArray[np.intp], Array]:
         """The intervals in which times from 0 to 1 lie, and where in these."""
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
-        return j, (s - self.knots[j]) / np.diff(self.knots)[j]
+        return j, (s - self.knots[j]) / self.steps[j]
 
     def on(self, knots: Array) -> Flight:
         """The same flight on another mesh, by interpolation: a start for it."""
@@ -178,7 +188,7 @@ class Flight:
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there."""
         places = np.arange(per) / per
-        inside = self.knots[:-1, None] + np.diff(self.knots)[:, None] * places
+        inside = self.knots[:-1, None] + self.steps[:, None] * places
         states = self.states[..., None] + self.slopes @ self.scheme.spread(places).T
         flat = states.reshape(len(self.states), -1)
         return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
@@ -191,17 +201,17 @@ class Flight:
         where much happens and nowhere too wide. The unit of the path is that for which the shares
         of the time add up to two thirds.
         """
-        steps, moved = np.diff(self.knots)[:, None], self.slopes / sizes[:, None, None] / length
+        steps, moved = self.steps[:, None], self.slopes / (sizes * length)[:, None, None]
         path = (steps * _AT_REST / length) ** 2 + (moved**2).sum(axis=0)
         pace = np.sqrt(steps**2 + path)
         unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
-        slope = unit * moved / sizes[:, None, None] / length / pace
+        slope = moved / (sizes * length)[:, None, None] * (unit / pace)
         return pace @ unit, slope, (path / pace) @ unit
 
     def path(self, sizes: Array) -> float:
         """The unit of the path for which all shares add up to their number, or a little more."""
         low, high = 1e-8, 1e8
-        steps = np.diff(self.knots)[:, None]
+        steps = self.steps[:, None]
         square = (steps * _AT_REST) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(axis=0)
         for _ in range(_HALVINGS):
             length = math.sqrt(low * high)
@@ -236,7 +246,7 @@ class Slopes:
     """
 
     ends: Array  # (intervals, n, n + 2 + parameters)
-    inside: Array  # (intervals, points, n, n + 2 + parameters)
+    inside: Array  # (intervals, points n, n + 2 + parameters)
     inverse: Array  # (intervals, points n, points n)
 
     def beside(self, own: Flight, other: Flight, moved: Sequence[float]) -> Array:
@@ -245,7 +255,7 @@ class Slopes:
         ways = [other.begins - own.begins, other.lengths - own.lengths]
         ways += [np.full(own.lengths.size, by) for by in moved]
         change = np.vstack([other.states - own.states, *ways]).T
-        return own.slopes + (self.inside @ change[:, None, :, None])[..., 0].transpose(2, 0, 1)
+        return own.slopes + _by_states(self.inside @ change[..., None], own)
 
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
@@ -279,19 +289,21 @@ def _newton(
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
     makes corrections shrink."""
     before, lengths = np.inf, flight.lengths[:, None]
-    still = _STILL * max(unit, abs(flight.states).max())
+    moves = max(abs(k).max(), _STILL * max(unit, abs(flight.states).max()))
     for _ in range(_ITERATIONS):
         fresh = inverse is None
         if inverse is None:
-            f, df = _inside(flow, flight, k, p, ())
+            f, df = slopes(flow.f, flight.inner, _reached(flight, k), p)
             inverse = _inverted(_matrix(flight, df))
         else:
-            f = values(flow.f, *_gauss(flight, k), p)
+            f = values(flow.f, flight.inner, _reached(flight, k), p)
         off = (k - f.reshape(k.shape) * lengths).transpose(1, 2, 0)
-        step = (inverse @ off.reshape(len(off), -1, 1)).reshape(off.shape)
-        k = k - step.transpose(2, 0, 1)
-        size = float(abs(step).max() / max(abs(k).max(), still))
-        if size <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
+        step = inverse @ off.reshape(len(off), -1, 1)
+        k = k - _by_states(step, flight)
+        size = float(abs(step).max() / moves)
+        # a correction shrinks by as much as the one before
+        ahead = size if before == np.inf else size * size / before
+        if min(size, ahead) <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
             return k
         if not (fresh or size <= _SHRINKS * before):
             inverse = None
@@ -324,17 +336,14 @@ def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
 
 def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:
     """Exact derivatives of a flight, of all intervals at once."""
-    n, scheme, lengths = len(flight.states), flight.scheme, flight.lengths[:, None, None]
-    f, df = _inside(flow, flight, flight.slopes, p, names)
-    split = df.reshape(n, -1, lengths.size, scheme.points).transpose(2, 3, 0, 1)
-    own = f.reshape(n, lengths.size, -1).transpose(1, 2, 0)
-    right = np.empty((lengths.size, scheme.points, n, n + 2 + len(names)))
-    right[..., : n + 1] = lengths[..., None] * split[..., : n + 1]
-    right[..., n + 1] = own + lengths * scheme.nodes[:, None] * split[..., n]
-    right[..., n + 2 :] = lengths[..., None] * split[..., n + 1 :]
+    n, scheme, count = len(flight.states), flight.scheme, flight.lengths.size
+    f, df = slopes(flow.f, flight.inner, _reached(flight, flight.slopes), p, names)
+    whole = df.reshape(n, -1, count, scheme.points) * flight.lengths[:, None]
+    longer = f.reshape(n, count, -1) + whole[:, n] * scheme.nodes
+    right = np.concatenate([whole[:, : n + 1], longer[:, None], whole[:, n + 1 :]], axis=1)
     inverse = _inverted(_matrix(flight, df))
-    inside = (inverse @ right.reshape(lengths.size, -1, right.shape[-1])).reshape(right.shape)
-    ends = np.tensordot(scheme.weights, inside, (0, 1))
+    inside = inverse @ right.transpose(2, 3, 0, 1).reshape(count, scheme.points * n, -1)
+    ends = (scheme.weights @ inside.reshape(count, scheme.points, -1)).reshape(count, n, -1)
     ends[:, :, :n] += np.eye(n)
     return Slopes(ends, inside, inverse)
 
@@ -360,27 +369,22 @@ def fitted(
     return Flight(scheme, knots, start, duration, states, slopes)
 
 
-def _inside(
-    flow: Flow, flight: Flight, k: Array, p: Params, names: tuple[str, ...]
-) -> tuple[Array, Array]:
-    """The vector field and its derivatives at all Gauss points."""
-    return slopes(flow.f, *_gauss(flight, k), p, names)
+def _reached(flight: Flight, k: Array) -> Array:
+    """The states at all Gauss points for these slopes there."""
+    return (flight.states[..., None] + k @ flight.scheme.matrix.T).reshape(len(k), -1)
 
 
-def _gauss(flight: Flight, k: Array) -> tuple[Array, Array]:
-    """Times and states of all Gauss points."""
-    scheme = flight.scheme
-    states = (flight.states[..., None] + k @ scheme.matrix.T).reshape(len(k), -1)
-    times = flight.begins[:, None] + flight.lengths[:, None] * scheme.nodes
-    return times.ravel(), states
+def _by_states(rows: Array, flight: Flight) -> Array:
+    """What stands for each interval in one column, point by point, in the shape of slopes."""
+    return rows.reshape(flight.lengths.size, flight.scheme.points, -1).transpose(2, 0, 1)
 
 
 def _matrix(flight: Flight, df: Array) -> Array:
     """The matrix of the linear equations for the slopes of each interval."""
     n, count, points = len(df), flight.lengths.size, flight.scheme.points
     inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
-    reach = flight.lengths[:, None, None] * flight.scheme.matrix
-    matrix = -inner[:, :, :, None, :] * reach[:, :, None, :, None]
+    reach = -flight.lengths[:, None, None] * flight.scheme.matrix
+    matrix = inner[:, :, :, None, :] * reach[:, :, None, :, None]
     matrix = matrix.reshape(count, points * n, points * n)
     matrix[:, np.arange(points * n), np.arange(points * n)] += 1.0
     return np.asarray(matrix)

@@ -28,6 +28,7 @@ _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
 _BORDERINGS = 2  # far from where a curve began its borders are no null vectors any more
 _TURNS = 4  # of inverse iteration for singular vectors; two are enough where the value vanishes
+_SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _NOTHING = 1e-300  # the imaginary part of one may vanish
 _ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
@@ -83,11 +84,13 @@ class _Flip:
             raise Undefined("the cycle is singular whatever multiplies its start")
         left = right = any_vector(matrix.shape[0])
         for _ in range(_TURNS):
-            right = factors.solve(left)
+            right, before = factors.solve(left, refined=False), left
             size = 1 / float(np.linalg.norm(right))
             right = size * right
             left = factors.transposed(right)
             left = left / np.linalg.norm(left)
+            if abs(left @ before) >= _SAME:
+                break
         return factors.sign() * size, factors.sign() * left, right
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
@@ -139,16 +142,13 @@ def _examine_pair(point: Point) -> Examined:
 
 
 def _pair_locus(point: Point) -> Locus:
-    from scipy.sparse import csc_array
-
     values = point.ground.solution.others
     upper = values[values.imag > _REAL]
     if not upper.size:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
     mu = complex(upper[abs(abs(upper) - 1).argmin()])
     equations = equations_of(point.ground)
-    closed = csc_array(equations.closing(point.ground.jacobian(), mu / abs(mu)))
-    right, left = null_vectors(closed)
+    right, left = null_vectors(equations.closing(point.ground.jacobian(), mu / abs(mu)))
     rotation = _Rotation(equations, left, right)
     angle = math.atan2(mu.imag, mu.real)
     ends = (

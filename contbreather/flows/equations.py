@@ -199,8 +199,8 @@ class Equations:
     def _nearest(self, x: Array) -> _Known | None:
         """The nearest place that is known, if it is near."""
         known = [*self._linear, _Known(self._first, {}, (), self.start)]
-        off = [float(abs(one.x - x).max()) for one in known]
-        nearest = int(np.argmin(off))
+        off = abs(np.array([one.x for one in known]) - x).max(axis=1)
+        nearest = int(off.argmin())
         return known[nearest] if off[nearest] <= _CLOSE * abs(x).max() else None
 
     @cached_property
@@ -213,17 +213,21 @@ class Equations:
         duration = float(x[self.lengths[i]])
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
-        if not (np.diff(knots) > 0).all():
+        states = x[self.nodes[i]].T
+        flight = Flight(self.start[i].scheme, knots, t, duration, states, np.empty(0))
+        if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
-        return Flight(self.start[i].scheme, knots, t, duration, x[self.nodes[i]].T, np.empty(0))
+        return flight
 
     def __call__(self, x: Array, p: Params) -> Array:
         flights = self.flights(x, p)
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
-        rows = [
-            (flight.states - np.column_stack([before, flight.ends[:, :-1]])).T.ravel()
-            for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True)
-        ]
+        rows = []
+        for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
+            gaps = flight.states.T.copy()
+            gaps[0] -= before
+            gaps[1:] -= flight.ends.T[:-1]
+            rows.append(gaps.ravel())
         rows += [
             flight.shares(self.sizes[i], math.exp(x[self.knots[i][-1]]))[0] - 1.0
             for i, flight in enumerate(flights)
@@ -306,7 +310,8 @@ class Equations:
     ) -> Linear:
         flow, n = self.flows[i], len(flight.states)
         share, slope, longer = flight.shares(self.sizes[i], path)
-        shares = np.einsum("nkc,kcnd->kd", slope, own.inside)
+        share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
+        shares = (share_of @ own.inside)[:, 0]
         timed = share - (slope * flight.slopes).sum(axis=(0, 2))  # what is left is of the time
         state, reset = flight.end[:, None], np.eye(n, n + 1 + len(names))
         if flow.reset is not None:
@@ -314,7 +319,7 @@ class Equations:
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(own.ends, shares, longer, timed / np.diff(flight.knots), reset, condition)
+        return Linear(own.ends, shares, longer, timed / flight.steps, reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
@@ -334,11 +339,13 @@ class Equations:
         yield np.ones(self.orbit)
         for i, one in enumerate(linear):
             flight, n = flights[i], len(flights[i].states)
-            shares = self._spread(i, flight, one.shares)
-            shares[:, n] -= one.waited
-            shares[:, n + 1] += one.waited
-            yield -self._spread(i, flight, one.ends)[:-1]
-            yield -self._carried(i, flight, one.reset, one.ends[-1])
+            both = np.concatenate([one.ends, one.shares[:, None]], axis=1)
+            ends, shares = np.split(self._spread(i, flight, both), [n], axis=1)
+            shares[:, 0, n] -= one.waited
+            shares[:, 0, n + 1] += one.waited
+            yield -ends[:-1]
+            kept = self.flows[i].reset is None
+            yield -(ends[-1] if kept else self._carried(i, flight, one.reset, one.ends[-1]))
             yield shares
             yield -one.longer
             if one.condition is not None:
@@ -402,7 +409,7 @@ class Equations:
         what the beginning of the flow is the sum of, and the parameters."""
         n, knots = len(flight.states), flight.knots
         start, steps = (
-            at.reshape(-1, *[1] * (slope.ndim - 1)) for at in (knots[:-1], np.diff(knots))
+            at.reshape(-1, *[1] * (slope.ndim - 1)) for at in (knots[:-1], flight.steps)
         )
         begins, lasts = slope[..., n : n + 1], slope[..., n + 1 : n + 2]
         return np.concatenate(
@@ -440,7 +447,8 @@ class Equations:
         n = len(flight.states)
         local = np.eye(n + 1, n + 2 + len(names))  # the time is that at which the interval begins
         local[n, n + 1] = u  # and a part of its length
-        local[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], slopes.inside[j], 1)
+        inside = slopes.inside[j].reshape(flight.scheme.points, n, -1)
+        local[:n] += np.tensordot(flight.scheme.spread(np.array([u]))[0], inside, 1)
         interval = replace(flight, knots=flight.knots[j : j + 2])
         rise = np.append(flight.rates(np.array([s]))[:, 0], flight.duration)
         spread = self._spread(i, interval, local[None])[0]
@@ -461,13 +469,17 @@ class Equations:
 
     def factors(self, x: Array, p: Params) -> tuple[list[Array], list[Array]]:
         """The derivatives of all pieces of the orbit in the state alone, with the saltation where
-        a flow ends, and the velocities where they begin."""
+        a flow ends, and the velocities where they begin: stacks of those of one shape."""
         flights, linear = self.flights(x, p), self.linear(x, p)
-        factors, velocities = [], []
+        factors: list[Array] = []
+        velocities: list[Array] = []
         for i, (flow, flight, one) in enumerate(zip(self.flows, flights, linear, strict=True)):
-            velocities += list(values(flow.f, flight.begins, flight.states, p).T)
-            factors += list(one.ends[:, :, : len(flight.states)])
-            factors[-1] = self._saltation(i, flights, one, p) @ factors[-1]
+            own, last = np.split(one.ends[:, :, : len(flight.states)], [-1])
+            last = self._saltation(i, flights, one, p) @ last
+            alike = last.shape[1] == last.shape[2]
+            ways = values(flow.f, flight.begins, flight.states, p).T
+            factors += [np.concatenate([own, last])] if alike else [own, last]
+            velocities += [ways] if alike else np.split(ways, [-1])
         return factors, velocities
 
     def _saltation(self, i: int, flights: Sequence[Flight], one: Linear, p: Params) -> Array:
@@ -530,20 +542,14 @@ class Equations:
         if self.smooth and self.flows[0].reset is None:
             (own,) = flights
             knots = np.concatenate([0.5 * own.knots[:-1], 0.5 + 0.5 * own.knots])
-            twice = Flight(
-                own.scheme, knots, own.start, 2 * own.duration,
-                np.hstack([own.states] * 2), np.hstack([own.slopes] * 2),
-            )  # fmt: skip
-            return Equations(
-                self.flows, (twice,), self.period, 2 * self.turns, self.states, self.sizes
-            )
+            states, slopes = np.hstack([own.states] * 2), np.hstack([own.slopes] * 2)
+            twice = Flight(own.scheme, knots, own.start, 2 * own.duration, states, slopes)
+            return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
         flows = (*self.flows, *(flow.later(self.turns) for flow in self.flows))
-        return Equations(
-            flows, (*flights, *again), self.period, 2 * self.turns, self.states,
-            self.sizes * 2,
-        )  # fmt: skip
+        start, sizes = (*flights, *again), self.sizes * 2
+        return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
     def once(self, x: Array, p: Params) -> Equations:
         """As begun at this orbit, a single time around where it goes around several times."""

@@ -264,7 +264,8 @@ def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[An
         Where the function raises `ValueError` or `ArithmeticError`. Other errors are bugs: they
         pass, with a note that says for which t, x and p.
     """
-    t = np.broadcast_to(t, x.shape[1:])
+    if np.shape(t) != x.shape[1:]:
+        t = np.broadcast_to(t, x.shape[1:])
     return _call(_calling(function, t, x, p), t, x, p)
 
 

@@ -8,8 +8,7 @@ is made triangular, factor by factor, by orthogonal iteration around the cycle.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,12 @@ _SETTLED = 1e-13
 
 
 def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
-    """Eigenvalues of the product ``factors[-1] @ ... @ factors[0]``, the largest first."""
-    if not factors[0].size:
+    """Eigenvalues of the product of all factors, the largest first.
+
+    They come in stacks of square ones, or of a single one between spaces of different dimension,
+    each stack from the first factor to the last.
+    """
+    if not factors[0].shape[-1]:
         return np.empty(0, dtype=complex)
     few = _merged(factors)
     found = np.linalg.eigvals(few[0]) if len(few) == 1 else _separated(few)
@@ -37,24 +40,15 @@ def without_direction(
     """The factors between the complements of directions that they map into each other, and the
     multiplier of these: of an autonomous flow its velocity, and 1.
 
-    ``directions[j]`` is where ``factors[j]`` begins; the last one ends in the first.
+    ``directions[j]`` are where those of the stack ``factors[j]`` begin; the last one ends in the
+    first.
     """
-    mirrors = _alike(_mirrors, directions)
-    own, rest = 1.0, []
-    for factor, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
-        turned = after @ factor @ before
-        own *= turned[0, 0]
-        rest.append(turned[1:, 1:])
-    return rest, own
-
-
-def _alike(function: Callable[[Array], Array], arrays: Sequence[Array]) -> list[Any]:
-    """A function of many arrays at once, of those of each shape: what it gives for each."""
-    found: dict[int, Any] = {}
-    for shape in {array.shape for array in arrays}:
-        places = [i for i, array in enumerate(arrays) if array.shape == shape]
-        found |= zip(places, function(np.stack([arrays[i] for i in places])), strict=True)
-    return [found[i] for i in range(len(arrays))]
+    mirrors, own, rest = [_mirrors(ways) for ways in directions], 1.0, []
+    for stack, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
+        turned = np.stack([*before[1:], after[0]]) @ stack @ before
+        own *= turned[:, 0, 0].prod()
+        rest.append(turned[:, 1:, 1:])
+    return rest, float(own)
 
 
 def _mirrors(ways: Array) -> Array:
@@ -68,19 +62,16 @@ def _mirrors(ways: Array) -> Array:
     return np.eye(v.shape[1]) - v[:, :, None] * v[:, None, :]
 
 
-def _merged(factors: Sequence[Array]) -> list[Array]:
+def _merged(stacks: Sequence[Array]) -> list[Array]:
     """Fewer factors with the same product, each of them well conditioned."""
-    few, bounds = [factors[0]], _alike(_condition, factors)
-    bound = bounds[0]
-    for factor, own in zip(factors[1:], bounds[1:], strict=True):
-        product, bound = factor @ few[-1], bound * own
-        if not bound < _KEPT:  # no product is conditioned worse than all of its factors together
-            bound = _condition(product)
+    factors = [factor for stack in stacks for factor in _halved(stack)]
+    few = factors[:1]
+    for factor in factors[1:]:
+        product = factor @ few[-1]
         # factors between spaces of different dimension must be multiplied
         square = product.shape[0] == product.shape[1] and few[-1].shape[0] == factor.shape[0]
-        if square and not bound < _KEPT:
+        if square and not _well_conditioned(product):
             few.append(factor)
-            bound = own
         else:
             few[-1] = product
     if len(few) > 1 and few[0].shape[1] != few[0].shape[0]:
@@ -88,10 +79,20 @@ def _merged(factors: Sequence[Array]) -> list[Array]:
     return few
 
 
-def _condition(matrix: Array) -> Any:
-    sizes = np.linalg.svd(matrix, compute_uv=False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return sizes[..., 0] / sizes[..., -1]
+def _halved(stack: Array) -> Array:
+    """Neighbours multiplied, all pairs at once, as long as all products are well conditioned."""
+    while len(stack) > 1:
+        even = len(stack) // 2 * 2
+        products = stack[1:even:2] @ stack[:even:2]
+        if not _well_conditioned(products):
+            break
+        stack = np.concatenate([products, stack[even:]])
+    return stack
+
+
+def _well_conditioned(matrices: Array) -> bool:
+    sizes = np.linalg.svd(matrices, compute_uv=False)
+    return bool((sizes[..., 0] < _KEPT * sizes[..., -1]).all())
 
 
 def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:

@@ -35,7 +35,7 @@ def _slowest_locus(point: Point) -> Locus:
     ends = [i for i, flow in enumerate(orbit.equations.flows) if flow.until]
     until = orbit.equations.flows[ends[number]].until
     assert until is not None
-    slow = _Slow(orbit.equations, ends[number], until)
+    slow = _Reached(orbit.equations, ends[number], until, row=1)  # it does not change there
     return Locus({}, slow.conditions, slow.derivative)
 
 
@@ -46,6 +46,13 @@ class _Reached:
     equations: Equations
     flow: int
     wall: Function
+    row: int = 0  # which of both vanishes at the end of the flow
+
+    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.both(curve, z, 1.0)[self.row : self.row + 1]
+
+    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
+        return self.slopes(curve, z, 1.0)[self.row : self.row + 1, :-1]
 
     def both(self, curve: Curve, z: Array, s: float) -> Array:
         x, p = z[: curve.size], curve.params(z)
@@ -78,16 +85,6 @@ class _Reached:
         turned = directional(gradient, at, step * way) / step
         value = values(self.wall, t, x[:, None], p)[0, 0]
         return np.array([value, own[: n + 1] @ way]), np.stack([own, turned + own[:n] @ df])
-
-
-class _Slow(_Reached):
-    """The condition that ends a flow does not change there."""
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return -self.both(curve, z, 1.0)[1:]
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return -self.slopes(curve, z, 1.0)[1:, :-1]
 
 
 class _Touched(_Reached):
@@ -164,16 +161,6 @@ def _clearance_locus(point: Point) -> Locus:
 # --- where a surface is reached ------------------------------------------------------------------
 
 
-class _Tangent(_Reached):
-    """A field that is tangent to the surface which the flow ends at."""
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.both(curve, z, 1.0)[:1]
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.slopes(curve, z, 1.0)[:1, :-1]
-
-
 @dataclass(frozen=True, eq=False)
 class _Arrivals:
     """Where an orbit comes to the surface of a Filippov system: the field of the other side points
@@ -186,7 +173,7 @@ class _Arrivals:
 
     def locus(self, point: Point) -> Locus:
         _, i, field = min(self._found(point), key=lambda found: found[0])
-        tangent = _Tangent(equations_of(point.ground), i, field)
+        tangent = _Reached(equations_of(point.ground), i, field)
         return Locus({}, tangent.conditions, tangent.derivative)
 
     def _found(self, point: Point) -> list[tuple[float, int, Function]]:
