@@ -70,7 +70,7 @@ def until(happened: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-# --- copies of a process that has loaded what tests load, and done nothing --------------------------
+# --- copies of a process that has loaded what tests load, and done nothing ------------------------
 
 PYTEST = ["-n0", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
 
