@@ -72,13 +72,14 @@ def until(happened: Callable[[], object]) -> None:
 
 # --- copies of a process that has loaded what tests load, and done nothing ------------------------
 
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}  # a process with several is not copied well
 PYTEST = ["-n0", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
 
 
 @cache
 def original() -> subprocess.Popen[str]:
     """What is copied. It ends with this process."""
-    environment = {**os.environ, "PYTHONPATH": str(HOME)}
+    environment = {**os.environ, "PYTHONPATH": str(HOME), **ONE_THREAD}
     one = subprocess.Popen(
         [sys.executable, "-P", __file__], env=environment, text=True, start_new_session=True,
         stdin=subprocess.PIPE, stdout=subprocess.PIPE,

@@ -11,6 +11,8 @@ from .apart import ended
 HERE = Path(__file__).parent
 STRAY = """
 import os, signal
+import pytest
+
 @pytest.fixture
 def before():
     raise KeyboardInterrupt
@@ -28,6 +30,8 @@ def test_neither(): pass
 """
 APART = """
 import os, signal, sys
+import pytest
+
 def process(): return os.environ.setdefault("FIRST", str(os.getpid()))
 
 @pytest.mark.parametrize("how", ["odd [one]::", "killed", "wrong"])

@@ -15,7 +15,7 @@ import contbreather as cb
 from contbreather.columns import Columns
 from contbreather.simulation import Axis, Basin, Sample, periodic, simulate_smooth, sweep
 
-from .apart import ended
+from .apart import ONE_THREAD, ended
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 STATE = cb.symmetric(**ON).state(6)
@@ -140,7 +140,8 @@ def test_a_process_that_has_done_nothing_else_reads_a_file_of_every_kind(tmp_pat
     kinds = {name: TABLES[name]() for name in ("branch", "diagram", "zones", "run", "smooth")}
     for name, value in kinds.items():
         cb.save(tmp_path / f"{name}.nc", value)
-    done = ended("-c", READ_ALONE, *(f"{name}.nc" for name in kinds), cwd=tmp_path)
+    files = [f"{name}.nc" for name in kinds]
+    done = ended("-c", READ_ALONE, *files, cwd=tmp_path, env=ONE_THREAD)
     assert done.stdout.split() == [type(value).__name__ for value in kinds.values()]
     assert done.stderr == ""
 
