@@ -73,8 +73,8 @@ def simulated(forces: Any, e: float = 0.8) -> tuple[list[float], list[float]]:
     for A in forces:
         phase = math.acos(math.pi * (1 - e) / (1 + e) / A)  # beside the orbit of one bounce
         start = [A * math.sin(phase), 3.2]
-        run = cb.integrate(BALL, start, {"A": A, "e": e}, events=90, t0=phase)
-        times = np.array([event.time for event in run.events[-50:]])
+        run = cb.integrate(BALL, start, {"A": A, "e": e}, events=70, t0=phase)
+        times = np.array([event.time for event in run.events[-40:]])
         where += [A] * times.size
         when += np.mod(times / (2 * np.pi) + 0.25, 1.0).tolist()
     return where, when

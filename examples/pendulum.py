@@ -40,7 +40,7 @@ def resonance() -> tuple[cb.Branch, cb.Branch]:
         swing({"q": 10.0, "g": 0.15, "w": 1.2}), "w", within={"w": (0.7, 1.2)}, progress=False
     )
     folds = cb.boundary(
-        response.first("LP"), ("w", "g"), within={"w": (0.8, 1.0), "g": (0.05, 0.2)}, progress=False
+        response.first("LP"), ("w", "g"), within={"w": (0.8, 1.0), "g": (0.1, 0.16)}, progress=False
     )
     cusp = folds.first("CP")
     print(f"the folds meet at w = {cusp['w']:.8f}, g = {cusp['g']:.8f}")

@@ -33,7 +33,7 @@ def around_the_fold() -> tuple[Sweep, cb.Branch]:
     branch = cb.trace(orbit, "a", towards="down", within=within, progress=False)
     print(f"the branch ends in a fold at a = {branch.first('LP')['a']:.6f}")
     print(f"the sweep loses the breather at a = {loop.lost():.3f} and never finds it again")
-    return loop, refined(branch, 60)
+    return loop, refined(branch, 30)
 
 
 def momenta(branch: cb.Branch) -> list[float]:

@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, settings
 from contbreather import bare, kernels
 from contbreather.cli import main
 
-from .apart import ended
+from .apart import copied
 
 # a machine that is slow fails no test
 settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -49,6 +49,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Files with slow tests come first, so that no worker is left with one when the others end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
     for item in items:
         if item.get_closest_marker("apart") and not config.getoption("here"):
             item.setup, item.runtest = lambda: None, partial(in_its_own_process, item)  # type: ignore[method-assign]
@@ -59,15 +62,17 @@ def in_its_own_process(item: pytest.Item) -> None:
     """Run a test by another pytest, with nothing of it here."""
     config = item.config
     with tempfile.TemporaryDirectory() as folder:
-        done = ended(
-            "-m", "pytest", "--here", "-n0", "-q", "-rs", "-p", "no:cacheprovider",
-            "-p", "no:randomly", f"--basetemp={folder}/pytest", f"--rootdir={config.rootpath}",
-            config.rootpath / item.nodeid, cwd=config.invocation_params.dir,
+        said = Path(folder, "said")
+        status = copied(
+            ["--here", "-rs", f"--basetemp={folder}/pytest", f"--rootdir={config.rootpath}",
+             str(config.rootpath / item.nodeid)],
+            config.invocation_params.dir, said,
         )  # fmt: skip
-    if done.returncode != pytest.ExitCode.OK:
-        pytest.fail(f"it ends with {done.returncode}\n{done.stdout}{done.stderr}", pytrace=False)
-    if "\n1 skipped" in done.stdout:
-        pytest.skip(done.stdout)
+        words = said.read_text()
+    if status != pytest.ExitCode.OK:
+        pytest.fail(f"it ends with {status}\n{words}", pytrace=False)
+    if "\n1 skipped" in words:
+        pytest.skip(words)
 
 
 @pytest.hookimpl(wrapper=True)

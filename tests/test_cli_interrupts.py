@@ -190,9 +190,9 @@ def workers_of(number: int) -> set[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up there")
 @pytest.mark.parametrize(
-    "line", ["atlas --k 0.3:0.9:400 --workers 2", "run study.toml --workers 2"]
+    ("line", "to_all"),
+    [("atlas --k 0.3:0.9:400 --workers 2", True), ("run study.toml --workers 2", False)],
 )
-@pytest.mark.parametrize("to_all", [False, True])
 def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
     tmp_path: Path, line: str, to_all: bool
 ) -> None:

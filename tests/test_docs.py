@@ -12,6 +12,7 @@ import importlib.util
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import pytest
@@ -24,6 +25,7 @@ from contbreather.cli import main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+FIGURES = DOCS / "how-to" / "figures.md"
 PAGES = [
     ROOT / "README.md",
     *(
@@ -59,24 +61,28 @@ def empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 # --- Python -------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", pages("^```python$"), ids=name_of)
-def test_python_on_a_page_gives_what_it_shows(page: Path, tmp_path: Path) -> None:
-    copy = tmp_path / page.name
+def carried_out(page: Path, copy: Path) -> dict[str, Any]:
+    """What the blocks of a page leave, each of which gives what it shows."""
     copy.write_text(LAST_DIGITS.sub(r"\1", TEXT[page]), encoding="utf-8")
-    parser = PythonCodeBlockParser(doctest_optionflags=FLAGS)
-    for example in Sybil([parser]).parse(copy).examples():
-        example.evaluate()
-
-
-@pytest.mark.slow
-def test_the_last_recipe_of_the_page_on_figures_gives_a_finished_figure(tmp_path: Path) -> None:
-    page = DOCS / "how-to" / "figures.md"
-    (tmp_path / page.name).write_text(TEXT[page], encoding="utf-8")
-    document = Sybil([PythonCodeBlockParser(doctest_optionflags=FLAGS)]).parse(tmp_path / page.name)
+    document = Sybil([PythonCodeBlockParser(doctest_optionflags=FLAGS)]).parse(copy)
     for example in document.examples():
         example.evaluate()
-    ax = document.namespace["ax"]
+    return document.namespace
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "page", [page for page in pages("^```python$") if page != FIGURES], ids=name_of
+)
+def test_python_on_a_page_gives_what_it_shows(page: Path, tmp_path: Path) -> None:
+    carried_out(page, tmp_path / page.name)
+
+
+@pytest.mark.slow
+def test_the_page_on_figures_gives_what_it_shows_and_at_last_a_finished_figure(
+    tmp_path: Path,
+) -> None:
+    ax = carried_out(FIGURES, tmp_path / FIGURES.name)["ax"]
     ax.figure.draw_without_rendering()
     (word,), tick = ax.get_legend().get_texts(), ax.get_xticklabels()[0]
     assert word.get_fontsize() <= tick.get_fontsize()

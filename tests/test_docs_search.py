@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,11 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:.*myst_parser.*"),  # it is older than Sphinx
 ]
 DOCS = Path(__file__).parents[1] / "docs"
-ASKED = """q => Search._performSearch(...Search._parseQuery(q)).reverse().map(found => found[0])"""
+# as if the page had been opened with the question
+ASKED = """q => {
+  history.replaceState(null, "", "?q=" + encodeURIComponent(q))
+  return Search._performSearch(...Search._parseQuery(q)).reverse().map(found => found[0])
+}"""
 
 QUESTIONS = {
     "damping": "how-to/damped-ring",
@@ -75,14 +80,9 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=path, args=FLAGS)
         page = browser.new_page()
-
-        def ask(question: str) -> list[str]:
-            page.goto(f"{(site / 'search.html').as_uri()}?q={question}")
-            page.wait_for_function("Search.hasIndex()")
-            found: list[str] = page.evaluate(ASKED, question)
-            return found
-
-        yield ask
+        page.goto((site / "search.html").as_uri())
+        page.wait_for_function("Search.hasIndex()")
+        yield partial(page.evaluate, ASKED)
         browser.close()
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,8 @@ import pytest
 import contbreather as cb
 from contbreather.columns import Columns
 from contbreather.simulation import Axis, Basin, Sample, periodic, simulate_smooth, sweep
+
+from .apart import ONE_THREAD, ended
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 STATE = cb.symmetric(**ON).state(6)
@@ -121,17 +122,28 @@ def test_all_that_has_columns_gives_them_as_tables(name: str, tmp_path: Path) ->
             assert cells == [str(cell) for cell in frame[own]]
 
 
-@pytest.mark.parametrize("name", ["branch", "diagram", "zones", "run", "smooth"])
-def test_a_process_that_has_done_nothing_else_reads_a_file_of_every_kind(
-    name: str, tmp_path: Path
-) -> None:
-    value = TABLES[name]()
-    cb.save(tmp_path / "kept.nc", value)
-    code = "import contbreather as cb; print(type(cb.load('kept.nc')).__name__)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (done.stdout.strip(), done.stderr) == (type(value).__name__, "")
+# each file in a copy of a process that has loaded what others wrote, and nothing of this package
+READ_ALONE = """
+import os, sys
+import h5py, scipy.sparse.linalg
+for name in sys.argv[1:]:
+    if os.fork() == 0:
+        import contbreather as cb
+        print(type(cb.load(name)).__name__)
+        break
+    os.wait()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
+def test_a_process_that_has_done_nothing_else_reads_a_file_of_every_kind(tmp_path: Path) -> None:
+    kinds = {name: TABLES[name]() for name in ("branch", "diagram", "zones", "run", "smooth")}
+    for name, value in kinds.items():
+        cb.save(tmp_path / f"{name}.nc", value)
+    files = [f"{name}.nc" for name in kinds]
+    done = ended("-c", READ_ALONE, *files, cwd=tmp_path, env=ONE_THREAD)
+    assert done.stdout.split() == [type(value).__name__ for value in kinds.values()]
+    assert done.stderr == ""
 
 
 def test_table_of_a_branch_has_labels_and_no_count_that_rounding_decides() -> None:

@@ -652,9 +652,12 @@ class Killing(Executor):
 @pytest.mark.slow
 @pytest.mark.apart
 def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
-    study: Path, done: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two local workers, one of them killed in the middle: the same results to the last digit."""
+    study = tmp_path / "branches.toml"
+    study.write_text(SMALL.partition("[arms")[0].replace("[0.02, ", "[0.02, 0.03, "))
+    done = conduct(study, executor=1)
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", HUNG)
     waiting = ("connect", "tcp")

@@ -21,8 +21,9 @@ SETTINGS = """
 [mypy]
 strict = true
 follow_imports = silent
-[mypy-numpy.*,scipy.*,matplotlib.*,xarray.*,networkx.*,sympy.*,shapely.*,pydantic.*,rich.*,cyclopts.*]
+[mypy-numpy.*,scipy.*,matplotlib.*,flint.*,IPython.*,xarray.*,networkx.*,sympy.*,shapely.*,pydantic.*,rich.*,cyclopts.*]
 follow_imports = skip
+follow_imports_for_stubs = true
 """
 STORY = """
 b = cb.symmetric(a=0.5, gamma=0.08, k=0.8)

@@ -108,17 +108,16 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def max(self) -> dict[str, float]:
-        return self._extreme(1.0)
+        return {name: self.extreme(name, 1.0) for name in self.equations.states}
 
     @cached_property
     def min(self) -> dict[str, float]:
-        return self._extreme(-1.0)
+        return {name: self.extreme(name, -1.0) for name in self.equations.states}
 
-    def _extreme(self, sign: float) -> dict[str, float]:
-        return {
-            name: sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
-            for i, name in enumerate(self.equations.states)
-        }
+    def extreme(self, name: str, sign: float) -> float:
+        """The largest value of one state, with -1 the smallest."""
+        i = [*self.equations.states].index(name)
+        return sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
 
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], float]:
@@ -212,8 +211,8 @@ def _trivial(point: Point) -> float:
     return abs(float(point.solution.trivial) - 1)
 
 
-def _extreme(what: str, name: str, point: Point) -> float:
-    found: float = getattr(point.solution, what)[name]
+def _extreme(name: str, sign: float, point: Point) -> float:
+    found: float = point.solution.extreme(name, sign)
     return found
 
 
@@ -305,7 +304,8 @@ def problem_of(
     if equations.autonomous:
         record["trivial"] = _trivial
     for name in equations.states:
-        record |= {f"{what}({name})": partial(_extreme, what, name) for what in ("max", "min")}
+        record[f"max({name})"] = partial(_extreme, name, 1.0)
+        record[f"min({name})"] = partial(_extreme, name, -1.0)
     whole = sum(flight.duration for flight in equations.start)
     return CycleProblem(
         equations, start, dict(params), events=tuple(events), record=record, interpret=orbit_of,

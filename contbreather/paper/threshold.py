@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from contbreather.checks import real, row, whole
 from contbreather.errors import BadInput, NotConverged
@@ -266,6 +265,7 @@ def _extrapolated(found: dict[float, Crossing], a: float) -> float:
 
 def _upper_end(k: float, at: Callable[[float], Crossing], start: float) -> float:
     """The amplitude at which the line leaves the region where breathers exist."""
+    from scipy.optimize import brentq  # dear to import
 
     def margin(a: float) -> float:
         return upper(a, at(a).gamma, k).admissibility().margin

@@ -101,11 +101,14 @@ class Labels:
     def _options(
         self, anchor: Array, size: Array, frame: Array
     ) -> list[tuple[float, float, Array]]:
-        """Cost, radius and shift of every place around the point."""
-        found = []
+        """Cost, radius and shift of the places around the point, up to where the radius alone
+        costs more than the best of them."""
+        found: list[tuple[float, float, Array]] = []
         curves = np.concatenate(self.curves) if self.curves else np.empty((0, 2))
         others = [other for other in self.anchors if not np.allclose(other, anchor)]
         for radius in _RADII:
+            if any(cost < radius for cost, *_ in found):
+                break
             for i in range(_DIRECTIONS):
                 angle = math.pi / 4 + 2.0 * math.pi * i / _DIRECTIONS  # first: upper right
                 way = np.array([math.cos(angle), math.sin(angle)])

@@ -947,7 +947,7 @@ class Curve:
     names: tuple[str, str]
     window: Mapping[str, tuple[float, float]]
     known: Callable[[Any], tuple[float, float]]
-    most: int = 10  # steps to each side
+    most: int = 5  # steps to each side
 
 
 def doubling_of_ball(e: float) -> float:
@@ -968,5 +968,5 @@ CURVES = [
     Curve("impact oscillator, fold", "LP", ("F", "w"), {"w": (1.4, 1.7), "F": (0, 4)},
           lambda at: (at["F"], Impacting(at["w"]).fold)),
     Curve("impact oscillator, fold", "VI", ("F", "w"), {"w": (1.5, 1.7), "F": (0, 4)},
-          lambda at: (at["F"], Impacting(at["w"]).touching), most=5),
+          lambda at: (at["F"], Impacting(at["w"]).touching)),
 ]  # fmt: skip
