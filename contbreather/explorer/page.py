@@ -273,9 +273,10 @@ class Page:
 
     def _render_status(self) -> None:
         explorer, chosen = self.explorer, self.explorer.state.chosen
-        words = explorer.progress or explorer.drawing or explorer.message
+        words = explorer.progress or explorer.message
         if not words and chosen is not None and chosen.orbit is not None:
             words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
+        words = "; ".join(filter(None, (words, explorer.drawing)))
         words = words or "Click into a diagram, or type the parameters of a breather."
         self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
         self.stop.visible = explorer.stoppable
@@ -284,6 +285,8 @@ class Page:
         name, value = new.fixed
         label, start, end, step, _ = SLIDERS[name]
         self.plane.value = name
+        # of a value that came from the browser no rounded one goes back: it may have moved on by then
+        value = self.slider.value if round(self.slider.value, 9) == value else value
         self.slider.param.update(label=label, start=start, end=end, step=step, value=value)
         self.zones.title(new)
         if new.preview is None:

@@ -176,8 +176,6 @@ class ZonesView:
         drawn = wanted.preview
         words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
         orbit = None if wanted.chosen is None else wanted.chosen.orbit
-        if drawn is not None and orbit is not None and not is_of(drawn, orbit):
-            words += f"; chosen: {about(orbit)}"
         elsewhere = drawn is None or drawn.fixed != wanted.fixed
         coming = _at(wanted.fixed) if elsewhere else "another lattice"
         if drawn is not None and not drawn.exact:
@@ -185,6 +183,8 @@ class ZonesView:
             coming = coming if elsewhere else "the exact one"
         if wanted.awaited:
             words += f"; {coming} is being computed"
+        elif drawn is not None and orbit is not None and not is_of(drawn, orbit):
+            words += f"; chosen: {about(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
