@@ -45,6 +45,7 @@ from contbreather.explorer.views import (
     marked,
     symbol,
 )
+from contbreather.explorer.work import fate
 from contbreather.orbits.zone_search import PAIRS
 
 # Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
@@ -269,14 +270,15 @@ class Page:
             self._render_chosen(new, old)
             self.run_card.visible = new.run is not None
             if new.run is not None and new.run is not old.run:
-                self.run.run(*new.run)
+                self.run.run(*new.run, fate(new.run[1]))
 
     def _render_status(self) -> None:
         explorer, chosen = self.explorer, self.explorer.state.chosen
         words = explorer.progress or explorer.message
         if not words and chosen is not None and chosen.orbit is not None:
             words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
-        words = "; ".join(filter(None, (words, explorer.drawing)))
+        if explorer.drawing:
+            words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
         self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
         self.stop.visible = explorer.stoppable
@@ -285,7 +287,7 @@ class Page:
         name, value = new.fixed
         label, start, end, step, _ = SLIDERS[name]
         self.plane.value = name
-        # of a value that came from the browser no rounded one goes back: it may have moved on by then
+        # what came from the browser does not go back to it rounded: it may have moved on by then
         value = self.slider.value if round(self.slider.value, 9) == value else value
         self.slider.param.update(label=label, start=start, end=end, step=step, value=value)
         self.zones.title(new)

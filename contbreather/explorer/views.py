@@ -428,15 +428,15 @@ class MotionView:
             _fill(source, [])
         self.figure.title.text = ""
 
-    def run(self, name: str, run: Run) -> None:
-        """The motion of a simulation."""
+    def run(self, name: str, run: Run, fate: str) -> None:
+        """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `work.simulated`
         columns = zip(record.sites, record.u.T, strict=True)
         self._draw(record.times / PERIOD, dict(columns))
         self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
         count = len(run.impacts)
-        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {run.stop.value}"
+        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {fate}"
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
         colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}

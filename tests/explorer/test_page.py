@@ -351,6 +351,32 @@ def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
     assert page.explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.12, k=0.7)"
 
 
+def test_a_value_of_the_slider_is_not_sent_back_rounded(page: Page) -> None:
+    """It would pull the slider back to where it was when a key is held."""
+    page.slider.value = sent = 0.7000000000000001
+    assert page.explorer.state.fixed == ("k", 0.7)
+    assert page.slider.value == sent
+    page.explorer.look_at(0.8)
+    assert page.slider.value == 0.8
+
+
+def test_what_is_looked_at_is_judged_while_its_zones_are_computed(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    page.explorer.drawing = "zones at k = 0.8: 3 points"
+    page.render()
+    assert "k=0.8): stable (zones at k = 0.8: 3 points)" in page.status.html
+
+
+def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.104, y=0.2))
+    page.forms.length["periods"].input.value = "200"
+    press(page, "Simulate from here")
+    assert "delocalised: there is no breather" in page.run.figure.title.text
+    page.forms.length["sites"].input.value, page.forms.length["periods"].input.value = "301", "1"
+    press(page, "Simulate from here")
+    assert "went through all its periods" in page.run.figure.title.text
+
+
 def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
     assert page.remove.disabled
     page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
