@@ -33,7 +33,7 @@ from contbreather.explorer.fields import (
 )
 from contbreather.explorer.forms import Forms, card, offered
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import State
+from contbreather.explorer.state import State, numbers
 from contbreather.explorer.style import GRID, OUTER, STUCK
 from contbreather.explorer.theme import DARK, LIGHT
 from contbreather.explorer.views import (
@@ -275,8 +275,9 @@ class Page:
     def _render_status(self) -> None:
         explorer, chosen = self.explorer, self.explorer.state.chosen
         words = explorer.progress or explorer.message
-        if not words and chosen is not None and chosen.orbit is not None:
-            words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
+        if not words and chosen is not None:
+            known = "" if chosen.orbit is None else f": {summary.verdict(chosen.orbit)}"
+            words = f"{chosen.title}{known}"
         if explorer.drawing:
             words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
@@ -351,12 +352,12 @@ class Page:
 
 
 def _common(state: State) -> list[str]:
-    """Columns of numbers that all curves have which are drawn."""
+    """Columns of numbers that all curves have which are drawn beside the first."""
     curves = [one.branch for one in state.curves if one.code not in state.hidden]
     if not curves:
         return ["a", "p"]
-    names = [name for name in curves[0].names if all(name in other.names for other in curves)]
-    return names or list(curves[0].names)
+    alike = [one for one in curves if curves[0].free in one.names]  # not of another problem
+    return [name for name in numbers(curves[0]) if all(name in one.names for one in alike)]
 
 
 def _described(state: State) -> str:
