@@ -34,7 +34,7 @@ from contbreather.explorer.fields import (
 from contbreather.explorer.forms import Forms, card, offered
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import State, numbers
-from contbreather.explorer.style import GRID, OUTER, STUCK
+from contbreather.explorer.style import FOCUSED, GRID, OUTER, STUCK
 from contbreather.explorer.theme import DARK, LIGHT
 from contbreather.explorer.views import (
     BranchView,
@@ -113,8 +113,8 @@ class Page:
         )
         self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
-        self.remove = pn.widgets.Button(label="Remove curve", width=120)
-        self.undo = pn.widgets.Button(label="Undo", width=80)
+        self.remove = pn.widgets.Button(label="Remove curve", width=120, stylesheets=[FOCUSED])
+        self.undo = pn.widgets.Button(label="Undo", width=80, stylesheets=[FOCUSED])
         self.remove.on_click(lambda _: self.explorer.remove(self.curve.value))
         self.undo.on_click(lambda _: tried(self.explorer.undo, self._tell))
         self._on(self.x, lambda x: self.explorer.change(axes=(x, self.y.value)))
@@ -137,7 +137,9 @@ class Page:
         for field in self.asked.values():
             field.input.param.watch(lambda _: self._asked(), "value")
         self.words, self.status = Words(), Words()
-        self.stop = pn.widgets.Button(label="Stop", color="danger", width=90, visible=False)
+        self.stop = pn.widgets.Button(
+            label="Stop", color="danger", width=90, visible=False, stylesheets=[FOCUSED]
+        )
         self.stop.on_click(lambda _: self.explorer.stop())
 
     def _laid_out(self) -> Any:

@@ -368,7 +368,7 @@ class ProfileView:
     """Sites at the first impact, and the stretch each of them moves in."""
 
     def __init__(self, theme: Theme) -> None:
-        self.figure = fig = _sheet(theme, "site n", "u", 260, title="profile")
+        self.figure = fig = _sheet(theme, "site n", "u", 260)
         self.walls = _source("x0", "x1", "y")
         fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=theme.faint, line_width=2)
         self.sites = _source("n", "u", "low", "high")
@@ -384,7 +384,7 @@ class ProfileView:
         both, walls = np.repeat(n, 2), seen.walls.ravel()
         self.walls.data = {"x0": both - 0.5, "x1": both + 0.5, "y": walls}
         self.sites.data = {"n": n, "u": seen.at_impact, "low": seen.lowest, "high": seen.highest}
-        self.figure.title.text = f"profile at the impact, t = {seen.time:.4g}, and over the period"
+        self.figure.title.text = f"at the impact, t = {seen.time:.4g}, and over the period"
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
         _reach(self.figure.y_range, [*walls, *seen.lowest, *seen.highest])
 
@@ -392,7 +392,7 @@ class ProfileView:
         """No orbit is looked at."""
         _fill(self.walls, [])
         _fill(self.sites, [])
-        self.figure.title.text = "profile"
+        self.figure.title.text = ""
 
 
 class MotionView:
