@@ -291,7 +291,8 @@ class Page:
         label, start, end, step, _ = SLIDERS[name]
         self.plane.value = name
         # what came from the browser does not go back to it rounded: it may have moved on by then
-        value = self.slider.value if round(self.slider.value, 9) == value else value
+        there: Any = self.slider.value
+        value = there if round(there, 9) == value else value
         self.slider.param.update(label=label, start=start, end=end, step=step, value=value)
         self.zones.title(new)
         if new.preview is None:

@@ -101,7 +101,7 @@ class State:
         if first is None:
             return "a", "p"
         unknowns = [name for name in first.problem.start if name in numbers(first)]
-        _, other, *_ = (*first.curve.varied, *unknowns, "arclength")
+        other = [*first.curve.varied, *unknowns, "arclength"][1]
         return self.axes[0] or first.free, self.axes[1] or other
 
     @property
