@@ -57,14 +57,14 @@ def main(folder: Path = Path()) -> list[Path]:
     with style():
         cb.plotting.plot_diagram(arms_on_a_ring(), x="a", y="asymmetry", ax=above)
     above.set(ylabel="$t_2 - t_1 - \\pi$", xticks=np.arange(0.7, 0.91, 0.05))
-    for branch in (refined(branch, 60) for branch in cascade()):
+    for i, branch in enumerate(refined(branch, 60) for branch in cascade()):
         # half the momentum of every impact on the wall at +1
         p = [
             [0.5 * (hit.before - hit.after) for hit in point.solution.hits if hit.wall > 0]
             for point in branch
         ]
-        below.plot(branch["a"], p, "-", color=f"C{branch[0].solution.section.turns % 10}", lw=1)
-    below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.28, 1.48))
+        below.plot(branch["a"], p, "-", color=f"C{i}", lw=1)
+    below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.22, 1.54))
     return [save_figure(figure, folder / "shooting.png")]
 
 

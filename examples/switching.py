@@ -36,7 +36,7 @@ def arms(folder: Path) -> Path:
     flat = with_columns(branch, asymmetry=lambda point: 0.0)
     cb.plotting.plot_diagram([flat, *both], y="asymmetry", ax=below)
     delta = np.linspace(-0.9, 0.9, 101)
-    below.plot(point["a"] + delta**2 / point["coefficient"], delta, ":", color="C7", lw=1)
+    below.plot(point["a"] + delta**2 / point["coefficient"], delta, ":", color="0.5", lw=1)
     below.set(ylabel="$t_2 - t_1 - \\pi$", xlim=above.get_xlim())
     return save_figure(figure, folder / "switching.png")
 

@@ -26,7 +26,7 @@ from contbreather.explorer.fields import (
 )
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import Chosen, State
-from contbreather.explorer.style import CARD, FORMS, WORDS
+from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
 from contbreather.lattice.parse import as_typed
 from contbreather.parameters import NEEDED, window_of
 
@@ -59,7 +59,7 @@ class Forms:
 
     def _button(self, name: str, do: Callable[[], object], trouble: ErrorLabel, **more: Any) -> Any:
         """A button that does something, or says why not."""
-        more = {"sizing_mode": "stretch_width", "margin": (3, 5), **more}
+        more = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED], **more}
         self.buttons[name] = pn.widgets.Button(label=name, **more)
         self.buttons[name].on_click(lambda _: tried(do, trouble.say))
         return self.buttons[name]
@@ -165,11 +165,12 @@ class Forms:
         self.suffix = pn.widgets.Select(label="format", options=[".pdf", ".svg", ".png"], width=90)
         self.figure = pn.widgets.FileDownload(
             callback=self._figure, filename="zones.pdf", label="Export figure",
-            sizing_mode="stretch_width", margin=(3, 5),
+            sizing_mode="stretch_width", margin=(3, 5), stylesheets=[FOCUSED],
         )  # fmt: skip
         self.script = pn.widgets.FileDownload(
             callback=lambda: StringIO(self.explorer.script()), filename="explored.py",
             label="Export Python code", sizing_mode="stretch_width", margin=(3, 5),
+            stylesheets=[FOCUSED],
         )  # fmt: skip
         for select in (self.what, self.suffix):
             select.param.watch(self._renamed, "value")

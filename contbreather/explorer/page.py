@@ -33,8 +33,8 @@ from contbreather.explorer.fields import (
 )
 from contbreather.explorer.forms import Forms, card, offered
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import State
-from contbreather.explorer.style import GRID, OUTER, STUCK
+from contbreather.explorer.state import State, numbers
+from contbreather.explorer.style import FOCUSED, GRID, OUTER, STUCK
 from contbreather.explorer.theme import DARK, LIGHT
 from contbreather.explorer.views import (
     BranchView,
@@ -45,6 +45,7 @@ from contbreather.explorer.views import (
     marked,
     symbol,
 )
+from contbreather.explorer.work import fate
 from contbreather.orbits.zone_search import PAIRS
 
 # Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
@@ -112,8 +113,8 @@ class Page:
         )
         self.point = pn.widgets.IntSlider(label="point", start=0, end=1, width=120)
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
-        self.remove = pn.widgets.Button(label="Remove curve", width=120)
-        self.undo = pn.widgets.Button(label="Undo", width=80)
+        self.remove = pn.widgets.Button(label="Remove curve", width=120, stylesheets=[FOCUSED])
+        self.undo = pn.widgets.Button(label="Undo", width=80, stylesheets=[FOCUSED])
         self.remove.on_click(lambda _: self.explorer.remove(self.curve.value))
         self.undo.on_click(lambda _: tried(self.explorer.undo, self._tell))
         self._on(self.x, lambda x: self.explorer.change(axes=(x, self.y.value)))
@@ -136,7 +137,9 @@ class Page:
         for field in self.asked.values():
             field.input.param.watch(lambda _: self._asked(), "value")
         self.words, self.status = Words(), Words()
-        self.stop = pn.widgets.Button(label="Stop", color="danger", width=90, visible=False)
+        self.stop = pn.widgets.Button(
+            label="Stop", color="danger", width=90, visible=False, stylesheets=[FOCUSED]
+        )
         self.stop.on_click(lambda _: self.explorer.stop())
 
     def _laid_out(self) -> Any:
@@ -269,13 +272,16 @@ class Page:
             self._render_chosen(new, old)
             self.run_card.visible = new.run is not None
             if new.run is not None and new.run is not old.run:
-                self.run.run(*new.run)
+                self.run.run(*new.run, fate(new.run[1]))
 
     def _render_status(self) -> None:
         explorer, chosen = self.explorer, self.explorer.state.chosen
-        words = explorer.progress or explorer.drawing or explorer.message
-        if not words and chosen is not None and chosen.orbit is not None:
-            words = f"{chosen.title}: {summary.verdict(chosen.orbit)}"
+        words = explorer.progress or explorer.message
+        if not words and chosen is not None:
+            known = "" if chosen.orbit is None else f": {summary.verdict(chosen.orbit)}"
+            words = f"{chosen.title}{known}"
+        if explorer.drawing:
+            words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
         self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
         self.stop.visible = explorer.stoppable
@@ -284,6 +290,9 @@ class Page:
         name, value = new.fixed
         label, start, end, step, _ = SLIDERS[name]
         self.plane.value = name
+        # what came from the browser does not go back to it rounded: it may have moved on by then
+        there: Any = self.slider.value
+        value = there if round(there, 9) == value else value
         self.slider.param.update(label=label, start=start, end=end, step=step, value=value)
         self.zones.title(new)
         if new.preview is None:
@@ -346,12 +355,12 @@ class Page:
 
 
 def _common(state: State) -> list[str]:
-    """Columns of numbers that all curves have which are drawn."""
+    """Columns of numbers that all curves have which are drawn beside the first."""
     curves = [one.branch for one in state.curves if one.code not in state.hidden]
     if not curves:
         return ["a", "p"]
-    names = [name for name in curves[0].names if all(name in other.names for other in curves)]
-    return names or list(curves[0].names)
+    alike = [one for one in curves if curves[0].free in one.names]  # not of another problem
+    return [name for name in numbers(curves[0]) if all(name in one.names for one in alike)]
 
 
 def _described(state: State) -> str:

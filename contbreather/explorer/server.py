@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from collections.abc import Sequence
 from typing import Any
@@ -46,6 +47,8 @@ def server_for(
     own = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
     from contbreather.explorer.template import in_template
 
+    # that a page was closed, or loaded again, while something was sent to it is no trouble
+    logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
     server = panel.io.server.get_server(
         {"/": lambda: in_template(explorer)}, port=port, address=address, start=False, show=False,
         websocket_origin=[*own, *origins], title="contbreather explorer", verbose=False,

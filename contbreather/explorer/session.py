@@ -142,7 +142,8 @@ class Session:
                 self._say()
 
         def job(progress: Progress) -> Zones:
-            progress.stop.wait(after)
+            if progress.stop.wait(after):
+                raise KeyboardInterrupt
             found: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
             _ = found.regions  # here, not where pages are drawn
             return found

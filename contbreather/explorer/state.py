@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.switching import lift_of
@@ -85,11 +87,11 @@ class State:
     @property
     def shown(self) -> tuple[Named, ...]:
         """The curves that are drawn: of those that are not hidden, those with both columns."""
-        columns = [name for name in self.axes if name]
+        columns = set(self.columns)
         return tuple(
             one
             for one in self.curves
-            if one.code not in self.hidden and set(columns) <= set(one.branch.names)
+            if one.code not in self.hidden and columns <= set(one.branch.names)
         )
 
     @property
@@ -98,8 +100,8 @@ class State:
         first = next((one.branch for one in self.curves if one.code not in self.hidden), None)
         if first is None:
             return "a", "p"
-        varied = first.curve.varied
-        other = varied[1] if len(varied) > 1 else next(iter(first.problem.start))
+        unknowns = [name for name in first.problem.start if name in numbers(first)]
+        other = [*first.curve.varied, *unknowns, "arclength"][1]
         return self.axes[0] or first.free, self.axes[1] or other
 
     @property
@@ -181,6 +183,12 @@ class State:
             yield f'cb.save_figure(cb.plot({curves}, x="{x}", y="{y}"), "branches.pdf")'
         if self.run is not None:
             yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
+
+
+def numbers(branch: Branch) -> list[str]:
+    """Its columns of numbers: neither an orbit on its mesh nor the mesh."""
+    start = branch.problem.start
+    return [name for name in branch.names if not np.ndim(start.get(name, 0.0))]
 
 
 def leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -43,3 +43,4 @@ table { font-size: 13px; border-collapse: collapse; margin-bottom: 6px; }
 th, td { padding: 0 12px 0 0; } td { font-variant-numeric: tabular-nums; }
 pre { font-size: 12px; white-space: pre-wrap; overflow-wrap: anywhere; margin: 4px 0; }
 """
+FOCUSED = ":focus-visible { outline: 3px solid #3d8bfd !important; }"  # of all buttons alike

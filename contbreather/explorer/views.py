@@ -176,8 +176,6 @@ class ZonesView:
         drawn = wanted.preview
         words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
         orbit = None if wanted.chosen is None else wanted.chosen.orbit
-        if drawn is not None and orbit is not None and not is_of(drawn, orbit):
-            words += f"; chosen: {about(orbit)}"
         elsewhere = drawn is None or drawn.fixed != wanted.fixed
         coming = _at(wanted.fixed) if elsewhere else "another lattice"
         if drawn is not None and not drawn.exact:
@@ -185,6 +183,8 @@ class ZonesView:
             coming = coming if elsewhere else "the exact one"
         if wanted.awaited:
             words += f"; {coming} is being computed"
+        elif drawn is not None and orbit is not None and not is_of(drawn, orbit):
+            words += f"; chosen: {about(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
@@ -368,7 +368,7 @@ class ProfileView:
     """Sites at the first impact, and the stretch each of them moves in."""
 
     def __init__(self, theme: Theme) -> None:
-        self.figure = fig = _sheet(theme, "site n", "u", 260, title="profile")
+        self.figure = fig = _sheet(theme, "site n", "u", 260)
         self.walls = _source("x0", "x1", "y")
         fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=theme.faint, line_width=2)
         self.sites = _source("n", "u", "low", "high")
@@ -384,7 +384,7 @@ class ProfileView:
         both, walls = np.repeat(n, 2), seen.walls.ravel()
         self.walls.data = {"x0": both - 0.5, "x1": both + 0.5, "y": walls}
         self.sites.data = {"n": n, "u": seen.at_impact, "low": seen.lowest, "high": seen.highest}
-        self.figure.title.text = f"profile at the impact, t = {seen.time:.4g}, and over the period"
+        self.figure.title.text = f"at the impact, t = {seen.time:.4g}, and over the period"
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
         _reach(self.figure.y_range, [*walls, *seen.lowest, *seen.highest])
 
@@ -392,7 +392,7 @@ class ProfileView:
         """No orbit is looked at."""
         _fill(self.walls, [])
         _fill(self.sites, [])
-        self.figure.title.text = "profile"
+        self.figure.title.text = ""
 
 
 class MotionView:
@@ -428,15 +428,15 @@ class MotionView:
             _fill(source, [])
         self.figure.title.text = ""
 
-    def run(self, name: str, run: Run) -> None:
-        """The motion of a simulation."""
+    def run(self, name: str, run: Run, fate: str) -> None:
+        """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `work.simulated`
         columns = zip(record.sites, record.u.T, strict=True)
         self._draw(record.times / PERIOD, dict(columns))
         self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
         count = len(run.impacts)
-        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {run.stop.value}"
+        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {fate}"
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
         colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,11 @@ from contbreather.explorer.state import Chosen
 from contbreather.lattice import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits import symmetric
-from contbreather.simulation import Sample, simulate
+from contbreather.simulation import Run, RunStop, Sample, judge, simulate
 
 Window = tuple[float, float]
 MOMENTS = 32  # in a period, at which a simulation is seen
+JUDGED = 300  # sites at most of a run that is judged
 
 
 @dataclass(frozen=True)
@@ -138,9 +141,11 @@ def simulated(
         u, v = (np.array(one) for one in orbit.state())
         v[site] += push
         shown = progress.periods(periods)
-        return simulate(
+        run = simulate(
             (u, v), **vars(orbit.conditions), periods=periods, sample=sample, progress=shown
         )
+        fate(run)  # here, not where pages are drawn
+        return run
 
     setup = (
         f"orbit = {chosen.code}" + f".on(cb.Ring({sites}))" * infinite,
@@ -150,3 +155,12 @@ def simulated(
     )
     code = f"cb.simulate((u, v), **vars(orbit.conditions), periods={periods}, sample=sample)"
     return Work(f"{periods} periods on the {orbit.lattice.describe()}", "run", code, job, setup)
+
+
+@lru_cache(maxsize=1)
+def fate(run: Run) -> str:
+    """The verdict on a run where that takes no minutes, else how it ended."""
+    if run.stop is RunStop.DONE and run.sites <= JUDGED:
+        with suppress(BadInput):  # of too few periods
+            return judge(run).kind.value
+    return run.stop.value

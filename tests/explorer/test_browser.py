@@ -72,6 +72,13 @@ FOCUSED = """() => {
   while (one?.shadowRoot?.activeElement) one = one.shadowRoot.activeElement
   return one ? (one.innerText || one.name || one.tagName).trim() : ""
 }"""
+# how the focus is seen: a button has an outline, or a shadow around it
+RING = """() => {
+  let one = document.activeElement
+  while (one?.shadowRoot?.activeElement) one = one.shadowRoot.activeElement
+  const style = getComputedStyle(one)
+  return one.tagName != "BUTTON" || style.outlineStyle != "none" || style.boxShadow != "none"
+}"""
 
 
 class Tab:
@@ -231,6 +238,7 @@ def test_all_is_done_without_a_mouse(tab: Tab) -> None:
     for _ in range(60):
         keys.press("Tab")
         names.append(tab.page.evaluate(FOCUSED))
+        assert tab.page.evaluate(RING), f"{names[-1]} has the focus, and nobody sees it"
     for wanted in ("Show", "Continue", "Simulate from here", "Save all curves"):
         assert wanted in names, names
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import contbreather as cb
@@ -349,6 +350,60 @@ def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
     assert page.zones.here.data == {"x": [0.8], "y": [0.5]}
     page._zones_tapped(SimpleNamespace(x=0.7, y=0.5))
     assert page.explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.12, k=0.7)"
+
+
+def test_a_value_of_the_slider_is_not_sent_back_rounded(page: Page) -> None:
+    """It would pull the slider back to where it was when a key is held."""
+    page.slider.value = sent = 0.7000000000000001
+    assert page.explorer.state.fixed == ("k", 0.7)
+    assert page.slider.value == sent
+    page.explorer.look_at(0.8)
+    assert page.slider.value == 0.8
+
+
+def test_what_is_looked_at_is_judged_while_its_zones_are_computed(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    page.explorer.drawing = "zones at k = 0.8: 3 points"
+    page.render()
+    assert "k=0.8): stable (zones at k = 0.8: 3 points)" in page.status.html
+
+
+def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
+    page._zones_tapped(SimpleNamespace(x=0.104, y=0.2))
+    page.forms.length["periods"].input.value = "200"
+    press(page, "Simulate from here")
+    assert "delocalised: there is no breather" in page.run.figure.title.text
+    page.forms.length["sites"].input.value, page.forms.length["periods"].input.value = "301", "1"
+    press(page, "Simulate from here")
+    assert "went through all its periods" in page.run.figure.title.text
+
+
+def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(plane: Any) -> None:
+    breathers = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.4, 0.6)})
+    square = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
+    explorer = Explorer(breathers, cb.trace(square, "mu", within={"mu": (0.5, 2.0)}))
+    explorer._planes["k", 0.8, "", ""] = plane
+    page = Page(explorer)
+    assert (page.branches.figure.title.text, page.x.value, page.y.value) == ("given1", "a", "p")
+    assert "mu" not in page.x.options
+    page.shown.value = ["given2"]
+    assert (page.branches.figure.title.text, page.x.value, page.y.value) == ("given2", "mu", "x")
+    page.shown.value = ["given1", "given2"]
+    page.x.value = "arclength"
+    page.x.value = "a"
+    assert page.branches.figure.title.text == "given1"
+
+
+def test_an_orbit_on_its_mesh_is_no_column_to_draw(plane: Any) -> None:
+    turn = cb.cycle(
+        lambda t, x, p: [p["mu"] * x[0] - x[1] - x[0] ** 3, x[0]],
+        start={"x": 0.5, "y": 0.0}, params={"mu": 0.5}, settle=60,
+    )  # fmt: skip
+    explorer = Explorer(cb.trace(turn, "mu", within={"mu": (0.45, 0.55)}))
+    explorer._planes["k", 0.8, "", ""] = plane
+    page = Page(explorer)
+    assert (page.x.value, page.y.value) == ("mu", "period")
+    assert not {"orbit", "mesh"} & {*page.y.options}
 
 
 def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:

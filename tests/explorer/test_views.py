@@ -291,8 +291,8 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
         around(view.figure.y_range, -1.0, 1.0)
         ends = [view.figure.x_range.start, view.figure.x_range.end]
         assert rows(view.walls, "xs", "ys") == [(ends, [wall, wall]) for wall in (-1.0, 1.0)]
-        view.run("run1", run)
-    assert view.figure.title.text == "run1: 2 periods, 4 impacts; went through all its periods"
+        view.run("run1", run, "periodic")
+    assert view.figure.title.text == "run1: 2 periods, 4 impacts; periodic"
 
 
 @pytest.mark.parametrize(("largest", "reach"), [(1.0, 1.265), (2.0, 2.2), (4.0, 4.4), (4.5, 4.4)])
