@@ -225,8 +225,8 @@ class Explicit:
             from scipy.integrate import ode
 
         settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance}
-        # beta heeds the error of the step before (Hairer, Norsett and Wanner I, II.4): on the way
-        # into a wall half as many steps are rejected, a sixth of all calls
+        # beta heeds the error of the step before, too (Hairer and Wanner II, IV.2): on the way into
+        # a wall half as many steps are rejected, which saves a sixth of all calls
         settings |= {"max_step": CAP, "first_step": CAP, "nsteps": MOST, "beta": 0.04}
         solver: Any = ode(rhs).set_integrator("dop853", **settings).set_initial_value(y, t0)
         out = np.empty((len(times), len(y)))
