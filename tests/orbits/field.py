@@ -28,7 +28,7 @@ class Field:
         self.on, self.drive, self.sites = on, drive, lattice.sites
 
     def slope(self, t: float, x: Array) -> Array:
-        u, v = np.split(x, 2)
+        u, v = x[: self.sites], x[self.sites :]
         force = self.on.a * self.on.forcing.d2f(t) * self.drive
         return np.concatenate([v, force - self.matrix @ u - self.on.damping * v])
 
@@ -46,14 +46,14 @@ class Field:
         for (n, w), place in places.items():
             events.append(lambda t, y, n=n, w=w, place=place: w * (y[n] - place))
             events[-1].terminal, events[-1].direction = True, 1.0
-        hits, t, seen = [], start, []
+        hits, t, seen = [], start, [np.empty((0, x.size))]
         while t < stop:
             flight = solve_ivp(
                 self.slope, (t, stop), x, "DOP853", events=events, rtol=1e-13, atol=1e-14,
                 max_step=0.2, dense_output=at is not None,
             )  # fmt: skip
             if at is not None:
-                seen += [flight.sol(s) for s in at if t <= s < flight.t[-1]]
+                seen.append(flight.sol(at[(t <= at) & (at < flight.t[-1])]).T)
             t, x = float(flight.t[-1]), flight.y[:, -1].copy()
             for ((n, w), place), when in zip(places.items(), flight.t_events, strict=True):
                 # two at once, to rounding: the second is beyond its wall before its event is seen
@@ -61,7 +61,7 @@ class Field:
                 if (when.size or beside) and t < stop:
                     hits.append((n, t, w, x[self.sites + n]))
                     x[n], x[self.sites + n] = place, -self.on.k * x[self.sites + n]
-        return x, hits, np.array(seen)
+        return x, hits, np.concatenate(seen)
 
 
 class FieldOf(Field):

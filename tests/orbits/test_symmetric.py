@@ -95,7 +95,7 @@ def test_both_signs_of_13_solve_the_closure_and_meet_at_the_fold(gamma, k, above
 
 
 @pytest.mark.parametrize("n", [0, 1, 10, 300])
-@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.12, 0.05), (0.2, 0.99), (0.2499, 0.4)])
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.12, 0.05), (0.2499, 0.4)])
 def test_profile_and_velocity_are_the_paper_s_series_up_to_and_at_the_impacts(paper, gamma, k, n):
     a = 0.5 * (1.0 + fold(gamma, k))
     b = upper(a, gamma, k)

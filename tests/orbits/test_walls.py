@@ -113,7 +113,7 @@ def test_the_far_field_alone_is_never_what_grazes_first() -> None:
 
 
 def test_one_harmonic_is_one_harmonic_however_it_is_written() -> None:
-    within = {"gamma": (0.0, 0.1)}
+    within = {"gamma": (0.0, 0.05)}
     forcings = (cb.Harmonic(), cb.Fourier(cos={1: -1}), cb.Fourier(cos={1: -1, 3: 0.0}))
     plain, *others = (cb.zones(k=0.8, forcing=f, within=within) for f in forcings)
     assert not plain.past_folds
@@ -142,7 +142,7 @@ def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
 
 @pytest.fixture(scope="module")
 def ring() -> cb.orbits.Zones:
-    return cb.zones(k=0.8, lattice=cb.Ring(50), within={"gamma": (0.0, 0.2)})
+    return cb.zones(k=0.8, lattice=cb.Ring(30), within={"gamma": (0.0, 0.2)})
 
 
 @pytest.mark.slow
@@ -150,7 +150,7 @@ def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.orbits.Zones) -
     """Against the envelope that Newton's method finds for all pairs at once."""
     from contbreather.paper.threshold import neimark_sacker_line
 
-    whole = neimark_sacker_line(0.8, sites=50, points=25)
+    whole = neimark_sacker_line(0.8, sites=30, points=25)
     nodes = [np.column_stack([line["gamma"], line["a"]]) for line in ring["NS"]]
     for here in np.column_stack([whole.gamma, whole.a]):
         gaps = []
@@ -177,7 +177,7 @@ def test_regions_of_a_ring_are_lettered_by_its_own_multipliers(ring: cb.orbits.Z
     assert {region.verdict for region in ring.regions} >= {"S", "US"}
     for region in ring.regions:
         if region.verdict:
-            breather = cb.symmetric(region.y, region.x, 0.8, lattice=cb.Ring(50))
+            breather = cb.symmetric(region.y, region.x, 0.8, lattice=cb.Ring(30))
             assert breather.stability().stable == (region.verdict == "S")
 
 

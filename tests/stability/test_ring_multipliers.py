@@ -57,7 +57,7 @@ def test_random_maps_agree_with_dense_matrices_and_need_no_fallback(monkeypatch)
 
     monkeypatch.setattr(ring_multipliers, "_dense_even_roots", refuse)
     rng = np.random.default_rng(1)
-    for _ in range(300):
+    for _ in range(200):
         gamma = rng.choice(
             [rng.uniform(0, 0.25), 10 ** rng.uniform(-5, -1), 0.25 - 10 ** rng.uniform(-5, -1)]
         )
@@ -104,7 +104,7 @@ def test_without_coupling_every_idle_site_is_free_and_the_impacting_one_alone():
 
 @pytest.mark.parametrize("sites", [1600, 1601])
 def test_on_long_rings_trace_determinant_and_eigenvectors_vouch_for_them(sites):
-    for a, gamma, k in BREATHERS[sites % 2 : 6 : 2]:
+    for a, gamma, k in BREATHERS[sites % 2 : 4 : 2]:
         b = b_of(a, gamma, k)
         ring = Ring(sites)
         mu = half_multipliers(ring, gamma, k, b)
