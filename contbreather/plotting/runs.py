@@ -106,7 +106,7 @@ def plot_motion(
         if record.record is None:
             raise BadInput(
                 "this run has its states once in a period only; simulate with "
-                "sample=Sample(sites=(0, 1)) to record some sites densely"
+                "sample=cb.simulation.Sample(sites=(0, 1)) to record some sites densely"
             )
         run, record = record, record.record
     else:
