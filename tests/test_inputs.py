@@ -238,7 +238,7 @@ def test_a_run_is_drawn_by_its_record(breather: cb.Orbit) -> None:
     assert {*np.round(hits.get_ydata()[abs(hits.get_ydata()) > 1 - 1e-12])} == {-1.0, 1.0}
     assert hits.get_xdata().size == len(run.record.times) + len(run.at_site(0))
     bare = cb.simulate(breather.state(6), **HERE, periods=2)
-    with pytest.raises(cb.BadInput, match="sample=cb.simulation.Sample"):
+    with pytest.raises(cb.BadInput, match=r"cb\.simulation\.Sample\("):
         cb.plotting.plot_motion(bare)
 
 
