@@ -21,9 +21,9 @@ from .equations import Equations, sizes_of
 from .filippov import Filippov
 from .flow import Flow, Function, Params, values
 from .integrate import Trajectory, integrate
-from .orbit import CycleProblem, problem_of
+from .orbit import Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import length_of, refuse_false_period, refuse_time
-from .walls import sliding
+from .walls import lowest, sliding
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
 _RETURNS = 24  # so many flows back is looked for a return
@@ -35,6 +35,7 @@ _WAIT = 100.0  # how long a return is waited for at first, where no time to sett
 _LONGER = (1, 3, 9, 27)  # and then
 _DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
+_BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
 _SAMPLES = 8  # looks into each step of a simulation for a return
 
 
@@ -415,7 +416,25 @@ def _closed(
         # next to PD returns are close by turns, and that after two periods may be the closest
         made = made.once(solved.x, params)
         made = replace(made, start=_adapted(made.start))
-    return problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
+    closed = problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
+    _refuse_passed(cycle_of(closed))
+    return closed
+
+
+def _refuse_passed(orbit: Cycle) -> None:
+    """Newton's iteration does not see walls, and may have moved an orbit through one."""
+    touch = lowest(orbit)
+    if touch is None or not touch.clearance < -_BEHIND:
+        return
+    flow, flight = orbit.equations.flows[touch.flow], orbit.flights[touch.flow]
+    name = next(name for name, guard in flow.guards.items() if guard is touch.wall)
+    t = flight.start + touch.place * flight.duration
+    raise NotConverged(
+        f"no periodic orbit was found from there: the closest passes {name} of flow {touch.flow}, "
+        f"which is {touch.clearance:.3g} at t = {t:.4g}; let it settle longer (settle=), or start "
+        "closer to the orbit",
+        residual=-touch.clearance,
+    )
 
 
 def problem_at(

@@ -466,7 +466,7 @@ class _Watched:
             clear = inside
         if clear.size and g[clear[0]] < 0:
             look = "look at the start or the reset"
-            if np.ptp(g) == 0.0:
+            if clear.size > 1 and np.ptp(g[clear]) == 0.0:  # where it is not 0, by rounding or not
                 look = "it does not change there: in place of sign(x[0]) give x[0]"
             raise BadInput(
                 f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "

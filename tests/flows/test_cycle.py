@@ -387,6 +387,20 @@ def test_a_wall_that_is_touched_in_between_ends_the_branch() -> None:
     assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
 
 
+@pytest.mark.parametrize(("wall", "passed"), [(4.0, True), (6.0, False)])
+def test_no_orbit_that_newton_moves_through_a_wall_is_one(wall: float, passed: bool) -> None:
+    """At resonance the response is 5 sin t, of which the first period reaches a half."""
+    swing = cb.Flow(
+        lambda t, x, p: [x[1], np.cos(t) - 0.2 * x[1] - x[0]], walls=(lambda t, x, p: wall - x[0],)
+    )
+    if passed:
+        with pytest.raises(cb.NotConverged, match=r"passes walls\[0\] of flow 0, which is -1 at t"):
+            cb.cycle(swing, {"x": 0.0, "v": 0.0}, {}, period=TAU)
+    else:
+        orbit = cycle_of(cb.cycle(swing, {"x": 0.0, "v": 0.0}, {}, period=TAU))
+        assert orbit.max["x"] == pytest.approx(5.0, abs=1e-8)
+
+
 def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parameters() -> None:
     flow = cb.Flow(
         lambda t, x, p: [x[1], p["F"] * np.cos(1.5 * t) - x[0] - 0.1 * x[1]],
