@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what 
 SMALL = 1e-3  # if it was no more than this all the while
 STEEP = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
 MANY = 8  # places from which on to look at all at once is quicker
+SHARE = 0.1  # the power of |z| from which on something grows with it
 STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
 
 
@@ -59,7 +61,7 @@ class Tendency:
     def passes(self, value: float, size: float) -> None:
         """The next value, and the length of z there."""
         self.largest = max(self.largest, abs(value))
-        if not abs(value - self.moved) <= STILL * self.largest:
+        if not abs(value - self.moved) <= STILL * self._unit(value):
             self.moved, self.since = value, 1.0 + size
         small = abs(value) <= SMALL * self.largest
         self.small = min(self.small, 1.0 + size) if small else math.inf
@@ -67,12 +69,18 @@ class Tendency:
     def moves_on(self, values: Array, sizes: Array) -> bool:
         """Take several values at once, if each is another than the one before and none is small."""
         largest = max(self.largest, float(abs(values).max()))
-        moved = abs(np.diff(values, prepend=self.moved)) > STILL * largest
-        if not (moved & (abs(values) > SMALL * largest)).all():
+        if not (abs(values) > SMALL * largest).all():
             return False
         self.largest, self.small = largest, math.inf
+        moved = abs(np.diff(values, prepend=self.moved)) > STILL * self._unit(values)
+        if not moved.all():
+            return False
         self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
         return True
+
+    def _unit(self, value: Any) -> Any:
+        """What its moves are compared with: where zero is not to be reached, its own size."""
+        return self.largest if self.reaches else abs(value)
 
     def vanishes(self, value: float, slope: float, size: float) -> bool:
         """Whether it tends to zero: with ``d log|value| / d log|z|`` between -STEEP and 0."""
@@ -85,7 +93,7 @@ class Growth:
     """How z grows along a walk."""
 
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
-        self.slots, self.first = curve.slots, curve.length(start)
+        self.slots, self.first = curve.slots, 1.0 + curve.length(start)
         self.weights = np.ones(start.size) if curve.metric is None else curve.metric
         self.windows = {bound.name: (bound.low, bound.high) for bound in bounds}
         self.tendencies = []
@@ -109,23 +117,33 @@ class Growth:
                     gone.append(f"{own.name} vanishes, {value:.3g} of at most {own.largest:.3g}")
             if gone or all(size > ENDLESS * own.since for own in self.tendencies):
                 limits = [f"{own.name} tends to {rows[i, own.slot]:.6g}" for own in self.tendencies]
-                grows, bounded = self._growing(rows[i])
-                if not bounded:
+                if not self._bounded(rows[i], tangents[i], size):
+                    grows = self._growing(rows[i])
                     return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
         return None
 
     def towards(self, z: Array, tangent: Array) -> str:
         """What there is to say of a curve that was walked as many steps as allowed, outwards."""
-        size, (grows, bounded) = math.sqrt(z**2 @ self.weights), self._growing(z)
-        outwards = z * self.weights @ tangent > STRAIGHT * size
-        if bounded or not (outwards and size > ENDLESS * (1.0 + self.first)):
+        size = math.sqrt(z**2 @ self.weights)
+        outwards = z * self.weights @ tangent > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
+        if not outwards or self._bounded(z, tangent, size):
             return ""
+        grows = self._growing(z)
         return f"{grows} grows, and no window ends it; give one, within={{{grows!r}: (low, high)}}"
 
-    def _growing(self, z: Array) -> tuple[str, bool]:
-        """What z mostly consists of, and whether a window says how far it may grow."""
+    def _growing(self, z: Array) -> str:
+        """What z mostly consists of."""
         parts = {n: float(np.dot(z[at] ** 2, self.weights[at])) for n, at in self.slots.items()}
-        name = max(parts, key=lambda name: parts[name])
-        low, high = self.windows.get(name, (-math.inf, math.inf))
-        at = self.slots[name]  # the window of an array is one of its norm
-        return name, math.isfinite(high if isinstance(at, slice) or z[at] >= 0.0 else low)
+        return max(parts, key=lambda name: parts[name])
+
+    def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
+        """Whether a window says how far something may go that grows with z."""
+        for name, (low, high) in self.windows.items():
+            value, rate = z[self.slots[name]], tangent[self.slots[name]]
+            if np.ndim(value):  # the window of an array is one of its norm
+                value, rate = np.linalg.norm(value), value @ rate / (np.linalg.norm(value) or 1.0)
+            if rate * size > SHARE * value >= 0.0 and math.isfinite(high):
+                return True
+            if rate * size < SHARE * value <= 0.0 and math.isfinite(low):
+                return True
+        return False

@@ -75,9 +75,21 @@ def test_what_tends_to_another_limit_than_zero_is_not_said_to_vanish() -> None:
 
 def test_a_window_says_how_far_to_go_instead() -> None:
     assert far(FALLS["exponential"], within={"x": (0.0, 60.0)})[-1]["x"] == 60.0
-    assert far(FALLS["exponential"], within={"mu": (1e-20, 2.0)})[-1]["mu"] == 1e-20
+    for fall in FALLS.values():
+        assert far(fall, within={"mu": (1e-12, 2.0)})[-1]["mu"] == 1e-12
     for window in ({"x": (0.0, np.inf)}, {"mu": (0.0, 2.0)}):  # neither does
         assert far(FALLS["exponential"], within=window).stop is Stop.INFINITY
+
+
+@pytest.mark.parametrize("limit", [0.0, 1.0])
+def test_a_window_of_what_grows_less_than_something_else_ends_a_curve_too(limit: float) -> None:
+    def residual(x: Any, p: Any) -> Any:
+        return np.array([p["mu"] - limit - np.exp(-x[0]), x[1] - 2 * x[0]])
+
+    both = Problem(residual, {"x": 0.0, "y": 0.0}, {"mu": limit + 1.0})
+    go: dict[str, Any] = {"free": "mu", "towards": "down", "events": ()}
+    assert trace(both, **go, within={"x": (0, 60)})[-1]["x"] == 60.0
+    assert trace(both, **go, within={"x": (-60, np.inf)}).stop is Stop.INFINITY
 
 
 def test_where_it_ends_does_not_depend_on_how_many_steps_are_looked_at_at_once() -> None:
