@@ -219,7 +219,7 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
     ------
     BadInput
         If it is something else, damaged, or of a later version.
-    ArithmeticError, AttributeError, LookupError, TypeError, ValueError
+    ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError
         Where somebody else has changed it, and its checksum.
     """
     import h5py  # without xarray, which asks for each variable thirty times

@@ -580,6 +580,12 @@ def _without(name: str) -> Callable[[h5py.File], None]:
     return change
 
 
+def _without_scales(file: h5py.File) -> None:
+    """A column of two numbers whose axis is no dimension."""
+    del file["branch1/x"]
+    file["branch1/x"] = np.zeros(2)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -588,6 +594,7 @@ def _without(name: str) -> Callable[[h5py.File], None]:
         lambda file: file.__delitem__("branch1/about_in_json"),
         lambda file: file.__delitem__("branch1/x"),
         *map(_without, ("content", "kinds", "settings", "free")),
+        _without_scales,
     ],
 )
 def test_what_somebody_changed_together_with_its_checksum_is_refused(
