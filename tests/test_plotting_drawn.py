@@ -537,6 +537,19 @@ def test_a_grid_over_space_and_time_is_the_row_of_the_site_that_hits() -> None:
     assert (ax.get_title(loc="left"), ax.get_xlabel()) == ("", "$n$")
 
 
+def test_a_grid_recorded_at_some_sites_is_drawn_at_these() -> None:
+    on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Grid(3, 4), site=5)
+    conditions = {**SET, "lattice": cb.Grid(3, 4)}
+    run = cb.simulate(on_grid.state(), periods=2, **conditions, sample=Sample(sites=(5, 0, 11)))
+    ax = plot_space_time(run).axes
+    assert (ax.get_title(loc="left"), ax.get_xlabel()) == ("", "$n$")
+    assert np.reshape(ax.collections[0].get_array(), (len(run.record.times), 3)).any(axis=0).all()
+    whole = cb.simulate(on_grid.state(), periods=2, **conditions, sample=Sample((4, 5, 6, 7)))
+    assert "row 1" in plot_space_time(whole).axes.get_title(loc="left")
+    with pytest.raises(cb.BadInput, match=r"site 1 was not recorded; there are \(5, 0, 11\)"):
+        plot_space_time(run, sites=(0, 1))
+
+
 def test_multipliers_up_to_a_vanishing_impact_do_not_hide_those_at_the_circle() -> None:
     """Where it vanishes there are none; just before they are large."""
     lower = cb.orbits.symmetric_roots(0.9, 0.04, 0.8)[-1]

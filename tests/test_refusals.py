@@ -165,6 +165,10 @@ CASES += [
         lambda: cb.trace(told_as(3), "mu", events=[cb.neimark_sacker(threshold=1.01)]),
         r"a threshold, or a lattice to ask about, is for orbits; got 3\.",
     ),
+    (
+        lambda: cb.neimark_sacker(threshold=1.01, every="yes"),
+        "every = 'yes': True or False was expected",
+    ),
     # orbits
     (lambda: alone().state(), "the infinite chain has no end: ask for state"),
     (lambda: alone().state(sites=6, t=math.inf), "t = inf: a time, a finite number, was expected"),

@@ -88,7 +88,7 @@ class Points(Sequence[Point]):
         found = {name: self._at_once(name) for name in names}
         slow = [name for name, column in found.items() if column is None]
         cells = [[point[name] for name in slow] for point in self] if slow else ()
-        own = dict(zip(slow, map(np.array, zip(*cells, strict=True)), strict=True))
+        own = dict(zip(slow, map(_column, zip(*cells, strict=True)), strict=True))
         return {name: own[name] if column is None else column for name, column in found.items()}
 
     def _at_once(self, name: str) -> NDArray[Any] | None:
@@ -150,3 +150,11 @@ class Points(Sequence[Point]):
     def each(self, change: Callable[[Point], Point], **rows: Any) -> Points:
         """The same with all of which there is more to know changed, and other rows."""
         return replace(self, made={i: change(p) for i, p in self.made.items()}, **rows)
+
+
+def _column(cells: Sequence[Any]) -> NDArray[Any]:
+    """One value for each point: an array of objects where they are arrays of several shapes."""
+    try:
+        return np.array(cells)
+    except ValueError:
+        return np.fromiter(cells, dtype=object, count=len(cells))

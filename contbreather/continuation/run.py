@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..display import HtmlRepr
-from ..errors import BadInput
+from ..errors import BadInput, ContbreatherError
 from ..files import named
 from ..storage.netcdf import check_names, read
 from ..tables import Column, Sheet
@@ -165,9 +165,10 @@ class Run(HtmlRepr, Mapping[str, Any]):
         if path not in self._cache or self._cache[path][0] != state:
             try:
                 self._cache[path] = state, self._read(path)
-            except BadInput:
+            except ContbreatherError:  # which NotConverged is, and a RuntimeError, too
                 raise
-            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError,
+                    ValueError) as error:  # fmt: skip
                 if self.problems:  # whose equations may have failed
                     raise
                 raise BadInput(

@@ -360,7 +360,8 @@ def _common(state: State) -> list[str]:
     if not curves:
         return ["a", "p"]
     alike = [one for one in curves if curves[0].free in one.names]  # not of another problem
-    return [name for name in numbers(curves[0]) if all(name in one.names for one in alike)]
+    others = [numbers(one) for one in alike]
+    return [name for name in numbers(curves[0]) if all(name in other for other in others)]
 
 
 def _described(state: State) -> str:

@@ -100,7 +100,9 @@ class State:
         first = next((one.branch for one in self.curves if one.code not in self.hidden), None)
         if first is None:
             return "a", "p"
-        unknowns = [name for name in first.problem.start if name in numbers(first)]
+        start = first.problem.start  # a period before the orbit of a cycle without its equations
+        unknowns = [n for n in start if n not in first.problem.internals]
+        unknowns.sort(key=lambda name: np.ndim(start[name]))
         other = [*first.curve.varied, *unknowns, "arclength"][1]
         return self.axes[0] or first.free, self.axes[1] or other
 
@@ -186,9 +188,10 @@ class State:
 
 
 def numbers(branch: Branch) -> list[str]:
-    """Its columns of numbers: neither an orbit on its mesh nor the mesh."""
-    start = branch.problem.start
-    return [name for name in branch.names if not np.ndim(start.get(name, 0.0))]
+    """Its columns of real numbers, as they are drawn: not words, nor an orbit on its mesh."""
+    internals = branch.problem.internals
+    names = (name for name in branch.names if name not in internals)
+    return [name for name in names if np.asarray(branch[name]).dtype.kind in "fiub"]
 
 
 def leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:

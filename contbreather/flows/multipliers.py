@@ -29,7 +29,8 @@ def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """
     if not factors[0].shape[-1]:
         return np.empty(0, dtype=complex)
-    few = _merged(factors)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not merged
+        few = _merged(factors)
     found = np.linalg.eigvals(few[0]) if len(few) == 1 else _separated(few)
     return np.asarray(found[np.argsort(-abs(found), kind="stable")], dtype=complex)
 
@@ -91,6 +92,8 @@ def _halved(stack: Array) -> Array:
 
 
 def _well_conditioned(matrices: Array) -> bool:
+    if not np.isfinite(matrices).all():  # of which LAPACK writes words to the terminal
+        return False
     sizes = np.linalg.svd(matrices, compute_uv=False)
     return bool((sizes[..., 0] < _KEPT * sizes[..., -1]).all())
 
@@ -118,6 +121,6 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
             product = product @ triangle[block, block]
             size = abs(product).max() or 1.0
             product, scale = product / size, scale + np.log(size)
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             found.append(np.linalg.eigvals(product) * np.exp(scale))
     return np.concatenate(found)

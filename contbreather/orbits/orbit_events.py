@@ -453,7 +453,8 @@ def neimark_sacker(
     >>> round(branch.first("NS")["gamma"], 7)
     0.0969709
     """
-    if on is None and threshold is None and not flag("every", every):
+    every = flag("every", every)
+    if on is None and threshold is None and not every:
         return _own("NS")
     modulus = THRESHOLD if threshold is None else threshold
     form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}

@@ -92,7 +92,8 @@ def plot_space_time(
         period.
     sites : sequence of int, optional
         As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
-        that of the site that hits, of a run that of the site that moves most.
+        that of the site that hits, of a run that of the site that moves most, if all
+        of that row was recorded.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -134,6 +135,8 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
         return None, ""
     row, columns = site // shape[1], shape[1]
     sites = range(row * columns, (row + 1) * columns)
+    if isinstance(motion, Run | SmoothRun) and not {*sites} <= {*known}:
+        return None, ""  # a few sites that were recorded are no row
     return sites, f"row {row}, in which site {site} {what}"
 
 
@@ -147,6 +150,10 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
         motion = motion.record
     if isinstance(motion, Record):
         wanted = motion.sites if sites is None else chosen_sites(sites)
+        if missing := [n for n in wanted if n not in motion.sites]:
+            raise BadInput(
+                f"sites = {sites}: site {missing[0]} was not recorded; there are {motion.sites}"
+            )
         order = sorted((i for i, n in enumerate(motion.sites) if n in wanted),
                        key=lambda i: motion.sites[i])  # fmt: skip
         return motion.times, np.array(motion.sites)[order], motion.u[:, order]

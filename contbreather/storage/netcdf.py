@@ -40,6 +40,7 @@ ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
+_HELD = "biufcSU"  # kinds of dtypes: truth, numbers, bytes and words
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CHECKSUM = b"\nsha256 of all bytes before: %s\n"
@@ -106,12 +107,12 @@ def _groups(
 
 
 def encoded(data: Dataset) -> Dataset:
-    """With text as bytes, truth as 0 and 1, and complex numbers as pairs."""
+    """With text as bytes, truth as 0 and 1, complex numbers as pairs, and None as NaN or ""."""
     from xarray import Dataset
 
     columns = {}
     for name, column in data.variables.items():
-        dimensions, values, flags = column.dims, column.values, {}
+        dimensions, values, flags = column.dims, _held(name, column.values), {}
         if values.dtype.kind == "c":
             values = np.stack([values.real, values.imag], axis=-1)
             dimensions = (*dimensions, "complex")
@@ -120,14 +121,31 @@ def encoded(data: Dataset) -> Dataset:
             flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
         elif values.dtype.kind == "U":
             values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
-        elif values.dtype.kind == "O":
-            odd = next((v for v in values.flat if np.asarray(v).dtype.kind == "O"), values.flat[0])
-            raise BadInput(
-                f"the column {name!r} has {shown(odd)}, which no file holds: numbers of up to 64 "
-                "bits, words and truth values were expected; record another"
-            )
         columns[name] = dimensions, values, _encoded(column.attrs | flags)
     return Dataset(columns, attrs=_encoded(data.attrs))
+
+
+def _held(name: Any, values: Array) -> Array:
+    """A column as files hold it: what is not there is NaN among numbers, "" among words."""
+    if values.dtype.kind in _HELD:
+        return values
+    # xarray makes NaN of None among words
+    missing = [
+        value is None or (isinstance(value, float) and value != value) for value in values.flat
+    ]
+    there = ~np.reshape(missing, values.shape)
+    for value in values[there]:
+        if not (np.isscalar(value) and np.asarray(value).dtype.kind in _HELD):
+            raise BadInput(
+                f"the column {name!r} has {shown(value)}, which no file holds: numbers of up to 64 "
+                "bits, words and truth values were expected, or arrays of these, all of one shape; "
+                "record another"
+            )
+    own = np.array(values[there].tolist())
+    kind = own.dtype if own.dtype.kind in "SU" else np.result_type(own, float)
+    filled = np.full(values.shape, "" if own.dtype.kind in "SU" else np.nan, dtype=kind)
+    filled[there] = own
+    return filled
 
 
 def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -201,7 +219,7 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
     ------
     BadInput
         If it is something else, damaged, or of a later version.
-    ArithmeticError, AttributeError, LookupError, TypeError, ValueError
+    ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError
         Where somebody else has changed it, and its checksum.
     """
     import h5py  # without xarray, which asks for each variable thirty times

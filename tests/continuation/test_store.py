@@ -7,6 +7,7 @@ import json
 import math
 import os
 import platform
+import re
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -126,10 +127,43 @@ def test_recorded_words_come_back_as_words(path: Path) -> None:
     assert load(path)[-1]["side"] == "über"
 
 
-@pytest.mark.parametrize("odd", [2**70, None, {"a": 1}])
-def test_what_no_column_holds_is_refused_in_a_sentence(odd: Any, path: Path) -> None:
-    branch = line(record={"odd": lambda point: odd if point["mu"] > 0.5 else 1})
-    with pytest.raises(BadInput, match=f"the column 'odd' has {odd}, which no file holds"):
+@pytest.mark.parametrize("other", [1, "low", True, 1j, np.ones(2), None])
+def test_none_in_a_column_is_nan_or_no_word(other: Any, path: Path) -> None:
+    none = None if np.ndim(other) == 0 else [None] * 2
+    start = Problem(
+        lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0},
+        record={"odd": lambda point: none if point["mu"] > 0.5 else other},
+    )  # fmt: skip
+    branch = trace(start, "mu", within={"mu": (-1, 1)}, save=path)
+    late = branch["mu"] > 0.5
+    for found in (load(path)["odd"], load(path, problem=branch.problem)["odd"]):
+        if isinstance(other, str):
+            assert found.tolist() == np.where(late, "", other).tolist()
+        else:
+            assert np.isnan(found[late]).all()
+            assert (found[~late] == other).all() or (other is None and np.isnan(found).all())
+
+
+STRUCTURE = np.zeros((), [("a", "i4"), ("b", "f8")])[()]
+DAY = np.datetime64("2020-01-01")
+
+
+@pytest.mark.parametrize(
+    ("low", "odd"),
+    [(1, 2**70), (None, 2**70), (1, {"a": 1}), ("low", {"a": 1}), (DAY, DAY),
+     (STRUCTURE, STRUCTURE)],
+)  # fmt: skip
+def test_what_no_column_holds_is_refused_in_a_sentence(low: Any, odd: Any, path: Path) -> None:
+    branch = line(record={"odd": lambda point: odd if point["mu"] > 0.5 else low})
+    start = re.escape(repr(odd)[:25])
+    with pytest.raises(BadInput, match=f"the column 'odd' has {start}.*, which no file holds"):
+        save(path, branch)
+
+
+def test_arrays_of_several_shapes_are_refused_in_a_sentence(path: Path) -> None:
+    branch = line(record={"odd": lambda point: np.ones((2, 1 + int(point["mu"] > 0.5)))})
+    assert branch["odd"][-1].shape == (2, 2)
+    with pytest.raises(BadInput, match=r"(?s)'odd' has array.* all of one shape"):
         save(path, branch)
 
 
@@ -546,6 +580,12 @@ def _without(name: str) -> Callable[[h5py.File], None]:
     return change
 
 
+def _without_scales(file: h5py.File) -> None:
+    """A column of two numbers whose axis is no dimension."""
+    del file["branch1/x"]
+    file["branch1/x"] = np.zeros(2)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -554,6 +594,7 @@ def _without(name: str) -> Callable[[h5py.File], None]:
         lambda file: file.__delitem__("branch1/about_in_json"),
         lambda file: file.__delitem__("branch1/x"),
         *map(_without, ("content", "kinds", "settings", "free")),
+        _without_scales,
     ],
 )
 def test_what_somebody_changed_together_with_its_checksum_is_refused(

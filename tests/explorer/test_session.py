@@ -18,6 +18,7 @@ from contbreather.errors import BadInput, Interrupted, NoSolution
 from contbreather.explorer import Explorer, session, work
 from contbreather.explorer.jobs import JobThread, Progress
 from contbreather.explorer.preview import LADDER, _mixed, between
+from contbreather.explorer.state import numbers
 from contbreather.explorer.work import Work
 
 from ..apart import HUNG, until
@@ -480,3 +481,29 @@ def test_a_curve_in_two_parameters_is_drawn_in_its_plane_until_a_branch_comes(to
     assert explorer.state.columns == line.curve.varied
     explorer._take("later", ("{} = ...",), branch)
     assert explorer.state.columns == ("a", "p")
+
+
+@pytest.mark.parametrize("recorded", ["low", 1j, None])
+def test_axes_are_all_columns_of_numbers_and_no_others(recorded: Any) -> None:
+    line = cb.Problem(
+        lambda x, p: x**2 - p["mu"], {"u": np.ones(3)}, {"mu": 1.0},
+        record={"odd": lambda point: recorded, "sum": lambda point: point["u"].sum()},
+    )  # fmt: skip
+    branch = cb.trace(line, "mu", within={"mu": (0.5, 2)}, events=(), steps=cb.Steps(most=3))
+    state = Explorer(branch).state
+    assert state.columns == ("mu", "u")
+    assert numbers(branch) == ["mu", "sum", "arclength", "residual", "u"]
+
+
+def test_a_cycle_is_drawn_by_its_period_with_and_without_its_equations(tmp_path: Path) -> None:
+    def circle(t: float, x: Any, p: Any) -> Any:
+        inward = p["a"] * (1 - x[0] ** 2 - x[1] ** 2)
+        return [inward * x[0] - x[1], inward * x[1] + x[0]]
+
+    t = np.linspace(0, 2 * np.pi, 51)
+    start = cb.cycle(circle, (t, np.vstack([np.cos(t), np.sin(t)])), {"a": 0.1})
+    branch = cb.trace(start, "a", steps=cb.Steps(most=2))
+    cb.save(tmp_path / "cycles.nc", branch)
+    for known in (branch, cb.load(tmp_path / "cycles.nc")):
+        assert Explorer(known).state.columns == ("a", "period")
+    assert not {"orbit", "mesh"} & {*numbers(branch)}

@@ -452,3 +452,16 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
 def test_what_is_no_cycle_is_refused_with_a_sentence(words, f, start, params, how) -> None:
     with pytest.raises((cb.BadInput, cb.NotConverged), match=words):
         cb.cycle(f, start, params, **how)
+
+
+def test_a_multiplier_beyond_all_numbers_is_infinite_and_nobody_is_told_more(capfd) -> None:
+    """x' = a x + cos t, whose multiplier is exp(2 pi a)."""
+    t = np.linspace(0, 2 * np.pi, 1001)
+    start = cb.cycle(
+        lambda t, x, p: [p["a"] * x[0] + np.cos(t), p["a"] * x[1] + np.sin(t)],
+        (t, np.vstack([-np.cos(t), -np.sin(t)]) / 150), {"a": 150.0}, period=2 * np.pi,
+        collocation=Collocation(intervals=300),
+    )  # fmt: skip
+    point = cb.trace(start, "a", steps=cb.Steps(most=1))[0]
+    assert np.isinf(abs(point.solution.multipliers)).all()
+    assert capfd.readouterr() == ("", "")
