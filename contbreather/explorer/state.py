@@ -188,10 +188,14 @@ class State:
 
 
 def numbers(branch: Branch) -> list[str]:
-    """Its columns of real numbers, as they are drawn: not words, nor an orbit on its mesh."""
-    internals = branch.problem.internals
-    names = (name for name in branch.names if name not in internals)
-    return [name for name in names if np.asarray(branch[name]).dtype.kind in "fiub"]
+    """Its columns of real numbers, as they are drawn: not words, nor an orbit on its mesh. The ends
+    tell, for a whole column may take long to measure."""
+    internals, ends = branch.problem.internals, (branch[:1], branch[-1:])
+    return [
+        name
+        for name in branch.names
+        if name not in internals and all(np.asarray(end[name]).dtype.kind in "fiub" for end in ends)
+    ]
 
 
 def leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
