@@ -225,7 +225,7 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
     import h5py  # without xarray, which asks for each variable thirty times
 
     with h5py.File(h5py.h5f.open_file_image(_checked(path))) as root:
-        about = {name: _plain(value) for name, value in root.attrs.items()}
+        about = {name: _plain(value) for name, value in _all(root.attrs)}
         if about.get("format") == ATLAS:
             raise BadInput(
                 f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads netCDF; "
@@ -239,10 +239,16 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
                 f"{path} was written by a later version ({about.get('made_by')}): its format "
                 f"is {number}, this version reads {NUMBER}; update contbreather"
             )
-        contents = {n: _content(one) for n, one in root.items() if isinstance(one, h5py.Group)}
+        contents = {n: _content(one) for n, one in _all(root) if isinstance(one, h5py.Group)}
         if about["alone"] and len(contents) != 1:
             raise ValueError(f"{len(contents)} results in place of one")
         return contents, bool(about["alone"])
+
+
+def _all(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """What is in a group. h5py holds its lock until it has named all of it: if reading fails before,
+    every other thread waits for ever."""
+    return list(group.items())
 
 
 def _plain(attribute: Any) -> Any:
@@ -256,7 +262,7 @@ def _content(group: h5py.Group) -> dict[str, Any]:
     import h5py
 
     columns, groups = {}, {}
-    for name, one in group.items():
+    for name, one in _all(group):
         if isinstance(one, h5py.Group):
             groups[name] = _content(one)
         elif not h5py.h5ds.is_scale(one.id):  # a dimension, which has a size and no values
