@@ -246,8 +246,8 @@ def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
 
 
 def _all(group: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """What is in a group. h5py holds its lock until it has named all of it: if reading fails before,
-    every other thread waits for ever."""
+    """What is in a group. h5py holds its lock until it has named all of it: if reading fails
+    before that, every other thread waits for ever."""
     return list(group.items())
 
 
