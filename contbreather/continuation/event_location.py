@@ -111,13 +111,18 @@ def _zero(samples: Samples, left: float, right: float) -> Place | None:
     secant, size = left + (right - left) * a / (a - b), abs(a) + abs(b)
     if place := _solved(samples, secant, left, right):
         return place
-    if float(samples.look(left)) * float(samples.look(right)) > 0:
+    # once: where rounding decides, an end may say otherwise the second time
+    ends = {u: float(samples.look(u)) for u in (left, right)}
+    if ends[left] * ends[right] > 0:
         samples.done.append((left, right))
         return None
     from scipy.optimize import brentq  # dear to import, and hardly ever needed
 
+    def seen(u: float) -> Any:
+        return ends[u] if u in ends else samples.look(u)
+
     try:
-        u = brentq(samples.look, left, right, xtol=1e-15, rtol=1e-14, disp=False)
+        u = brentq(seen, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     except Undefined:
         return _at_crossing(samples, secant, size)
     if place := _solved(samples, u, left, right):
