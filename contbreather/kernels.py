@@ -106,7 +106,7 @@ class Kernel:
     Examples
     --------
     >>> from contbreather.orbits import margins
-    >>> margins.MARGINS.function is margins.margins
+    >>> margins.MARGINS.function is margins.margins_along
     True
     """
 

@@ -39,6 +39,7 @@ from .step import WIDEST
 
 Params = Mapping[str, float]
 
+PASSED = 9  # latest places of a walk that say how large its equations are
 _UNKNOWN = "not asked yet"
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 _MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
@@ -152,7 +153,7 @@ class Curve:
 
     def passes(self, z: Array) -> None:
         """Take note of a place of a walk, for `rows`: they are wanted on few of them."""
-        self._passed = [*self._passed[-8:], z]
+        self._passed = [*self._passed[1 - PASSED :], z]
 
     def _first_rows(self) -> Array:
         sizes = self.row_sizes(self.start)

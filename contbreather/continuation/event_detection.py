@@ -10,6 +10,9 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from .branch_points import GAP
 from .defining_systems import Singular
@@ -24,7 +27,7 @@ from .event_location import (
     special,
 )
 from .interpolant import StepInterpolant
-from .newton import Undefined
+from .newton import Array, Undefined
 from .point import Event, Point
 from .samples import ASIDE, Samples, Value, counts_apart, measure
 
@@ -154,11 +157,34 @@ def _is_calm(
         return not counts_apart(event, *ends)
     if (isinstance(start, int) and isinstance(end, int)) or not start * end > 0:
         return False
+    return bool(_is_flat(pace, earlier, start, end)) and not counts_apart(event, *ends)
+
+
+def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
+    """Of numbers or arrays: whether the parabola through three values stays away from zero."""
     bend = (end - start - (start - earlier) / pace) / (1 + pace)
-    middle = (0.5 * (start + end) - 0.25 * bend) * (1 if start > 0 else -1)
-    low, high = sorted((abs(start), abs(end)))
-    flat = middle > _CALM * high and low > _FLAT * max(high, middle)
-    return flat and earlier * start > 0 and not counts_apart(event, *ends)
+    middle = (0.5 * (start + end) - 0.25 * bend) / start  # all of them in units of the first
+    last = end / start
+    return (
+        (middle > _CALM)
+        & (middle > _CALM * last)
+        & (last > _FLAT)
+        & (last * _FLAT < 1)
+        & (_FLAT * middle < 1)
+        & (_FLAT * middle < last)
+        & (earlier / start > 0)
+    )
+
+
+def clear_steps(arclength: Array, tests: Array, counts: Sequence[Array]) -> int:
+    """How many steps there are, from the second of these places on, before one on which a test may
+    have a candidate; `tests` has a row for each event, `counts` those of the events that have any.
+    """
+    steps = np.diff(arclength)
+    calm = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(axis=0)
+    for count in counts:
+        calm &= abs(np.diff(count)) < 2
+    return int(calm.argmin()) if not calm.all() else calm.size
 
 
 def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:

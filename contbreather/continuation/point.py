@@ -274,6 +274,7 @@ class Always:
 
 
 Examined = str | Mapping[str, Any]
+Many = tuple[Any, Any]  # arrays with a test and the count beside it, None without one
 
 
 @dataclass(frozen=True, repr=False)
@@ -293,6 +294,9 @@ class Event:
         ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
         unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
         are seen by it.
+    many : callable, optional
+        ``many(points)``, arrays with the test and the count (None without one) at all points of a
+        `Points`; or None where it cannot say these at once. It serves speed alone.
     locus : callable, optional
         ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
         free where a boundary sets out. Needed to trace the event in two parameters, and to locate
@@ -314,6 +318,7 @@ class Event:
     test: Callable[[Point], float | int] | None
     _: KW_ONLY
     count: Callable[[Point], int | float] | None = None
+    many: Callable[[Any], Many | None] | None = None
     locus: Callable[[Point], Locus] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""

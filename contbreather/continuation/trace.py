@@ -21,16 +21,16 @@ from ..progress import Counter, line_of
 from .active_events import active_events, having
 from .branch import Branch, Settings, Stop, labelled
 from .checkpoint import Save, checkpoint
-from .curve import Curve
+from .curve import PASSED, Curve
 from .defining_systems import Singular
-from .event_detection import Ends, Found, find, without_candidate
+from .event_detection import Ends, Found, clear_steps, find, without_candidate
 from .infinity import Growth
 from .interpolant import StepInterpolant
 from .newton import Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
-from .samples import Value, counted, measure
+from .samples import Value, count_at, counted, measure
 from .starts import (
     Within,
     all_of,
@@ -48,6 +48,7 @@ Piece = Sequence[Point]
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
+_MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
 
 
@@ -309,6 +310,7 @@ class ContinuationIterator:
         self.tests = self._first_tests()
         self.growth = Growth(self.curve, self.bounds, start.z)
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
+        self.ahead = 1  # so many of the next steps are looked at, as long as they are taken
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
     def turned(self) -> ContinuationIterator:
@@ -386,23 +388,62 @@ class ContinuationIterator:
         if self.count and not self.events:
             buffer.used = len(buffer.points)
         # matrices say more of what is between two points than values do
-        elif not any(isinstance(event.test, Singular) for event in self.events):
+        elif self.earlier and not any(isinstance(event.test, Singular) for event in self.events):
             # where there is no value, the reason is seen when the step is looked through
             with suppress(Undefined):
-                while buffer.used < most and self._has_no_candidate(buffer.points[buffer.used]):
-                    buffer.used += 1
+                while buffer.used < most and self._take(min(buffer.used + self.ahead, most)):
+                    self.ahead = min(4 * self.ahead, _TOGETHER)
+                self.ahead = 1 if buffer.used < most else self.ahead
         clear = buffer.points[start : buffer.used]
         if clear:
             self.point, self.count = buffer.points[buffer.used - 1], self.count + len(clear)
         return clear
 
+    def _take(self, end: int) -> bool:
+        """Take steps up to a number while no event has a candidate; whether all are taken."""
+        buffer = self.stepper
+        if end - buffer.used < _MANY or not self._looked_ahead(end):
+            while buffer.used < end and self._has_no_candidate(buffer.points[buffer.used]):
+                buffer.used += 1
+        return buffer.used == end
+
+    def _looked_ahead(self, end: int) -> bool:
+        """The same by tests of all points at once, if all events say these."""
+        buffer, events, earlier, here = self.stepper, self.events, self.earlier, self._taken
+        asked = [event.many for event in events if event.many]
+        if len(asked) < len(events) or earlier is None:
+            return False
+        points = Points.of(buffer.points[buffer.used : end])
+        found = [said for many in asked if (said := many(points))]
+        if len(found) < len(events):
+            return False
+        places = np.concatenate([[earlier[0], here.arclength], points.arclength])
+        known, ahead = np.array([earlier[1], self.tests]).T, np.array([test for test, _ in found])
+        tests = np.hstack([known, ahead])
+        counts = [
+            np.append(count_at(event, here), count)
+            for event, (_, count) in zip(events, found, strict=True)
+            if count is not None
+        ]
+        n = clear_steps(places, tests, counts)
+        if n:
+            self.earlier = float(places[n]), tests[:, n].tolist()
+            self.tests = tuple(tests[:, n + 1].tolist())
+            for z in points.z[max(n - PASSED, 0) : n]:
+                self.curve.passes(z)
+        buffer.used += n
+        return True
+
+    @property
+    def _taken(self) -> Point:
+        """The last of the steps that were taken."""
+        used = self.stepper.used
+        return self.stepper.points[used - 1] if used else self.point
+
     def _has_no_candidate(self, last: Point) -> bool:
         """Whether no event has anything to look for on the step to a point; it is taken then."""
-        if self.earlier is None:
-            return False
-        used = self.stepper.used
-        point = self.stepper.points[used - 1] if used else self.point
-        after = self._tests_at(last)
+        assert self.earlier is not None
+        point, after = self._taken, self._tests_at(last)
         pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
         values = self.earlier[1], self.tests, after
         if len(without_candidate(self.events, pace, *values, (point, last))) < len(self.events):

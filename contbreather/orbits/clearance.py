@@ -28,7 +28,7 @@ from contbreather.orbits.margins import (
     TIE,
     WHEN,
 )
-from contbreather.orbits.motion import points_of
+from contbreather.orbits.motion import IMPULSE, TIME, points_of
 from contbreather.orbits.site_motion import USUAL, SiteMotion
 from contbreather.tables import Column, Sheet
 
@@ -118,6 +118,7 @@ class Measured(NamedTuple):
 
     rows: FloatArray
     sites: Sequence[int]
+    least: FloatArray  # of all that were looked at, and the ceiling
 
 
 def measure(
@@ -125,18 +126,23 @@ def measure(
     idle: Sequence[int],
     near: Collection[int] = (),
     *,
-    ceiling: float = math.inf,
+    ceiling: Any = math.inf,
     touching: int | None = None,
     time: float = math.nan,
+    along: tuple[FloatArray, FloatArray, FloatArray] | None = None,
 ) -> Measured:
-    """All margins that `margins` is asked for."""
+    """All margins that `margins` is asked for; `along` are amplitudes, times and impulses of many
+    orbits that differ from this one in these alone, and the rows those of the last."""
     motion, sites = orbit.with_idle(idle, near, touching)
     wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
     rows = FOUND + motion.flights + len(sites) + 2
     work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP))
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
-    MARGINS(motion, wanted, ceiling, which, time, work)
-    return Measured(work[FOUND:, : NEXT + 1], sites)
+    if along is None:
+        along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
+    found = np.full(len(along[0]), ceiling)
+    MARGINS(motion, *along, wanted, which, time, work, found)
+    return Measured(work[FOUND:, : NEXT + 1], sites, found)
 
 
 def clearance(orbit: SiteMotion) -> Admissibility:
@@ -218,7 +224,15 @@ def least_margin(orbit: SiteMotion) -> float:
     """
     measured = measure(orbit, orbit.idle, ceiling=orbit.far)
     lost = [each.margin for each in of_flights(orbit, measured)] if orbit.section.repeats else []
-    return min(orbit.far, *measured.rows[:, MARGIN].tolist(), *lost)
+    return min([*measured.least.tolist(), *lost])
+
+
+def least_margins(
+    orbit: SiteMotion, a: FloatArray, times: FloatArray, impulses: FloatArray
+) -> FloatArray:
+    """The same of orbits that differ from one in their amplitudes and impacts alone."""
+    along = a, times, impulses
+    return measure(orbit, orbit.idle, ceiling=orbit.far_of(a), along=along).least
 
 
 def closest(orbit: SiteMotion) -> Clearance:

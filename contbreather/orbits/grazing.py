@@ -19,7 +19,9 @@ from contbreather.continuation import Event, Locus, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo
+from contbreather.continuation.point import CodimensionTwo, Many
+from contbreather.continuation.points import Points
+from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
@@ -85,11 +87,16 @@ class GrazingSite:
 
 def grazing() -> Event:
     """GR, and VI where an impact itself loses its velocity."""
-    return Event("GR", _margin, ends="domain", locus=_locus, examine=_vanishing)
+    return Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
 
 
 def _margin(point: Point) -> float:
     return least_margin(solution_at(point).motion)
+
+
+def _margins(points: Points) -> Many | None:
+    along = breathers_along(points)
+    return None if along is None else (along.margins(), None)
 
 
 def _locus(point: Point) -> Locus:

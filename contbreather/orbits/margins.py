@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from contbreather.kernels import Kernel, Matrix, Signs, inlined
+from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
 from contbreather.orbits.motion import (
     HIGH,
     IMPULSE,
@@ -329,4 +329,24 @@ def margins(
             below = min(below, margin)
 
 
-MARGINS = Kernel(margins)
+def margins_along(
+    motion: Motion, a: Vector, times: Matrix, impulses: Matrix, near: Signs, touching: int,
+    time: float, work: Matrix, found: Vector,
+) -> None:  # fmt: skip
+    """The least margin of each of several motions that differ in their amplitudes and impacts
+    alone, below the ceiling that was found before; the work is that of the last."""
+    for i in range(a.size):
+        for j in range(times.shape[1]):
+            motion.impacts[TIME, j] = times[i, j]
+            motion.impacts[IMPULSE, j] = impulses[i, j]
+        own = Motion(
+            a[i], motion.k, times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
+            motion.responses, motion.modes, motion.impacts, motion.flights, motion.busy,
+            motion.places,
+        )  # fmt: skip
+        margins(own, near, found[i], touching, time, work)
+        for row in range(FOUND, work.shape[0]):
+            found[i] = min(found[i], work[row, MARGIN])
+
+
+MARGINS = Kernel(margins_along)

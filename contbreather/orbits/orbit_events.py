@@ -31,10 +31,12 @@ from contbreather.continuation import Event, Locus, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.defining_systems import Singular
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo, EventWithRule, Examined
+from contbreather.continuation.point import CodimensionTwo, EventWithRule, Examined, Many
+from contbreather.continuation.points import Points
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.orbits.branch_switching import from_arms
+from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.grazing import grazing as grazed
 from contbreather.orbits.grazing import merging, solution_at
 from contbreather.orbits.normal_form import bends
@@ -79,7 +81,8 @@ def _certain_count(point: Point) -> float | int:
 def saddle_node() -> Event:
     """LP of the symmetric breather: two of them meet, eq. (14), and the half map QS has the
     multiplier -1. The determinant of the closure's Jacobian vanishes, one scalar."""
-    return Event("LP", partial(_crosses, -1.0), locus=partial(_real_locus, -1.0))
+    many = partial(_crosses_of_many, -1.0, False)
+    return Event("LP", partial(_crosses, -1.0), many=many, locus=partial(_real_locus, -1.0))
 
 
 def real_multiplier(kind: str, mu: float) -> Event:
@@ -87,6 +90,7 @@ def real_multiplier(kind: str, mu: float) -> Event:
     return Event(
         kind,
         partial(_crosses, mu),
+        many=partial(_crosses_of_many, mu, True),
         count=partial(_beyond, mu),
         locus=partial(_real_locus, mu),
         examine=partial(_examine_real, mu),
@@ -100,6 +104,13 @@ def _crosses(mu: float, point: Point) -> float:
         return math.nan
     pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
     return float(orbit.map.crosses(mu) * math.prod(pushes))
+
+
+def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
+    along = breathers_along(points)
+    if along is None:
+        return None
+    return along.map.crosses(mu) * 2.0 * along.p, along.map.beyond(mu) if counted else None
 
 
 def _is_blurred(map: Any) -> bool:
@@ -176,7 +187,8 @@ def pair_leaves(
         )
     pair = _Pair(threshold, lattice if elsewhere else None, every)
     count = pair.passed if endless or every else None
-    return Event("NS", pair.test, count=count, locus=pair.locus, examine=_examine_angle)
+    many = pair.many if endless and not every else None
+    return Event("NS", pair.test, many=many, count=count, locus=pair.locus, examine=_examine_angle)
 
 
 @dataclass(frozen=True)
@@ -216,6 +228,10 @@ class _Pair:
         if self.every and not _is_blurred(map):
             return passing(map.coupled, self.circle(map).radius)[0]
         return float(map.pairs(self.circle(map).radius)[0])
+
+    def many(self, points: Points) -> Many | None:
+        along = breathers_along(points)
+        return None if along is None else along.map.pairs()
 
     def passed(self, point: Point) -> int:
         map = self.map(point)

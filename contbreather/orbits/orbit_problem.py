@@ -21,6 +21,7 @@ from contbreather.orbits.orbit import Orbit, with_parameters
 from contbreather.orbits.periodic_motion import VANISHED
 from contbreather.orbits.representation import Representation
 from contbreather.orbits.section import Section
+from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
 from contbreather.storage.serialise import serialised
@@ -158,7 +159,6 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     values = curve.fixed | dict(zip(curve.free, free, strict=True))
     a, gamma, k = (np.broadcast_to(values[name], p.shape) for name in ("a", "gamma", "k"))
     with np.errstate(all="ignore"):
-        acceleration = a * on.forcing.d2f(phi) - p * on.lattice.means(gamma, "eta")
-        b = 0.5 * (1.0 + k) ** 2 * acceleration / p
+        b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.means(gamma, "eta"))[1]
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)

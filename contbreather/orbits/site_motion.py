@@ -83,6 +83,10 @@ class SiteMotion:
     @property
     def far(self) -> float:
         """The margin of the far field, 1 where there is none."""
+        return float(self.far_of(self.on.a))
+
+    def far_of(self, a: Any) -> Any:
+        """The same of other amplitudes."""
         return 1.0
 
     def far_time(self) -> float:
@@ -163,11 +167,10 @@ class ChainMotion(SiteMotion):
         offsets = self.representation.offsets
         return max((offsets[0], offsets[-1]), key=abs) if self.on.gamma else 0.0
 
-    @property
-    def far(self) -> float:
+    def far_of(self, a: Any) -> Any:
         if self.lattice.sites is not None:
             return 1.0
-        return float(1.0 - abs(self._far_offset) - self.on.a * self.forcing.peak())
+        return 1.0 - abs(self._far_offset) - a * self.forcing.peak()
 
     def far_time(self) -> float:
         if self.lattice.sites is not None:

@@ -51,6 +51,12 @@ def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamm
     return free_flight(float(first(gamma, distance)), powers(gamma, distance))
 
 
+def saltation(a: Any, k: Any, p: Any, d2f: Any, eta: Any) -> tuple[Any, Any]:
+    """The acceleration of site 0 at its impacts and the entry b of (19), of numbers or arrays."""
+    acceleration = a * d2f - p * eta
+    return acceleration, 0.5 * (1.0 + k) ** 2 * acceleration / p
+
+
 @dataclass(frozen=True)
 class SymmetricBreather:
     """The motion of a symmetric breather, from the roots (p, phi) of (11).
@@ -138,7 +144,7 @@ class SymmetricBreather:
     @property
     def acceleration(self) -> float:
         """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
-        return float(self.a * self.forcing.d2f(self.phi) - self.p * self.lattice.eta(self.gamma))
+        return float(self._saltation[0])
 
     @property
     def accelerations(self) -> FloatArray:
@@ -147,7 +153,12 @@ class SymmetricBreather:
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
-        return 0.5 * (1.0 + self.k) ** 2 * self.acceleration / self.p  # (19)
+        return float(self._saltation[1])
+
+    @property
+    def _saltation(self) -> tuple[Any, Any]:
+        eta = self.lattice.eta(self.gamma)
+        return saltation(self.a, self.k, self.p, self.forcing.d2f(self.phi), eta)
 
     # ------------------------------------------------------------------------------- profile
 

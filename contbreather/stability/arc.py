@@ -210,7 +210,7 @@ class Window(NamedTuple):
     def passed(self, b: float) -> int:
         """How many of the two ends are below b."""
         half = math.sqrt(max(self.square, 0.0))
-        return int(b > self.centre - half) + int(b > self.centre + half)
+        return (b > self.centre - half) + 1 * (b > self.centre + half)
 
 
 @lru_cache(maxsize=64)

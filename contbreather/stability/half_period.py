@@ -72,7 +72,7 @@ class HalfMap:
 
     def beyond(self, place: float) -> int:
         """How many real multipliers are farther out than 1 or -1, on its side: one or none."""
-        return int(self.crosses(place) < 0.0)
+        return 1 * (self.crosses(place) < 0.0)
 
     def pairs(self, radius: float = 1.0) -> tuple[float, int]:
         """On the infinite chain by the window of b in which a pair is outside: how far b is from
@@ -82,8 +82,9 @@ class HalfMap:
             return -outermost(upper(self.coupled), radius), 0
         ends = window(self.gamma, self.k, self.lattice.spring)
         off = ends.miss(self.b)
-        rounded = self.k == 1.0 and abs(off) <= _ROUNDED * (1.0 + abs(self.b))
-        return (0.0 if rounded else off), ends.passed(self.b)
+        if self.k == 1.0:
+            off = off * (abs(off) > _ROUNDED * (1.0 + abs(self.b)))
+        return off, ends.passed(self.b)
 
     def nearest(self) -> float:
         """Angle, over pi, of the pair that is closest to leaving: on the infinite chain at the

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -26,6 +27,47 @@ def kinds(branch: cb.Branch) -> list[str]:
 
 def only(branch: cb.Branch, *wanted: str) -> list[cb.continuation.Point]:
     return [point for point in branch.special if point.kind in wanted]
+
+
+FORCINGS: dict[str, dict[str, Any]] = {
+    "one": {},
+    "two": {"forcing": cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=0.1)},
+    "held": {"spring": 0.05},
+}
+
+
+@pytest.mark.parametrize("k", [0.6, 1.0])
+@pytest.mark.parametrize("on", FORCINGS.values(), ids=FORCINGS)
+def test_events_say_of_many_points_what_they_say_of_each(k: float, on: dict[str, Any]) -> None:
+    breather = cb.symmetric(0.5, 0.06, k, **on)
+    branch = cb.trace(breather, "a", within={"a": (0.3, 0.8)}, steps=cb.Steps(largest=0.02))
+    points = branch[1:-1].points
+    for event in breather.problem.events:
+        assert event.many is not None
+        tests, counts = event.many(points)
+        wanted = [event.value(point) for point in points]
+        np.testing.assert_allclose(tests, wanted, rtol=1e-13, atol=1e-15)
+        if event.count is not None:
+            assert counts is not None
+            assert counts.tolist() == [event.count(point) for point in points]
+        else:
+            assert counts is None
+    alone = [dataclasses.replace(event, many=None) for event in breather.problem.events]
+    again = cb.trace(
+        breather, "a", within={"a": (0.3, 0.8)}, steps=cb.Steps(largest=0.02), events=alone
+    )
+    assert [p.label for p in again.special] == [p.label for p in branch.special]
+    assert (again["a"] == branch["a"]).all()
+
+
+@pytest.mark.parametrize(
+    ("lattice", "free"), [(CHAIN, "gamma"), (cb.Ring(6), "a")], ids=["coupling", "ring"]
+)
+def test_where_tests_of_many_points_are_not_known_each_is_asked(lattice: Any, free: str) -> None:
+    breather = cb.symmetric(0.5, 0.06, 0.6, lattice=lattice)
+    branch = cb.trace(breather, free, within={free: (0.04, 0.6 if free == "a" else 0.08)})
+    given = [event.many(branch.points) for event in breather.problem.events if event.many]
+    assert given == 4 * [None] if free == "gamma" else given == 3 * [None]
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.04, 0.1, 0.2])
