@@ -102,7 +102,8 @@ class Sheet:
         from rich.table import Table
 
         kept, digits = self._room(width)
-        left, widest = [], math.inf if width is None else width
+        left: list[str] = []
+        widest = math.inf if width is None else width
         while len(kept) > 2 and kept[-1].leaning == "right" and _width(kept, digits) > widest:
             left.insert(0, kept.pop().heading)
         caption = self.caption or (f"No room for {', '.join(left)}." if left else None)
