@@ -5,6 +5,7 @@ What results show of themselves is such a table, in a terminal, a notebook and t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -101,9 +102,14 @@ class Sheet:
         from rich.table import Table
 
         kept, digits = self._room(width)
+        left: list[str] = []
+        widest = math.inf if width is None else width
+        while len(kept) > 2 and kept[-1].leaning == "right" and _width(kept, digits) > widest:
+            left.insert(0, kept.pop().heading)
+        caption = self.caption or (f"No room for {', '.join(left)}." if left else None)
         table = Table(
             title=self.title or None, title_justify="left",
-            caption=self.caption or None, caption_justify="left",
+            caption=caption, caption_justify="left",
             show_header=any(column.heading for column in kept),
         )  # fmt: skip
         for column in kept:

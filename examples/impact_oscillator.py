@@ -86,7 +86,7 @@ def branches() -> tuple[cb.Branch, cb.Branch, cb.Branch]:
 
 
 def main(folder: Path = Path()) -> list[Path]:
-    """Draw the branches by their envelopes, and one orbit of each in its phase plane."""
+    """Draw the branches by how far they swing, and one orbit of each in its phase plane."""
     free, hitting, double = branches()
     with style():
         figure, (above, below) = new_figure(2)

@@ -53,8 +53,9 @@ def doubling() -> tuple[cb.Branch, list[cb.Branch], cb.Branch]:
     symmetric = cb.trace(swing(SLOW), "g", within=window, towards="both", progress=False)
     arms = cb.switch(symmetric.first("BP"), within=window, progress=False)
     (double,) = cb.switch(arms[0].first("PD"), within=window, progress=False)
-    for branch in (symmetric, *arms, double):
-        print(", ".join(f"{p.label} at g = {p['g']:.9f}" for p in branch.special))
+    names = ("symmetric", "one that is not", "its mirror image", "of twice the period")
+    for name, branch in zip(names, (symmetric, *arms, double), strict=True):
+        print(f"{name}:", ", ".join(f"{p.label} at g = {p['g']:.9f}" for p in branch.special))
     one, other = (arm.first("PD")["g"] for arm in arms)
     assert abs(one - other) < 1e-9  # mirror images
     return symmetric, arms, double

@@ -62,6 +62,10 @@ def branch_in_weakening() -> cb.Branch:
         worst = max(worst, abs(at.solution.durations[stick] - sticking(at["d"])))
     print(f"{len(branch)} orbits; the time of sticking is that of the closed form to {worst:.0e}")
     assert worst < 1e-9
+    # the longest that a mass can stick: all the way from -F to F at the velocity V of the belt
+    (end,) = (at for at in branch.special if at.kind == "SL")
+    print(f"from {end.label} at d = {end['d']:.9f} on it comes to the belt too far behind to stick")
+    assert abs(sticking(end["d"]) - 2 * ON["F"] / ON["V"]) < 1e-9
     return branch
 
 
@@ -73,7 +77,7 @@ def main(folder: Path = Path()) -> list[Path]:
     for piece in run.pieces:
         x, v = piece(np.linspace(piece.t[0], piece.t[-1], 200))
         stuck = piece.flow in (BELT.to_plus, BELT.to_minus)
-        above.plot(x, v, color="C3" if stuck else "C0", linewidth=1.5 if stuck else 0.6)
+        above.plot(x, v, color="C1" if stuck else "C0", linewidth=1.5 if stuck else 0.6)
     above.set(xlabel="$x$", ylabel="$\\dot x$")
     branch = branch_in_weakening()
     below.plot(branch["d"], branch["period"], label="period")

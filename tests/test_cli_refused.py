@@ -40,7 +40,10 @@ OF_THE_CHAIN = {
     "a no number": ("point --a half --gamma 0.1 --k 0.8", r'--a: unable to convert "half"'),
     "a missing": ("point --gamma 0.1 --k 0.8", r"--a is missing: the amplitude"),
     "k missing": ("point --gamma 0.1 --a 0.8", r"--k is missing: the restitution"),
-    "value missing": ("point --a", r"--a requires an argument"),
+    "value missing": (
+        "point --a",
+        r"--a takes a value, and none was given; see contbreather point --help",
+    ),
     "even forcing": (
         f"{POINT} --forcing '-cos(t)+cos(2*t)'",
         r"is not antisymmetric: over a period it has the even harmonic 2",
@@ -108,7 +111,7 @@ OF_THE_CHAIN = {
     "window the wrong way round": (f"{BRANCH} --window 0.9 0.5", r"the smaller first"),
     "window nan": (f"{BRANCH} --window nan 0.5", r"two finite numbers"),
     "window infinite": (f"{BRANCH} --window 0 inf", r"two finite numbers"),
-    "half a window": (f"{BRANCH} --window 0.5", r"--window requires 2"),
+    "half a window": (f"{BRANCH} --window 0.5", r"--window takes 2 values, .* and 1 was given"),
     "window outside of the domain": (
         "branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4",
         r"contains no breather",
@@ -133,7 +136,7 @@ OF_THE_CHAIN = {
     "no kind": ("boundary --k 0.8", r"LP, PF, PD, NS or GR; none was given"),
     "pair of one": ("boundary PF --pair a a --k 0.8", r"two different parameters"),
     "unknown pair": ("boundary PF --pair a b --k 0.8", r"unknown parameter 'b'"),
-    "half a pair": ("boundary PF --pair a", r"--pair requires 2"),
+    "half a pair": ("boundary PF --pair a", r"--pair takes 2 values, .* and 1 was given"),
     "boundary not in the window": (
         "boundary PF --k 0.8 --window 0.1 0.2",
         r"no PF found for gamma between 0\.1 and 0\.2",

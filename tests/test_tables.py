@@ -31,6 +31,13 @@ def test_what_is_spare_goes_first_then_digits_down_to_four() -> None:
     assert cells(sheet, 5)["third"] == ["0.3333", "66.67"]
 
 
+def test_where_four_digits_are_too_many_columns_go_from_the_right_and_the_caption_says_so() -> None:
+    names, numbers = Column("label", ["LP1"]), [Column(name, [-1 / 3]) for name in "abc"]
+    table = Sheet([names, *numbers]).table(8 + 2 * 10 + 1)
+    assert [column.header for column in table.columns] == ["label", "a", "b"]
+    assert table.caption == "No room for c."
+
+
 def test_a_column_may_ask_for_fewer_digits() -> None:
     few = Column("few", [1 / 3], digits=5)
     assert cells(Sheet([few]))["few"] == ["0.33333"]

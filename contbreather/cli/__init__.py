@@ -92,22 +92,34 @@ def _run(tokens: list[str]) -> int:
 
 def _sentence(error: Exception) -> str:
     """What the parser has to say, on one line, with the way on."""
-    from cyclopts import UnknownCommandError, UnknownOptionError, UnusedCliTokensError
+    from cyclopts import (
+        MissingArgumentError,
+        UnknownCommandError,
+        UnknownOptionError,
+        UnusedCliTokensError,
+    )
 
+    command = getattr(error, "command_chain", None) or ()
+    way_on = f"see {' '.join(('contbreather', *command))} --help"
     if isinstance(error, UnknownOptionError) and error.token.keyword in LATTICES:
-        for command, reason in CHAINS_ONLY.items():
-            if command in (error.command_chain or ()):
-                return f"{error.token.keyword} is not an option of {command}: {reason}"
+        for name, reason in CHAINS_ONLY.items():
+            if name in command:
+                return f"{error.token.keyword} is not an option of {name}: {reason}"
     if isinstance(error, UnusedCliTokensError):
         extra = " ".join(error.unused_tokens or ())
         return (
             f"{extra!r} belongs to no option; values follow the name of theirs, as in --a 0.2; "
-            "see contbreather --help"
+            f"{way_on}"
         )
+    if isinstance(error, MissingArgumentError) and error.argument is not None:
+        count, given = error.argument.token_count()[0], len(error.tokens_so_far)
+        wanted = "a value" if count == 1 else f"{count} values, apart by blanks"
+        found = f"{given} was given" if given else "none was given"
+        return f"{error.keyword or error.argument.name} takes {wanted}, and {found}; {way_on}"
     text = " ".join(str(error).split())
     if isinstance(error, UnknownCommandError):  # its list of commands stops after eight
         text = text.partition(" Available commands")[0]
-    return f"{text.rstrip('.')}; see contbreather --help"
+    return f"{text.rstrip('.')}; {way_on}"
 
 
 def _refused(reason: object, status: int) -> int:

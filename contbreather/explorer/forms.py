@@ -27,7 +27,6 @@ from contbreather.explorer.fields import (
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
-from contbreather.lattice.parse import as_typed
 from contbreather.parameters import NEEDED, window_of
 
 # where walks go unless a window is typed
@@ -229,16 +228,10 @@ class Forms:
         if orbit is None or orbit is self.orbit:
             return
         self.orbit = orbit
-        texts = {name: f"{getattr(orbit, name):.10g}" for name in NEEDED}
-        for name in ("spring", "damping"):
-            value = getattr(orbit, name)
-            texts[name] = f"{value:.10g}" if value or name in chosen.free else ""
-        texts["site"] = str(orbit.section.hit[0])
-        texts |= {"walls": as_typed(orbit.walls), "root": ""}
-        texts |= {name: "" if value is None else str(value) for name, value in chosen.typed}
-        texts["lattice"] = dict(chosen.typed).get("lattice") or self.explorer.lattice_of(chosen)
-        for name, text in texts.items():
-            self.breather[name].input.value = text
+        here = {name: getattr(orbit, name) for name in NEEDED} | self.explorer.lives_on(chosen)
+        for name, value in here.items():
+            text = f"{value:.10g}" if isinstance(value, float) else str(value)
+            self.breather[name].input.value = "" if value is None else text
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:

@@ -60,6 +60,7 @@ PLANES = {
 }  # by what is fixed in each
 TAPS = ("tap", "doubletap")  # the second of two quick clicks comes as the latter alone
 NOWHERE = -1  # at no special point
+PAUSE = 400  # milliseconds without a move, until the browser is told again where all is
 
 
 class Page:
@@ -75,6 +76,8 @@ class Page:
         self.motion = MotionView(theme, "t/2π")
         self.run = MotionView(theme, "t/2π")
         self.forms = Forms(explorer)
+        self.moved: list[Any] = []  # widgets that persons move
+        self._moves = 0
         self._zone_controls()
         self._branch_controls()
         self._words()
@@ -177,12 +180,26 @@ class Page:
 
     def _on(self, widget: Any, do: Callable[[Any], object]) -> None:
         """Do something when a person changes a widget, but not when the page does."""
+        self.moved.append(widget)
 
         def changed(event: Any) -> None:
             if not self._quiet:
                 tried(lambda: do(event.new), self._tell)
+                self._moves += 1
+                if self._served and self.explorer.shared:
+                    self.document.add_timeout_callback(partial(self._again, self._moves), PAUSE)
 
         widget.param.watch(changed, "value")
+
+    def _again(self, moves: int) -> None:
+        """Tell the browser where its widgets are, though they have not changed: what another page
+        had them changed to may have passed on its way what a person did here, and would stay there.
+        Not while they move: they would be thrown back."""
+        if moves == self._moves:
+            for widget in self.moved:
+                for model, _ in widget._models.values():
+                    name = "value" if "value" in model.properties() else "active"
+                    self.document.callbacks.notify_change(model, name, None, None)
 
     def _tell(self, trouble: str) -> None:
         if trouble:
@@ -293,7 +310,7 @@ class Page:
         # what came from the browser does not go back to it rounded: it may have moved on by then
         there: Any = self.slider.value
         value = there if round(there, 9) == value else value
-        self.slider.param.update(label=label, start=start, end=end, step=step, value=value)
+        _put(self.slider, value, label=label, start=start, end=end, step=step)
         self.zones.title(new)
         if new.preview is None:
             return
@@ -330,10 +347,9 @@ class Page:
         chosen = new.chosen if there else None
         branch = new.curve(self.curve.value)
         labels = {point.title: i for i, point in marked(branch)}
-        self.point.end = max(len(branch) - 1, 1)
         self.label.options = {"\N{EN DASH}": NOWHERE, **labels}
         index = NOWHERE if chosen is None else chosen.index
-        self.point.value = max(index, 0)
+        _put(self.point, max(index, 0), end=max(len(branch) - 1, 1))
         self.label.value = index if index in labels.values() else NOWHERE
 
     def _render_chosen(self, new: State, old: State) -> None:
@@ -352,6 +368,13 @@ class Page:
             self.multipliers.show(summary.multipliers(orbit, new.ring))
         except ContbreatherError as error:
             self.multipliers.nothing(str(error))
+
+
+def _put(slider: Any, value: float, **more: Any) -> None:
+    """Move a slider, unless a person has just done so: Panel has that in a moment, or would drop
+    it for this older value."""
+    if "value" not in slider._events:
+        slider.param.update(value=value, **more)
 
 
 def _common(state: State) -> list[str]:

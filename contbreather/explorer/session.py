@@ -20,9 +20,10 @@ from contbreather.explorer.state import Chosen, State
 from contbreather.explorer.work import OnLattice, Work, arguments, breather, point_of
 from contbreather.files import writable
 from contbreather.lattice import Ring
+from contbreather.lattice.parse import as_typed
 from contbreather.orbits import zones
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.parameters import NEEDED, parameter
+from contbreather.parameters import NEEDED, OPTIONAL, parameter
 from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
 from contbreather.progress import PATIENCE
 from contbreather.runs import load, save
@@ -62,6 +63,11 @@ class Session:
         """Have every change said, in whatever thread it happens; the result ends that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
+
+    @property
+    def shared(self) -> bool:
+        """Whether several look on."""
+        return len(self._listeners) > 1
 
     def _say(self) -> None:
         for listener in tuple(self._listeners):
@@ -229,7 +235,9 @@ class Session:
         springs, that alone."""
         if not lattice:
             return ""
-        given, code = arguments(self.lattices[lattice], **typed)
+        # in one order, and without zeros: what vanishes is not there
+        told = {name: typed[name] for name in sorted(typed) if typed[name]}
+        given, code = arguments(self.lattices[lattice], **told)
         self._models[code] = given
         return code
 
@@ -244,16 +252,38 @@ class Session:
         lattice = chosen.orbit.lattice
         if lattice.sites is None:
             return ""
-        name = str(lattice.describe())
-        typed = (text for text, on in self.lattices.items() if on.lattice.describe() == name)
-        text = next(typed, f"ring:{lattice.sites}" if isinstance(lattice, Ring) else name)
+        ring = isinstance(lattice, Ring)
+        name = f"ring:{lattice.sites}" if ring else str(lattice.describe())
+        name += f" of {chosen.curve}" * (name in self.lattices)  # another one that is called so
+        typed = (text for text, on in self.lattices.items() if on.lattice == lattice)
+        text = next(typed, name)
         self.lattices.setdefault(text, OnLattice(lattice, f"{chosen.code}.lattice"))
         return text
 
+    def lives_on(self, chosen: Chosen) -> dict[str, Any]:
+        """What to type for it besides its parameters in the planes of zones."""
+        orbit = chosen.orbit
+        losses = {name: getattr(orbit, name) for name in OPTIONAL}
+        told = {
+            **{n: value if value or n in chosen.free else None for n, value in losses.items()},
+            "site": orbit.section.hit[0],
+            "walls": as_typed(orbit.walls),
+            "root": None,
+            **{name: value for name, value in chosen.typed if name not in NEEDED},
+        }
+        return {**told, "lattice": told.get("lattice") or self.lattice_of(chosen)}
+
     def choose_point(self, curve: str, index: int) -> None:
-        """Look at a point of a curve."""
+        """Look at a point of a curve, and have zones of what it lives on."""
         branch = self.state.curve(curve)
-        self.choose(point_of(curve, branch, min(max(index, 0), len(branch) - 1)))
+        chosen = point_of(curve, branch, min(max(index, 0), len(branch) - 1))
+        if chosen.orbit is not None:
+            on = self.lives_on(chosen)
+            of = self._zones_of(**on)
+            if of != self.state.zones_of:
+                self.change(conditions=tuple(on.items()), zones_of=of)
+                self.look_at(self.state.fixed[1])
+        self.choose(chosen)
 
     @property
     def chosen(self) -> Chosen:

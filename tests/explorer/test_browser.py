@@ -211,6 +211,46 @@ def test_long_work_shows_how_far_it_is_and_is_stopped(tab: Tab) -> None:
     tab.reads("stopped; what was done is kept")
 
 
+# moves the slider, and tells from then on where it has been
+SLIDE = """to => {
+  const all = [...Bokeh.documents[0]._all_models.values()]
+  const slider = all.find(one => one.type == "Slider" && one.title.startsWith("restitution"))
+  globalThis.been = []
+  slider.properties.value.change.connect(() => been.push(slider.value))
+  slider.value = to
+}"""
+
+
+def test_of_two_tabs_that_move_a_slider_at_once_both_show_the_last(
+    tab: Tab, browser: Any, address: str
+) -> None:
+    """What one is told by the server passes on its way what is done there."""
+    page = browser.new_page(color_scheme="dark", viewport=WIDE)
+    late: list[Any] | None = None
+
+    def pass_on(line: Any) -> None:
+        def heard(message: Any) -> None:
+            line.send(message) if late is None else late.append((line, message))
+
+        line.connect_to_server().on_message(heard)
+
+    page.route_web_socket("**/ws*", pass_on)
+    other = Tab(page, address)
+    late = []
+    tab.page.evaluate(SLIDE, 0.61)
+    while not any("0.61" in str(message) for _, message in late):
+        page.wait_for_timeout(10)
+    page.evaluate(SLIDE, 0.66)
+    tab.page.wait_for_function("been.at(-1) == 0.66")
+    for line, message in late:
+        line.send(message)
+    late = None
+    page.wait_for_function("been.includes(0.61) && been.at(-1) == 0.66")
+    assert tab.page.evaluate("been") == [0.61, 0.66]
+    page.close()
+    assert other.complaints == []
+
+
 def test_bad_input_is_refused_beside_the_field(tab: Tab) -> None:
     tab.field("amplitude a").fill("much")
     tab.press("Show")

@@ -316,6 +316,26 @@ def test_zones_are_those_of_the_ring_that_is_set() -> None:
     assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
 
 
+def test_zones_follow_a_chosen_point_to_what_it_lives_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, plane = [], cb.zones(k=0.8)
+    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), plane)[1])
+    on = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
+    window = {"a": (0.5, 0.52)}
+    there = cb.trace(cb.symmetric(0.5, 0.05, 0.8, **on), "a", within=window)
+    explorer = Explorer(there, cb.trace(cb.symmetric(0.5, 0.05, 0.8), "a", within=window))
+    for curve, wanted in (("given1", on), ("given2", {}), ("given1", on)):
+        explorer.choose_point(curve, 1)
+        explorer.choose_point(curve, 2)
+        assert explorer.wait(HUNG)
+        assert not explorer.state.awaited
+        explorer.choose_at(a=0.3, gamma=0.06)
+        assert explorer.chosen.orbit.p == cb.symmetric(0.3, 0.06, 0.8, **wanted).p
+    assert [{name: given[name] for name in on if name in given} for given in asked] == [on, {}]
+    said = next(line for line in explorer.script().splitlines() if line.startswith("zones = "))
+    assert said == "zones = cb.zones(k=0.8, damping=0.02, site=1, lattice=given1[1].lattice)"
+    assert there[1].lattice == on["lattice"]
+
+
 def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
