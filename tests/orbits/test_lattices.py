@@ -573,6 +573,8 @@ def test_orbit_goes_to_any_lattice_and_back() -> None:
         damped.on(40)
     own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
     assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
+    # over a period, the modes that no impact sees as well
+    assert own.stability().largest == pytest.approx(abs(own.multipliers()).max(), rel=1e-12)
     assert damped.multipliers(sites=40).size == 80
 
 
