@@ -598,6 +598,14 @@ def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:
     assert branch.doubtful == ()
 
 
+def test_lattices_of_the_same_numbers_keep_their_names() -> None:
+    chain, grid = cb.OpenChain(4), cb.Grid(1, 4)
+    assert chain == grid
+    for lattice in (chain, grid):
+        orbit = cb.symmetric(0.6, 0.03, 0.8, lattice=lattice)
+        assert orbit.stability().lattice == lattice.describe()
+
+
 def test_a_number_of_sites_names_a_ring_only() -> None:
     orbit = cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Grid(5, 5), site=12)
     for ask in (orbit.stability, orbit.multipliers):
