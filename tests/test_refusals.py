@@ -218,8 +218,10 @@ CASES += [
     (lambda: find_symmetric("b", (0, 1), **HERE), "^the parameter must be 'a', 'gamma', 'k', "),
     (lambda: find_symmetric("a", (0, 1), k=0.8), "^a breather needs gamma, too"),
     (lambda: find_symmetric("a", 3, **HERE), "^the window of 'a' must be a pair"),
+    (lambda: find_symmetric("a", (0.9, 0.1), **HERE), "^the window of 'a' is empty"),
+    (lambda: find_symmetric("a", (0, 0), **HERE), "^the window of 'a' is empty"),
     (lambda: neighbour_peak(3), "^an orbit was expected, got an int"),
-    (lambda: cb.zones(k=[[1], [2, 3]]), "^k = 1: zones need 0 < k < 1"),
+    (lambda: cb.zones(k=[[1], [2, 3]]), r"^k = \[1\]: the restitution coefficient must be"),
     (lambda: InfiniteChain().chi("x"), "^gamma = 'x': the coupling must be a number"),
     (lambda: judge(3), "^a run of simulate was expected, got an int"),  # type: ignore[arg-type]
     (lambda: periodic(alone().state(4), **HERE, m=6, walls=(-1, 2)), "^smooth walls are at -1"),

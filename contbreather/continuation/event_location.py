@@ -152,7 +152,10 @@ def _at_crossing(samples: Samples, u: float, size: float) -> Place:
     """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
     fails beside it, so the branch point is solved for."""
     segment = samples.segment
-    there = crossing(segment.curve, segment.provisional(u).z)
+    try:
+        there = crossing(segment.curve, segment.provisional(u).z)
+    except Undefined as error:
+        raise Undefined(f"its test has no value in between, and {error}") from error
     place, point = segment.settled(there.solution, there.tangents)
     if abs(measure(samples.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")

@@ -126,11 +126,15 @@ class Conditions:
     def at(self, params: Mapping[str, float]) -> Conditions:
         """The same with other values of its parameters."""
         own = tuple(float(params.get(name, value)) for name, value in self.params.items())
-        return _moved(self.forcing, self.walls, self.lattice, own)
+        # lattices of the same numbers are equal, and each keeps its name
+        name = getattr(self.lattice, "name", "")
+        return _moved(self.forcing, self.walls, self.lattice, own, name)
 
 
 @lru_cache(maxsize=256)
-def _moved(forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...]) -> Conditions:
+def _moved(
+    forcing: Forcing, walls: Walls, lattice: Any, values: tuple[float, ...], _: str
+) -> Conditions:
     names = tuple(forcing.params)
     if names:
         forcing = forcing.at(**dict(zip(names, values[len(NAMES) :], strict=True)))

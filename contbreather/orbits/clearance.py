@@ -50,7 +50,7 @@ class Admissibility(HtmlRepr):
         Largest displacement of a site coupled to one that impacts, eq. (15), where it comes
         closest to a wall; 0 if there is none.
     margin : float
-        The least of the margins below.
+        The least of the margins below, of sites and a far field that are there.
     reason : str
         A sentence: what is closest to its limit, or beyond it.
     site, time : int or None, float
@@ -160,8 +160,9 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     idle = of_idle(orbit, measured)
     neighbours = least(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
-    worst = least([centre, neighbours, far])  # an impact that vanishes before what comes with it
-    margin = min(place.margin for place in places.values())
+    # those that there are; an impact that vanishes before what comes with it
+    there = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
+    worst, margin = least(there), min(place.margin for place in there)
     heights = [_height(orbit, near) for near in idle if near.site in orbit.beside]
     return Admissibility(
         ok=margin > 0.0,
@@ -222,7 +223,7 @@ def least_margin(orbit: SiteMotion) -> float:
     >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
     True
     """
-    measured = measure(orbit, orbit.idle, ceiling=orbit.far)
+    measured = measure(orbit, orbit.idle, ceiling=_ceiling(orbit, orbit.on.a))
     lost = [each.margin for each in of_flights(orbit, measured)] if orbit.section.repeats else []
     return min([*measured.least.tolist(), *lost])
 
@@ -232,7 +233,13 @@ def least_margins(
 ) -> FloatArray:
     """The same of orbits that differ from one in their amplitudes and impacts alone."""
     along = a, times, impulses
-    return measure(orbit, orbit.idle, ceiling=orbit.far_of(a), along=along).least
+    return measure(orbit, orbit.idle, ceiling=_ceiling(orbit, a), along=along).least
+
+
+def _ceiling(orbit: SiteMotion, a: Any) -> Any:
+    """The margin of the far field; beyond all others, and finite, where there is none: what is
+    farther off than another is not looked at closely."""
+    return orbit.far_of(a) if orbit.endless else 1e300
 
 
 def closest(orbit: SiteMotion) -> Clearance:

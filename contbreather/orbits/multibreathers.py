@@ -16,13 +16,14 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
+from numpy.typing import NDArray
 
 from contbreather.continuation import Branch, Point, Stop, fold, trace
 from contbreather.continuation.curve import Curve
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.finite import Finite, Lattice, finite, stiffness_of
+from contbreather.lattice.finite import Finite, drive_of, finite, stiffness_of
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.grazing import grazing
@@ -30,6 +31,8 @@ from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
+
+FloatArray = NDArray[np.float64]
 
 ROOTS = ("upper", "lower")
 # Without symmetry nothing holds the idle sites at gamma = 0: such orbits set out from here.
@@ -136,12 +139,12 @@ def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[
 
 def _single(site: int, what: Any, on: Conditions) -> Single:
     """One site without coupling: by the name of a root, or by an orbit of its own."""
+    ((site, _),) = Section(((site, 1),)).placed(on.lattice).impacts
     if isinstance(what, Point) and what.ground.curve.problem.interpret is not None:
         what = what.solution
     if isinstance(what, str) and what in ROOTS:
         roots = symmetric_orbits(site, on)
         what = roots[min(ROOTS.index(what), len(roots) - 1)]
-        site = what.section.impacts[0][0]
     elif not isinstance(what, Orbit):
         raise BadInput(
             f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single "
@@ -152,7 +155,19 @@ def _single(site: int, what: Any, on: Conditions) -> Single:
             f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
             "without coupling, is expected."
         )
+    elif not np.allclose(_under(what.conditions, what.section.hit[0]), _under(on, site)):
+        raise BadInput(
+            f"site {site}: {what!r} was given; one of the same a, k, damping, spring and forcing "
+            f"is expected, a = {on.a}, k = {on.k} and {on.forcing.describe()}, say."
+        )
     return site, what
+
+
+def _under(on: Conditions, site: int) -> FloatArray:
+    """What a site without coupling moves under: its losses, its spring, its drive over a period."""
+    drive = on.a if on.lattice.sites is None else on.a * drive_of(on.lattice)[site]
+    times = np.linspace(0.0, 2.0 * math.pi, 16)
+    return np.array([on.k, on.damping, on.spring, *(drive * on.forcing.d2f(times))])
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
@@ -258,14 +273,15 @@ def multibreathers(
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
     finite(lattice)
-    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= lattice.sites:
+    whole = isinstance(most, int | np.integer) and not isinstance(most, bool)
+    if not whole or not 1 <= most <= lattice.sites:
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
     at, drive = Walls.given(walls), forcing_of(forcing)
     on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
     found: list[Multibreather] = []
     with partial_result(lambda: tuple(found)):
         for count in range(1, most + 1):
-            for sites, copies in _classes(lattice, count):
+            for sites, copies in _classes(lattice, count, at):
                 found.append(_entry(sites, copies, on))
     return tuple(found)
 
@@ -282,8 +298,9 @@ def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather
     return Multibreather(sites, copies, float(branch["gamma"].max()), ended, end.solution)
 
 
-def _classes(lattice: Finite, count: int) -> list[tuple[tuple[int, ...], int]]:
-    """Choices of sites up to the symmetries of the lattice, with the size of each class."""
+def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int, ...], int]]:
+    """Choices of sites up to the symmetries of the lattice and its walls, with the size of each
+    class."""
     alike_by = nx.algorithms.isomorphism
     same = partial(
         nx.is_isomorphic,
@@ -292,7 +309,7 @@ def _classes(lattice: Finite, count: int) -> list[tuple[tuple[int, ...], int]]:
     )
     found: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
     for sites in itertools.combinations(range(lattice.sites), count):
-        graph = _coloured(lattice, sites)
+        graph = _coloured(lattice, sites, walls)
         mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
         alike = found.setdefault(mark, [])
         for i, (first, other, copies) in enumerate(alike):
@@ -304,13 +321,13 @@ def _classes(lattice: Finite, count: int) -> list[tuple[tuple[int, ...], int]]:
     return [(sites, copies) for alike in found.values() for sites, _, copies in alike]
 
 
-def _coloured(lattice: Finite, sites: tuple[int, ...]) -> nx.Graph:
+def _coloured(lattice: Finite, sites: tuple[int, ...], walls: Walls) -> nx.Graph:
     """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
     matrix = stiffness_of(lattice).toarray()
-    drive = lattice.drive if isinstance(lattice, Lattice) else np.ones(lattice.sites)
+    drive = drive_of(lattice)
     graph = nx.Graph()
     for n in range(lattice.sites):
-        own = (matrix[n, n], lattice.masses[n], drive[n])
+        own = (matrix[n, n], lattice.masses[n], drive[n], *walls.at(n))
         graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in own) + f" {n in sites}")
     for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
         graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")

@@ -60,10 +60,11 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     chi, loss, forced = _closure(rest, q, r)
     found = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
     if not found:
+        weak = "is too weak to bring it to its walls; take a larger a."
         raise NoSolution(
             f"no symmetric orbit of site {site} on the {on.lattice.describe()} at a = {on.a!r} "
             f"(gamma = {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the "
-            "forcing is too weak to bring it to its walls; take a larger a."
+            f"forcing {'does not move it.' if forced is None else weak}"
         )
     return tuple(
         Orbit(ExactModes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
@@ -103,9 +104,10 @@ def _closure(rest: ExactModes, q: FloatArray, r: FloatArray) -> tuple[float, flo
     e, on, (site, _) = rest.shapes[0], rest.conditions, rest.section.impacts[0]
     chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
     own = rest.forced.harmonics(site)
-    forced = Fourier.from_response({m: A for m, A, _ in own}, {m: B for m, _, B in own})
     moved = any(A or B for _, A, B in own)
-    return chi, restitution_ratio(on.k) + 2.0 * excess, forced if moved else None
+    cos, sin = {m: A for m, A, _ in own}, {m: B for m, _, B in own}
+    forced = Fourier.from_response(cos, sin) if moved else None
+    return chi, restitution_ratio(on.k) + 2.0 * excess, forced
 
 
 def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:

@@ -81,6 +81,11 @@ class SiteMotion:
         return USUAL
 
     @property
+    def endless(self) -> bool:
+        """Whether there is a far field."""
+        return self.lattice.sites is None
+
+    @property
     def far(self) -> float:
         """The margin of the far field, 1 where there is none."""
         return float(self.far_of(self.on.a))
@@ -168,12 +173,12 @@ class ChainMotion(SiteMotion):
         return max((offsets[0], offsets[-1]), key=abs) if self.on.gamma else 0.0
 
     def far_of(self, a: Any) -> Any:
-        if self.lattice.sites is not None:
+        if not self.endless:
             return 1.0
         return 1.0 - abs(self._far_offset) - a * self.forcing.peak()
 
     def far_time(self) -> float:
-        if self.lattice.sites is not None:
+        if not self.endless:
             return self.start
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 

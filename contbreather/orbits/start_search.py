@@ -67,6 +67,8 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
     if missing:
         raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
     within = windows({free: within})[free]
+    if not within[0] <= within[1] or (free == "a" and within[1] <= 0.0):
+        raise BadInput(f"the window of {free!r} is empty: ({within[0]:g}, {within[1]:g})")
     # an upper breather, wherever in the window, before a lower one
     numbers: tuple[int | None, ...] = (1, None) if root is None else (root,)
     for number, value in product(numbers, _places(free, within, given)):

@@ -120,7 +120,8 @@ class Zones(Columns, HtmlRepr):
 
     @cached_property
     def regions(self) -> tuple[Region, ...]:
-        """The pieces into which the curves cut the plane, as polygons with their verdicts."""
+        """The pieces into which the curves cut the plane, as polygons with their verdicts; of
+        slivers, less than a thousandth of what they span, nothing is said."""
         return self.regions_of(self.box()) if any(self.curves.values()) else ()
 
     def regions_of(self, box: Box) -> tuple[Region, ...]:

@@ -140,13 +140,7 @@ def zones(
         shared |= {"progress": progress}
         shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
-    value = parameter(name, value)
-    if name == "k" and value in (0.0, 1.0):
-        raise BadInput(
-            f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
-            "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
-            "Take k close to it, and symmetric() for single breathers at the edge"
-        )
+    value = _fixed(name, value)
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
     model["forcing"] = forcing_of(forcing)
     search = Search(name, value, model, windows(within), threshold, past_folds)
@@ -159,6 +153,18 @@ def zones(
         search.run(shown)
         search.kept.finish(search.zones())
     return search.zones()
+
+
+def _fixed(name: str, given: Any) -> float:
+    """The value of the parameter that is fixed, or a sentence."""
+    value = parameter(name, given)
+    if name == "k" and value in (0.0, 1.0):
+        raise BadInput(
+            f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
+            "multiplier on the arc is neutral; at k = 0 site 0 leaves its wall without velocity. "
+            "Take k close to it, and symmetric() for single breathers at the edge"
+        )
+    return value
 
 
 def model_of(
@@ -195,7 +201,8 @@ def model_of(
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, ...]:
     """A diagram for each of several values."""
-    if not len(values):
+    values = [_fixed(name, value) for value in values]  # all before any diagram is drawn
+    if not values:
         raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []
     with (

@@ -119,11 +119,14 @@ def localisation(
     (1.1, 0)
     """
     x, y = numbers("u", u), numbers("v", v)
-    if x.shape != y.shape or x.ndim == 0:
+    if x.shape != y.shape or x.ndim == 0 or not x.size:
         raise BadInput(
             f"u and v must have one shape (..., sites); {x.shape} and {y.shape} were given."
         )
-    return localised(x, y, numbers("t", t), conditions_of(x.shape[-1], k=1.0, **on))
+    times = numbers("t", t)
+    if times.shape not in ((), x.shape[:-1]):
+        raise BadInput(f"t has the shape {times.shape}: a time for each of {x.shape[:-1]} states.")
+    return localised(x, y, times, conditions_of(x.shape[-1], k=1.0, **on))
 
 
 def localised(u: Array, v: Array, t: ArrayLike, on: Moved) -> Localisation:

@@ -84,7 +84,7 @@ def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
     0.381966
     """
     x, y = numbers("u", u), numbers("v", v)
-    if x.ndim not in (1, 2) or x.shape != y.shape:
+    if x.ndim not in (1, 2) or x.shape != y.shape or not x.size:
         raise BadInput(
             f"u and v are rows of states, or tables with a column for each site; shapes {x.shape} "
             f"and {y.shape} were given."

@@ -211,7 +211,8 @@ def _seen(run: Any) -> tuple[Any, ...]:
     u, v = (x[1:] for x in late.strobe)  # the first is the end of the period before
     found = localised(u, v, late.times[1:], run.conditions)
     centre = int(np.bincount(found.centre).argmax())
-    speed = float(np.sqrt(2.0 * found.energy[:, centre].max()))
+    mass = run.conditions.lattice.masses[centre]
+    speed = float(np.sqrt(2.0 * found.energy[:, centre].max() / mass))
     change = np.abs(np.diff([x[-2:] for x in run.strobe], axis=1))
     hits = _impacts(late, centre) if isinstance(run, Run) else 4 * (math.nan,)
     return float(found.participation.mean()), centre, speed, *hits, float(change.max())

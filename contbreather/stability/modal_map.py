@@ -154,10 +154,10 @@ class ModalMap:
 
     @property
     def idle(self) -> float:
-        """Largest modulus over a section of all other modes, 0 if there are none."""
+        """Largest modulus over the period of all other modes, 0 if there are none."""
         if not self.damping:
             return float(self.unseen.size > 0)
-        return float(abs(self._others).max(initial=0.0))
+        return float(abs(self._others).max(initial=0.0)) ** (1 if self.sign > 0 else 2)
 
     def multipliers(self) -> ComplexArray:
         """All over a section: first those of the modes that impacts see."""

@@ -24,7 +24,7 @@ from contbreather.orbits import (
     symmetric,
     symmetric_roots,
 )
-from contbreather.orbits.clearance import Clearance
+from contbreather.orbits.clearance import Clearance, least_margin
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.orbit import orbit_at
@@ -360,6 +360,13 @@ def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
     assert alone.site == 0
     assert neighbour_peak(upper(1.3, 0.1, 0.6, lattice=Ring(1)))[1] == 0.0
     assert highest_neighbour(upper(1.3, 0.1, 0.6, lattice=Ring(1)))[2] == 0.0
+    for sites in (1, 6):  # with walls farther off than a far field is ever
+        wide = symmetric_roots(3.0, 0.02, 0.8, lattice=Ring(sites), walls=(-5, 5))[0]
+        verdict = wide.admissibility()
+        there = {"neighbours", "centre"} if sites > 1 else {"centre"}
+        assert verdict.margin == min(getattr(verdict, name) for name in there) > 1.0
+        assert verdict.margin == pytest.approx(least_margin(wide.motion), abs=1e-13)
+        assert f"site {verdict.site} " in verdict.reason
     pair = upper(0.5, 0.1, 0.6, lattice=Ring(2)).admissibility()
     assert pair.max_neighbour == neighbour_peak(upper(0.5, 0.1, 0.6, lattice=Ring(2)))[1]
 

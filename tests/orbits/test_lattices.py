@@ -573,6 +573,8 @@ def test_orbit_goes_to_any_lattice_and_back() -> None:
         damped.on(40)
     own = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(40), damping=0.1)
     assert damped.stability(sites=40).largest == pytest.approx(own.stability().largest)
+    # over a period, the modes that no impact sees as well
+    assert own.stability().largest == pytest.approx(abs(own.multipliers()).max(), rel=1e-12)
     assert damped.multipliers(sites=40).size == 80
 
 
@@ -594,6 +596,14 @@ def test_no_pitchfork_is_seen_where_sites_come_apart() -> None:
     assert branch[0]["gamma"] == 0.0
     assert branch[0].kind == "EP"
     assert branch.doubtful == ()
+
+
+def test_lattices_of_the_same_numbers_keep_their_names() -> None:
+    chain, grid = cb.OpenChain(4), cb.Grid(1, 4)
+    assert chain == grid
+    for lattice in (chain, grid):
+        orbit = cb.symmetric(0.6, 0.03, 0.8, lattice=lattice)
+        assert orbit.stability().lattice == lattice.describe()
 
 
 def test_a_number_of_sites_names_a_ring_only() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.lattice.conditions import Walls
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.multibreathers import _classes
 from contbreather.orbits.orbit import orbit_at
@@ -129,12 +130,37 @@ def test_catalogue_counts_every_choice_once() -> None:
         return len(seen)
 
     for n, m in itertools.product((5, 6, 8), (1, 2, 3)):
-        found = _classes(cb.Ring(n), m)
+        found = _classes(cb.Ring(n), m, Walls())
         assert len(found) == necklaces(n, m)
         assert sum(copies for _, copies in found) == len(list(itertools.combinations(range(n), m)))
-    assert _classes(cb.OpenChain(3), 1) == [((0,), 2), ((1,), 1)]
+    assert _classes(cb.OpenChain(3), 1, Walls()) == [((0,), 2), ((1,), 1)]
     heavy = cb.Lattice.from_graph(nx.path_graph(3), masses=[1, 1, 2])
-    assert len(_classes(heavy, 1)) == 3
+    assert len(_classes(heavy, 1, Walls())) == 3
+    walls = {0: (-1.2, 1.2)}
+    found = cb.multibreathers(cb.Ring(4), walls=walls, most=np.int64(1), **AT)
+    assert [(one.sites, one.copies) for one in found] == [((0,), 1), ((1,), 2), ((2,), 1)]
+
+
+def test_a_site_that_the_drive_does_not_move_is_in_the_catalogue() -> None:
+    pair = cb.Lattice([[1.0, -1.0], [-1.0, 1.0]], drive=[1.0, 0.0])
+    found = cb.multibreathers(pair, most=1, **AT)
+    assert [one.ended for one in found] == ["", "no orbit without coupling"]
+    with pytest.raises(cb.NoSolution, match="the forcing does not move it"):
+        cb.multibreather([0, 1], lattice=pair, **AT)
+
+
+def test_an_orbit_of_other_parameters_stands_for_no_site() -> None:
+    tripled = cb.Fourier({1: -1.0, 3: 0.1})
+    for other in ({"a": 0.51}, {"k": 0.79}, {"spring": 0.01}, {"forcing": tripled}):
+        alone = cb.symmetric(**{"a": 0.5, "gamma": 0.0, "k": 0.8, **other})
+        with pytest.raises(cb.BadInput, match="one of the same a, k, damping, spring and forcing"):
+            cb.multibreather({0: alone}, lattice=cb.Ring(9), **AT)
+    alone = cb.symmetric(0.5, 0.0, 0.8)
+    half = cb.Lattice(cb.OpenChain(2).stiffness, drive=[0.5, 1.0])
+    two = cb.multibreather({0: alone, 1: "upper"}, a=1.0, gamma=0.0, k=0.8, lattice=half)
+    assert abs(two.times - alone.times[0]).min() < 1e-9
+    with pytest.raises(cb.BadInput, match=r"impact \(9, 1\): no such site"):
+        cb.multibreather({9: alone}, lattice=cb.Ring(9), **AT)
 
 
 def test_catalogue_says_what_exists_and_what_is_stable() -> None:

@@ -320,6 +320,8 @@ def test_elsewhere_an_orbit_takes_its_own_lattice(half: Any) -> None:
         ({"a": math.inf}, r"^a = inf: the amplitude"),
         ({"k": 0.0}, r"^k = 0: zones need 0 < k < 1"),
         ({"k": 1.0}, r"^k = 1: zones need 0 < k < 1"),
+        # all of several before any is drawn, however they are listed
+        ({"k": iter([0.8, 1.0]), "lattice": 3}, r"^k = 1: zones need 0 < k < 1"),
         ({}, r"zones need exactly one of k, gamma and a fixed, got none"),
         ({"k": 0.8, "a": 0.5}, r"zones need exactly one of k, gamma and a fixed, got"),
         ({"k": []}, r"zones need a value of k, or several; got none"),

@@ -195,6 +195,13 @@ def test_columns_of_a_sweep_are_those_of_the_breather_it_follows() -> None:
     own = localisation(*b.state(6), a=0.2, gamma=0.04)
     assert seen.amplitude == pytest.approx(math.sqrt(2.0 * own.energy[0]), abs=1e-9)
     assert seen.participation == pytest.approx(float(own.participation), abs=1e-9)
+    heavy = cb.Lattice(12.0 * np.eye(3) - 4.0, [4.0] * 3)  # that of a ring of 3, four times
+    at = {"gamma": 0.04, "k": 0.8, "periods": 4, "progress": False}
+    rings = [
+        sweep(cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(3)).state(), "a", [0.2], **at, **more)
+        for more in ({}, {"lattice": heavy})
+    ]
+    assert rings[1].amplitude == pytest.approx(rings[0].amplitude)
     final = seen.final
     final.u[0] = 7.0
     assert seen.u[-1, 0] != 7.0
