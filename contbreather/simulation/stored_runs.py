@@ -28,13 +28,11 @@ def _to_dict(run: Run | SmoothRun) -> dict[str, Any]:
             f"{error.args[0]!r} is of your own making, and a file holds numbers only: give the "
             "forcing as Fourier, Symbolic or Samples, and simulate with that"
         ) from error
-    variables = run.to_xarray().variables.items()
-    columns = {str(name): (v.dims, v.values, v.attrs) for name, v in variables}
     return {
         "conditions": conditions,
         "stop": run.stop.name,
         "reason": run.reason,
-        "columns": columns,
+        "columns": {name: (*variable, {}) for name, variable in run.variables().items()},
         **({"noise": run.noise} if isinstance(run, Run) and run.noise else {}),
     }
 

@@ -13,10 +13,9 @@ import hashlib
 import json
 import os
 import platform
-import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ from contbreather.files import opened, stream_of, writable, write_whole
 
 if TYPE_CHECKING:
     import h5py
-    from xarray import Dataset, DataTree
+    from h5netcdf import Group
 
 Array = NDArray[Any]
 Column = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
@@ -67,28 +66,28 @@ def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone:
 
     `alone` says whether the one value is what the file is, rather than the first of several.
     """
-    from xarray import Dataset, DataTree
-
     target = target_of(path)
     check_names("branch", contents)
-    groups = {"/": encoded(Dataset(attrs={**_root(), "alone": int(alone)}))}
-    for name, content in contents.items():
-        groups |= _groups(f"/{name}", **content)
-    return write_checked(target, DataTree.from_dict(groups))
+
+    def fill(file: Group) -> None:
+        fill_group(file, {}, {**_root(), "alone": int(alone)})
+        for name, content in contents.items():
+            _fill(file.create_group(name), **content)
+
+    return write_checked(target, fill)
 
 
-def _groups(
-    path: str,
+def _fill(
+    group: Group,
+    prefix: str = "",
     *,
     kind: str,
     columns: Mapping[str, Column] | None = None,
     groups: Mapping[str, Any] | None = None,
     attributes: Mapping[str, str] | None = None,
     **plain: Any,
-) -> Iterator[tuple[str, Dataset]]:
-    """A dict and those in it as datasets, by their paths in the file."""
-    from xarray import Dataset
-
+) -> None:
+    """Write a dict and those in it, with this before the names of their dimensions."""
     columns, groups = columns or {}, groups or {}
     check_names("column", columns)
     dimensions = {dimension for column in columns.values() for dimension in column[0]}
@@ -96,44 +95,55 @@ def _groups(
     if taken := sorted((RESERVED | dimensions | within | set(groups)) & set(columns)):
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
     about = {"content": kind, **plain, "parts": [*groups]}
-    image = json.dumps(about, separators=(",", ":")).encode()
+    image = np.array(json.dumps(about, separators=(",", ":")).encode())
     words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
-    yield path, encoded(Dataset({**columns, ABOUT: ((), np.array(image))}, attrs=words))
+    fill_group(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
     for name, inner in groups.items():
-        for where, data in _groups(f"{path}/{name}", **inner):
-            # xarray wants dimensions of one name to have one size in a group and in those inside it
-            longer = {size: f"{name}_{size}" for size in data.sizes} if columns else {}
-            yield where, data.rename_dims(longer)
+        # xarray wants dimensions of one name to have one size in a group and in those inside it
+        _fill(group.create_group(name), f"{prefix}{name}_" if columns else prefix, **inner)
 
 
-def encoded(data: Dataset) -> Dataset:
-    """With text as bytes, truth as 0 and 1, complex numbers as pairs, and None as NaN or ""."""
-    from xarray import Dataset
+def fill_group(
+    group: Group, columns: Mapping[str, Column], attributes: Mapping[Any, Any], prefix: str = ""
+) -> None:
+    """Write columns and attributes, with this before the names of dimensions."""
+    group.attrs.update(_encoded(attributes))
+    variables = {name: _variable(name, *column, prefix) for name, column in columns.items()}
+    for dimensions, values, _ in variables.values():  # first: variables may bear their names
+        for dimension, size in zip(dimensions, values.shape, strict=True):
+            if dimension not in group.dimensions:
+                group.dimensions[dimension] = size
+    for name, (dimensions, values, flags) in variables.items():
+        nothing = np.nan if values.dtype.kind == "f" else None  # what others take for no number
+        one = group.create_variable(name, dimensions, data=values, fillvalue=nothing)
+        one.attrs.update(flags)
 
-    columns = {}
-    for name, column in data.variables.items():
-        dimensions, values, flags = column.dims, _held(name, column.values), {}
-        if values.dtype.kind == "c":
-            values = np.stack([values.real, values.imag], axis=-1)
-            dimensions = (*dimensions, "complex")
-        elif values.dtype.kind == "b":
-            values = values.astype("i1")
-            flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
-        elif values.dtype.kind == "U":
-            values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
-        columns[name] = dimensions, values, _encoded(column.attrs | flags)
-    return Dataset(columns, attrs=_encoded(data.attrs))
+
+def _variable(
+    name: str, dimensions: Iterable[str], values: Any, attributes: Mapping[Any, Any], prefix: str
+) -> Column:
+    """Text as characters, truth as 0 and 1, complex numbers as pairs, and None as NaN or ""."""
+    values, flags = _held(name, np.asarray(values)), {}
+    dimensions = tuple(f"{prefix}{dimension}" for dimension in dimensions)
+    if values.dtype.kind == "c":
+        values = np.stack([values.real, values.imag], axis=-1)
+        dimensions = (*dimensions, f"{prefix}complex")
+    elif values.dtype.kind == "b":
+        values = values.astype("i1")
+        flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
+    elif values.dtype.kind == "U":
+        values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
+    if values.dtype.kind == "S":
+        values = values[..., None].view("S1")
+        dimensions = (*dimensions, f"string{values.shape[-1]}")
+    return dimensions, values, _encoded({**attributes, **flags})
 
 
 def _held(name: Any, values: Array) -> Array:
     """A column as files hold it: what is not there is NaN among numbers, "" among words."""
     if values.dtype.kind in _HELD:
         return values
-    # xarray makes NaN of None among words
-    missing = [
-        value is None or (isinstance(value, float) and value != value) for value in values.flat
-    ]
-    there = ~np.reshape(missing, values.shape)
+    there = np.array([value is not None for value in values.flat], bool).reshape(values.shape)
     for value in values[there]:
         if not (np.isscalar(value) and np.asarray(value).dtype.kind in _HELD):
             raise BadInput(
@@ -183,13 +193,14 @@ def text(words: str) -> np.bytes_:
     return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
 
 
-def write_checked(path: str | Path, data: Dataset | DataTree) -> Path:
-    """Write a netCDF-4 file with its checksum, whole or not at all."""
-    # Where Dask has a cluster, xarray would have that lock a file, and there is none.
-    dask = sys.modules.get("dask")
-    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
-        # in memory first: where a disk is full, HDF5 ends the interpreter
-        image = bytes(data.to_netcdf(engine="h5netcdf"))
+def write_checked(path: str | Path, fill: Callable[[Group], object]) -> Path:
+    """Let `fill` fill a netCDF-4 file, which then has its checksum, whole or not at all."""
+    from h5netcdf import File
+
+    memory = BytesIO()  # first: where a disk is full, HDF5 ends the interpreter
+    with File(memory, "w") as file:
+        fill(file)
+    image = memory.getvalue()
     return write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
 
 
