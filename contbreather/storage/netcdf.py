@@ -13,7 +13,7 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -184,6 +184,17 @@ def check_names(what: str, names: Iterable[str]) -> None:
             raise BadInput(
                 f"{name!r} cannot be the name of a {what} in a file: at most {LONGEST} printable "
                 "bytes without / were expected, and not . or ..; choose another name"
+            )
+
+
+def check_lengths(columns: Mapping[str, Array], names: Sequence[str], what: str) -> None:
+    """Refuse columns whose length is not that of the first one named, the number of `what`."""
+    count = columns[names[0]].size
+    for name in names:
+        if (length := len(np.atleast_1d(columns[name]))) != count:
+            raise BadInput(
+                f"the column {name!r} has length {length}, and there are {count} {what}; restore a "
+                "copy of the file"
             )
 
 
