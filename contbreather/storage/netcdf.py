@@ -39,7 +39,7 @@ ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
-_HELD = "biufcSU"  # kinds of dtypes: truth, numbers, bytes and words
+_HELD = "?bBhHiIlLqQefdFDSU"  # characters of dtypes: truth, numbers, bytes and words
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CHECKSUM = b"\nsha256 of all bytes before: %s\n"
@@ -141,11 +141,11 @@ def _variable(
 
 def _held(name: Any, values: Array) -> Array:
     """A column as files hold it: what is not there is NaN among numbers, "" among words."""
-    if values.dtype.kind in _HELD:
-        return values
+    if values.dtype.char in _HELD:
+        return values.astype("f4") if values.dtype == "f2" else values  # netCDF has no halves
     there = np.array([value is not None for value in values.flat], bool).reshape(values.shape)
     for value in values[there]:
-        if not (np.isscalar(value) and np.asarray(value).dtype.kind in _HELD):
+        if not (np.isscalar(value) and np.asarray(value).dtype.char in _HELD):
             raise BadInput(
                 f"the column {name!r} has {shown(value)}, which no file holds: numbers of up to 64 "
                 "bits, words and truth values were expected, or arrays of these, all of one shape; "

@@ -144,6 +144,15 @@ def test_none_in_a_column_is_nan_or_no_word(other: Any, path: Path) -> None:
             assert (found[~late] == other).all() or (other is None and np.isnan(found).all())
 
 
+def test_halves_are_in_a_file_as_floats(path: Path) -> None:
+    """netCDF has no halves: its library ends the process that reads some."""
+    branch = line(record={"half": lambda point: np.float16(point["mu"])})
+    save(path, branch)
+    assert np.array_equal(load(path)["half"], branch["half"])
+    with h5py.File(path) as file:
+        assert file["branch1/half"].dtype == np.float32
+
+
 STRUCTURE = np.zeros((), [("a", "i4"), ("b", "f8")])[()]
 DAY = np.datetime64("2020-01-01")
 
@@ -151,7 +160,7 @@ DAY = np.datetime64("2020-01-01")
 @pytest.mark.parametrize(
     ("low", "odd"),
     [(1, 2**70), (None, 2**70), (1, {"a": 1}), ("low", {"a": 1}), (DAY, DAY),
-     (STRUCTURE, STRUCTURE)],
+     (STRUCTURE, STRUCTURE), (np.longdouble(1), np.longdouble(1))],
 )  # fmt: skip
 def test_what_no_column_holds_is_refused_in_a_sentence(low: Any, odd: Any, path: Path) -> None:
     branch = line(record={"odd": lambda point: odd if point["mu"] > 0.5 else low})
@@ -634,7 +643,7 @@ def test_columns_of_another_length_are_refused_by_name(path: Path) -> None:
                 load(path)
 
 
-# each read stops at another place: at the file, between its groups, among the columns of one
+# reads that stop among the attributes of a file, and in one of its groups
 LOCKED = """
 import sys, threading
 import contbreather as cb
@@ -653,8 +662,8 @@ print(len(kept))
 
 
 def test_a_read_that_fails_keeps_no_other_thread_from_reading(path: Path) -> None:
-    """h5py has one lock for all threads, and keeps it in the middle of a group's items."""
-    places = [path, *(path.with_name(f"{name}.nc") for name in ("attributes", "column"))]
+    """h5py keeps its lock, one for all threads, until a group's items have been gone through."""
+    places = [path, *(path.with_name(f"{name}.nc") for name in ("attributes", "group"))]
     for place in places:
         save(place, line())
     changed(lambda file: file.attrs.__setitem__("alone", [1, 2]), places[1])
