@@ -28,7 +28,6 @@ from contbreather.files import opened, stream_of, writable, write_whole
 
 if TYPE_CHECKING:
     import h5py
-    from h5netcdf import Group
 
 Array = NDArray[Any]
 Column = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
@@ -39,6 +38,7 @@ ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
+_NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable.%10d"  # in these words
 _HELD = "?bBhHiIlLqQefdFDSU"  # characters of dtypes: truth, numbers, bytes and words
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -69,16 +69,16 @@ def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone:
     target = target_of(path)
     check_names("branch", contents)
 
-    def fill(file: Group) -> None:
+    def fill(file: h5py.Group) -> None:
         fill_group(file, {}, {**_root(), "alone": int(alone)})
         for name, content in contents.items():
-            _fill(file.create_group(name), **content)
+            _fill(file.create_group(name, track_order=True), **content)
 
     return write_checked(target, fill)
 
 
 def _fill(
-    group: Group,
+    group: h5py.Group,
     prefix: str = "",
     *,
     kind: str,
@@ -100,23 +100,37 @@ def _fill(
     fill_group(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
     for name, inner in groups.items():
         # xarray wants dimensions of one name to have one size in a group and in those inside it
-        _fill(group.create_group(name), f"{prefix}{name}_" if columns else prefix, **inner)
+        longer = f"{prefix}{name}_" if columns else prefix
+        _fill(group.create_group(name, track_order=True), longer, **inner)
 
 
 def fill_group(
-    group: Group, columns: Mapping[str, Column], attributes: Mapping[Any, Any], prefix: str = ""
+    group: h5py.Group,
+    columns: Mapping[str, Column],
+    attributes: Mapping[Any, Any],
+    prefix: str = "",
 ) -> None:
     """Write columns and attributes, with this before the names of dimensions."""
+
+    def made(name: str, shape: tuple[int, ...], **more: Any) -> h5py.Dataset:
+        # a dimension of length 0 is unlimited in netCDF
+        limits = tuple(size or None for size in shape) if 0 in shape else None
+        return group.create_dataset(name, shape, maxshape=limits, track_order=True, **more)
+
     group.attrs.update(_encoded(attributes))
     variables = {name: _variable(name, *column, prefix) for name, column in columns.items()}
-    for dimensions, values, _ in variables.values():  # first: variables may bear their names
-        for dimension, size in zip(dimensions, values.shape, strict=True):
-            if dimension not in group.dimensions:
-                group.dimensions[dimension] = size
+    scales: dict[str, h5py.Dataset] = {}
+    for dimensions, values, _ in variables.values():
+        for name, size in zip(dimensions, values.shape, strict=True):
+            if name not in scales:
+                scales[name] = made(name, (size,), dtype=">f4")
+                scales[name].make_scale(_NO_VARIABLE % size)
     for name, (dimensions, values, flags) in variables.items():
-        nothing = np.nan if values.dtype.kind == "f" else None  # what others take for no number
-        one = group.create_variable(name, dimensions, data=values, fillvalue=nothing)
+        own = f"{_NAMESAKE}{name}" if name in scales else name
+        one = made(own, values.shape, data=values, fillvalue=flags.get("_FillValue"))
         one.attrs.update(flags)
+        for axis, dimension in zip(one.dims, dimensions, strict=True):
+            axis.attach_scale(scales[dimension])
 
 
 def _variable(
@@ -136,6 +150,8 @@ def _variable(
     if values.dtype.kind == "S":
         values = values[..., None].view("S1")
         dimensions = (*dimensions, f"string{values.shape[-1]}")
+    elif values.dtype.kind == "f":
+        flags = {"_FillValue": np.full(1, np.nan, values.dtype)}  # what is no number is no value
     return dimensions, values, _encoded({**attributes, **flags})
 
 
@@ -159,7 +175,11 @@ def _held(name: Any, values: Array) -> Array:
 
 
 def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
-    return {n: text(value) if isinstance(value, str) else value for n, value in attributes.items()}
+    """Numbers are arrays of one, as netCDF's own library writes them."""
+    return {
+        name: text(value) if isinstance(value, str) else np.atleast_1d(value)
+        for name, value in attributes.items()
+    }
 
 
 def _decoded(variable: h5py.Dataset) -> Array:
@@ -204,12 +224,12 @@ def text(words: str) -> np.bytes_:
     return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
 
 
-def write_checked(path: str | Path, fill: Callable[[Group], object]) -> Path:
+def write_checked(path: str | Path, fill: Callable[[h5py.Group], object]) -> Path:
     """Let `fill` fill a netCDF-4 file, which then has its checksum, whole or not at all."""
-    from h5netcdf import File
+    import h5py
 
     memory = BytesIO()  # first: where a disk is full, HDF5 ends the interpreter
-    with File(memory, "w") as file:
+    with h5py.File(memory, "w", track_order=True) as file:
         fill(file)
     image = memory.getvalue()
     return write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
