@@ -13,7 +13,8 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     import h5py
 
 Array = NDArray[Any]
+Values = Mapping[Any, Any]
 Column = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
 
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
@@ -38,7 +40,6 @@ ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
-_NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable.%10d"  # in these words
 _HELD = "?bBhHiIlLqQefdFDSU"  # characters of dtypes: truth, numbers, bytes and words
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -68,13 +69,11 @@ def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone:
     """
     target = target_of(path)
     check_names("branch", contents)
-
-    def fill(file: h5py.Group) -> None:
-        fill_group(file, {}, {**_root(), "alone": int(alone)})
+    with checked(target) as file:
+        _describe(file, {**_root(), "alone": int(alone)})
         for name, content in contents.items():
             _fill(file.create_group(name, track_order=True), **content)
-
-    return write_checked(target, fill)
+    return target
 
 
 def _fill(
@@ -97,62 +96,57 @@ def _fill(
     about = {"content": kind, **plain, "parts": [*groups]}
     image = np.array(json.dumps(about, separators=(",", ":")).encode())
     words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
-    fill_group(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
+    fill(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
+    # xarray wants dimensions of one name to have one size in a group and in those inside it
     for name, inner in groups.items():
-        # xarray wants dimensions of one name to have one size in a group and in those inside it
         longer = f"{prefix}{name}_" if columns else prefix
         _fill(group.create_group(name, track_order=True), longer, **inner)
 
 
-def fill_group(
-    group: h5py.Group,
-    columns: Mapping[str, Column],
-    attributes: Mapping[Any, Any],
-    prefix: str = "",
-) -> None:
+def fill(group: h5py.Group, columns: Values, attributes: Values, prefix: str = "") -> None:
     """Write columns and attributes, with this before the names of dimensions."""
-
-    def made(name: str, shape: tuple[int, ...], **more: Any) -> h5py.Dataset:
-        # a dimension of length 0 is unlimited in netCDF
-        limits = tuple(size or None for size in shape) if 0 in shape else None
-        return group.create_dataset(name, shape, maxshape=limits, track_order=True, **more)
-
-    group.attrs.update(_encoded(attributes))
-    variables = {name: _variable(name, *column, prefix) for name, column in columns.items()}
-    scales: dict[str, h5py.Dataset] = {}
-    for dimensions, values, _ in variables.values():
-        for name, size in zip(dimensions, values.shape, strict=True):
-            if name not in scales:
-                scales[name] = made(name, (size,), dtype=">f4")
-                scales[name].make_scale(_NO_VARIABLE % size)
+    _describe(group, attributes)
+    variables = {name: _variable(name, prefix, *column) for name, column in columns.items()}
+    rows = (zip(names, values.shape, strict=True) for names, values, _ in variables.values())
+    sizes = {name: size for row in rows for name, size in row}
+    scales = {name: _made(group, name, (size,), dtype=">f4") for name, size in sizes.items()}
+    for scale in scales.values():  # the words are netCDF's
+        scale.make_scale(b"This is a netCDF dimension but not a netCDF variable.%10d" % scale.size)
     for name, (dimensions, values, flags) in variables.items():
         own = f"{_NAMESAKE}{name}" if name in scales else name
-        one = made(own, values.shape, data=values, fillvalue=flags.get("_FillValue"))
-        one.attrs.update(flags)
+        one = _made(group, own, values.shape, data=values, fillvalue=flags.get("_FillValue"))
+        _describe(one, flags)
         for axis, dimension in zip(one.dims, dimensions, strict=True):
             axis.attach_scale(scales[dimension])
 
 
-def _variable(
-    name: str, dimensions: Iterable[str], values: Any, attributes: Mapping[Any, Any], prefix: str
-) -> Column:
+def _made(group: h5py.Group, name: str, shape: tuple[int, ...], **more: Any) -> h5py.Dataset:
+    limits = tuple(size or None for size in shape) if 0 in shape else None  # as netCDF has length 0
+    return group.create_dataset(name, shape, maxshape=limits, track_order=True, **more)
+
+
+def _describe(one: h5py.Group | h5py.Dataset, attributes: Values) -> None:
+    for name, value in attributes.items():  # numbers are arrays, as netCDF itself writes them
+        one.attrs[name] = text(value) if isinstance(value, str) else np.atleast_1d(value)
+
+
+def _variable(name: str, prefix: str, along: Iterable[str], values: Any, flags: Values) -> Column:
     """Text as characters, truth as 0 and 1, complex numbers as pairs, and None as NaN or ""."""
-    values, flags = _held(name, np.asarray(values)), {}
-    dimensions = tuple(f"{prefix}{dimension}" for dimension in dimensions)
+    values, dimensions = _held(name, np.asarray(values)), tuple(f"{prefix}{one}" for one in along)
     if values.dtype.kind == "c":
         values = np.stack([values.real, values.imag], axis=-1)
         dimensions = (*dimensions, f"{prefix}complex")
     elif values.dtype.kind == "b":
         values = values.astype("i1")
-        flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
+        flags = {**flags, "flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
     elif values.dtype.kind == "U":
         values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
     if values.dtype.kind == "S":
         values = values[..., None].view("S1")
         dimensions = (*dimensions, f"string{values.shape[-1]}")
     elif values.dtype.kind == "f":
-        flags = {"_FillValue": np.full(1, np.nan, values.dtype)}  # what is no number is no value
-    return dimensions, values, _encoded({**attributes, **flags})
+        flags = {**flags, "_FillValue": np.full(1, np.nan, values.dtype)}
+    return dimensions, values, dict(flags)
 
 
 def _held(name: Any, values: Array) -> Array:
@@ -172,14 +166,6 @@ def _held(name: Any, values: Array) -> Array:
     filled = np.full(values.shape, "" if own.dtype.kind in "SU" else np.nan, dtype=kind)
     filled[there] = own
     return filled
-
-
-def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Numbers are arrays of one, as netCDF's own library writes them."""
-    return {
-        name: text(value) if isinstance(value, str) else np.atleast_1d(value)
-        for name, value in attributes.items()
-    }
 
 
 def _decoded(variable: h5py.Dataset) -> Array:
@@ -224,15 +210,16 @@ def text(words: str) -> np.bytes_:
     return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
 
 
-def write_checked(path: str | Path, fill: Callable[[h5py.Group], object]) -> Path:
-    """Let `fill` fill a netCDF-4 file, which then has its checksum, whole or not at all."""
+@contextmanager
+def checked(path: str | Path) -> Iterator[h5py.Group]:
+    """A netCDF-4 file to fill: written after that with its checksum, whole or not at all."""
     import h5py
 
     memory = BytesIO()  # first: where a disk is full, HDF5 ends the interpreter
     with h5py.File(memory, "w", track_order=True) as file:
-        fill(file)
+        yield file
     image = memory.getvalue()
-    return write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
+    write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
 
 
 def _root() -> dict[str, Any]:
