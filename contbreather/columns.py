@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 Array = NDArray[Any]
+Variable = tuple[tuple[str, ...], Any]  # dimensions, values
 
 
 class Columns:
@@ -45,12 +46,14 @@ class Columns:
         """
         from xarray import Dataset
 
-        return Dataset(
-            {
-                name: ((self.along, *(f"{name}_{i}" for i in range(1, column.ndim))), column)
-                for name, column in self.columns().items()
-            }
-        )
+        return Dataset(self.variables())
+
+    def variables(self) -> dict[str, Variable]:
+        """All columns with their dimensions, as datasets and files have them."""
+        return {
+            name: ((self.along, *(f"{name}_{i}" for i in range(1, column.ndim))), column)
+            for name, column in self.columns().items()
+        }
 
     def to_dataframe(self) -> Any:
         """The columns as a `DataFrame` of pandas: those that are arrays number by number, complex

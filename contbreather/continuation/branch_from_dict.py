@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
+from ..storage.netcdf import check_lengths
 from ..storage.serialise import can_read, from_dict
 from .active_events import active_events
 from .boundary import boundary_problem
@@ -89,6 +90,9 @@ class _Stored:
     def __init__(self, content: Content) -> None:
         self.content, self.columns = content, content["columns"]
         names = (*content["unknowns"], *content["free"])
+        fixed = {*content["parameters"]} - {*names}  # these are single numbers
+        every = (name for name in self.columns if name not in fixed)
+        check_lengths(self.columns, ["arclength", *every], "points")
         rows = [self.columns[name].reshape(self.columns["arclength"].size, -1) for name in names]
         self.z = np.concatenate(rows, axis=1)
 

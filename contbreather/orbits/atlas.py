@@ -17,7 +17,7 @@ from contbreather.lattice import Forcing, Lattice
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
 from contbreather.orbits.zones_many import Slice, drawn, slices_of
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.storage.netcdf import ATLAS, encoded, write_checked
+from contbreather.storage.netcdf import ATLAS, checked, fill
 from contbreather.workers import Failed, each
 
 if TYPE_CHECKING:
@@ -192,4 +192,7 @@ def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
     if not hasattr(atlas, "reason"):
         raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
-    return write_checked(path, encoded(atlas))
+    columns = {name: (one.dims, one.values, one.attrs) for name, one in atlas.variables.items()}
+    with checked(path) as file:
+        fill(file, columns, atlas.attrs)
+    return Path(path)

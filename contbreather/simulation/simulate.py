@@ -8,13 +8,13 @@ are part of the motion (`cruise`). The only error left is rounding.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, Unpack
+from typing import Any, NamedTuple, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import MOST, number, one_of, whole
-from contbreather.columns import Columns
+from contbreather.columns import Columns, Variable
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
@@ -42,9 +42,6 @@ from contbreather.simulation.states import (
     within,
 )
 from contbreather.tables import Sheet
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 Array = NDArray[Any]
 
@@ -92,25 +89,23 @@ class States(Columns, HtmlRepr):
         """The states at the strobe."""
         return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
 
-    def to_xarray(self) -> Dataset:
+    def variables(self) -> dict[str, Variable]:
         """Everything: the states at the strobe and at the end, sampled sites."""
-        from xarray import Dataset
-
         both = ("strobe", "site")
-        found: dict[str, Any] = {
-            "time": ("strobe", self.times),
+        found: dict[str, Variable] = {
+            "time": (("strobe",), self.times),
             "u": (both, self.strobe.u),
             "v": (both, self.strobe.v),
-            "final_u": ("site", self.final.u),
-            "final_v": ("site", self.final.v),
+            "final_u": (("site",), self.final.u),
+            "final_v": (("site",), self.final.v),
             "end": ((), self.end),
         }
         if self.record is not None:
             sampled = ("sample", "sampled_site")
-            found["sample_time"] = ("sample", self.record.times)
-            found["sampled_sites"] = ("sampled_site", np.array(self.record.sites))
+            found["sample_time"] = ("sample",), self.record.times
+            found["sampled_sites"] = ("sampled_site",), np.array(self.record.sites)
             found |= {"sample_u": (sampled, self.record.u), "sample_v": (sampled, self.record.v)}
-        return Dataset(found)
+        return found
 
     @property
     def sites(self) -> int:
@@ -175,15 +170,14 @@ class Run(States):
         """The table of impacts; `to_xarray` has the states as well."""
         return {name: self.impacts[name] for name in IMPACT.names or ()}
 
-    def to_xarray(self) -> Dataset:
+    def variables(self) -> dict[str, Variable]:
         """Everything: impacts, rests, the states at the strobe, sampled sites."""
         tables = {"impact": self.impacts, "rest": self.rests}
-        found: dict[str, Any] = {
-            f"{what}_{name}": (what, table[name])
+        return super().variables() | {
+            f"{what}_{name}": ((what,), table[name])
             for what, table in tables.items()
             for name in table.dtype.names or ()
         }
-        return super().to_xarray().assign(found)
 
     def at_site(self, n: int, wall: int | None = None) -> NDArray[np.void]:
         """The impacts of one site, on one wall or on both."""

@@ -15,6 +15,7 @@ from contbreather.simulation.periodic import problem_of_cycle
 from contbreather.simulation.simulate import Record, Run
 from contbreather.simulation.smooth import SmoothConditions, SmoothRun
 from contbreather.simulation.states import State
+from contbreather.storage.netcdf import check_lengths
 from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
 
 Values = Mapping[str, Any]
@@ -28,13 +29,11 @@ def _to_dict(run: Run | SmoothRun) -> dict[str, Any]:
             f"{error.args[0]!r} is of your own making, and a file holds numbers only: give the "
             "forcing as Fourier, Symbolic or Samples, and simulate with that"
         ) from error
-    variables = run.to_xarray().variables.items()
-    columns = {str(name): (v.dims, v.values, v.attrs) for name, v in variables}
     return {
         "conditions": conditions,
         "stop": run.stop.name,
         "reason": run.reason,
-        "columns": columns,
+        "columns": {name: (*variable, {}) for name, variable in run.variables().items()},
         **({"noise": run.noise} if isinstance(run, Run) and run.noise else {}),
     }
 
@@ -42,7 +41,9 @@ def _to_dict(run: Run | SmoothRun) -> dict[str, Any]:
 def _shared(columns: Values, stop: str, reason: str) -> dict[str, Any]:
     """What both kinds of runs have."""
     record = None
+    check_lengths(columns, ("time", "u", "v"), "states")
     if "sample_time" in columns:
+        check_lengths(columns, ("sample_time", "sample_u", "sample_v"), "samples")
         sites = tuple(columns["sampled_sites"].tolist())
         record = Record(columns["sample_time"], sites, columns["sample_u"], columns["sample_v"])
     return {
@@ -57,6 +58,7 @@ def _shared(columns: Values, stop: str, reason: str) -> dict[str, Any]:
 
 
 def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
+    check_lengths(columns, [f"{what}_{name}" for name in dtype.names or ()], f"{what}s")
     table = np.empty(columns[f"{what}_time"].size, dtype)
     for name in dtype.names or ():
         table[name] = columns[f"{what}_{name}"]

@@ -13,10 +13,10 @@ import hashlib
 import json
 import os
 import platform
-import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +29,9 @@ from contbreather.files import opened, stream_of, writable, write_whole
 
 if TYPE_CHECKING:
     import h5py
-    from xarray import Dataset, DataTree
 
 Array = NDArray[Any]
+Values = Mapping[Any, Any]
 Column = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
 
 FORMAT, NUMBER = "run of contbreather", 3  # the number grows where older versions cannot read on
@@ -40,7 +40,7 @@ ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
-_HELD = "biufcSU"  # kinds of dtypes: truth, numbers, bytes and words
+_HELD = "?bBhHiIlLqQefdFDSU"  # characters of dtypes: truth, numbers, bytes and words
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CHECKSUM = b"\nsha256 of all bytes before: %s\n"
@@ -67,28 +67,26 @@ def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone:
 
     `alone` says whether the one value is what the file is, rather than the first of several.
     """
-    from xarray import Dataset, DataTree
-
     target = target_of(path)
     check_names("branch", contents)
-    groups = {"/": encoded(Dataset(attrs={**_root(), "alone": int(alone)}))}
-    for name, content in contents.items():
-        groups |= _groups(f"/{name}", **content)
-    return write_checked(target, DataTree.from_dict(groups))
+    with checked(target) as file:
+        _describe(file, {**_root(), "alone": int(alone)})
+        for name, content in contents.items():
+            _fill(file.create_group(name, track_order=True), **content)
+    return target
 
 
-def _groups(
-    path: str,
+def _fill(
+    group: h5py.Group,
+    prefix: str = "",
     *,
     kind: str,
     columns: Mapping[str, Column] | None = None,
     groups: Mapping[str, Any] | None = None,
     attributes: Mapping[str, str] | None = None,
     **plain: Any,
-) -> Iterator[tuple[str, Dataset]]:
-    """A dict and those in it as datasets, by their paths in the file."""
-    from xarray import Dataset
-
+) -> None:
+    """Write a dict and those in it, with this before the names of their dimensions."""
     columns, groups = columns or {}, groups or {}
     check_names("column", columns)
     dimensions = {dimension for column in columns.values() for dimension in column[0]}
@@ -96,46 +94,68 @@ def _groups(
     if taken := sorted((RESERVED | dimensions | within | set(groups)) & set(columns)):
         raise BadInput(f"{taken[0]!r} is a name that the file needs itself; choose another")
     about = {"content": kind, **plain, "parts": [*groups]}
-    image = json.dumps(about, separators=(",", ":")).encode()
+    image = np.array(json.dumps(about, separators=(",", ":")).encode())
     words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
-    yield path, encoded(Dataset({**columns, ABOUT: ((), np.array(image))}, attrs=words))
+    fill(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
+    # xarray wants dimensions of one name to have one size in a group and in those inside it
     for name, inner in groups.items():
-        for where, data in _groups(f"{path}/{name}", **inner):
-            # xarray wants dimensions of one name to have one size in a group and in those inside it
-            longer = {size: f"{name}_{size}" for size in data.sizes} if columns else {}
-            yield where, data.rename_dims(longer)
+        longer = f"{prefix}{name}_" if columns else prefix
+        _fill(group.create_group(name, track_order=True), longer, **inner)
 
 
-def encoded(data: Dataset) -> Dataset:
-    """With text as bytes, truth as 0 and 1, complex numbers as pairs, and None as NaN or ""."""
-    from xarray import Dataset
+def fill(group: h5py.Group, columns: Values, attributes: Values, prefix: str = "") -> None:
+    """Write columns and attributes, with this before the names of dimensions."""
+    _describe(group, attributes)
+    variables = {name: _variable(name, prefix, *column) for name, column in columns.items()}
+    rows = (zip(names, values.shape, strict=True) for names, values, _ in variables.values())
+    sizes = {name: size for row in rows for name, size in row}
+    scales = {name: _made(group, name, (size,), dtype=">f4") for name, size in sizes.items()}
+    for scale in scales.values():  # the words are netCDF's
+        scale.make_scale(b"This is a netCDF dimension but not a netCDF variable.%10d" % scale.size)
+    for name, (dimensions, values, flags) in variables.items():
+        own = f"{_NAMESAKE}{name}" if name in scales else name
+        one = _made(group, own, values.shape, data=values, fillvalue=flags.get("_FillValue"))
+        _describe(one, flags)
+        for axis, dimension in zip(one.dims, dimensions, strict=True):
+            axis.attach_scale(scales[dimension])
 
-    columns = {}
-    for name, column in data.variables.items():
-        dimensions, values, flags = column.dims, _held(name, column.values), {}
-        if values.dtype.kind == "c":
-            values = np.stack([values.real, values.imag], axis=-1)
-            dimensions = (*dimensions, "complex")
-        elif values.dtype.kind == "b":
-            values = values.astype("i1")
-            flags = {"flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
-        elif values.dtype.kind == "U":
-            values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
-        columns[name] = dimensions, values, _encoded(column.attrs | flags)
-    return Dataset(columns, attrs=_encoded(data.attrs))
+
+def _made(group: h5py.Group, name: str, shape: tuple[int, ...], **more: Any) -> h5py.Dataset:
+    limits = tuple(size or None for size in shape) if 0 in shape else None  # as netCDF has length 0
+    return group.create_dataset(name, shape, maxshape=limits, track_order=True, **more)
+
+
+def _describe(one: h5py.Group | h5py.Dataset, attributes: Values) -> None:
+    for name, value in attributes.items():  # numbers are arrays, as netCDF itself writes them
+        one.attrs[name] = text(value) if isinstance(value, str) else np.atleast_1d(value)
+
+
+def _variable(name: str, prefix: str, along: Iterable[str], values: Any, flags: Values) -> Column:
+    """Text as characters, truth as 0 and 1, complex numbers as pairs, and None as NaN or ""."""
+    values, dimensions = _held(name, np.asarray(values)), tuple(f"{prefix}{one}" for one in along)
+    if values.dtype.kind == "c":
+        values = np.stack([values.real, values.imag], axis=-1)
+        dimensions = (*dimensions, f"{prefix}complex")
+    elif values.dtype.kind == "b":
+        values = values.astype("i1")
+        flags = {**flags, "flag_meanings": "false true", "flag_values": np.arange(2, dtype="i1")}
+    elif values.dtype.kind == "U":
+        values = np.array([text(word) for word in values.flat], "S").reshape(values.shape)
+    if values.dtype.kind == "S":
+        values = values[..., None].view("S1")
+        dimensions = (*dimensions, f"string{values.shape[-1]}")
+    elif values.dtype.kind == "f":
+        flags = {**flags, "_FillValue": np.full(1, np.nan, values.dtype)}
+    return dimensions, values, dict(flags)
 
 
 def _held(name: Any, values: Array) -> Array:
     """A column as files hold it: what is not there is NaN among numbers, "" among words."""
-    if values.dtype.kind in _HELD:
-        return values
-    # xarray makes NaN of None among words
-    missing = [
-        value is None or (isinstance(value, float) and value != value) for value in values.flat
-    ]
-    there = ~np.reshape(missing, values.shape)
+    if values.dtype.char in _HELD:
+        return values.astype("f4") if values.dtype == "f2" else values  # netCDF has no halves
+    there = np.array([value is not None for value in values.flat], bool).reshape(values.shape)
     for value in values[there]:
-        if not (np.isscalar(value) and np.asarray(value).dtype.kind in _HELD):
+        if not (np.isscalar(value) and np.asarray(value).dtype.char in _HELD):
             raise BadInput(
                 f"the column {name!r} has {shown(value)}, which no file holds: numbers of up to 64 "
                 "bits, words and truth values were expected, or arrays of these, all of one shape; "
@@ -146,10 +166,6 @@ def _held(name: Any, values: Array) -> Array:
     filled = np.full(values.shape, "" if own.dtype.kind in "SU" else np.nan, dtype=kind)
     filled[there] = own
     return filled
-
-
-def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
-    return {n: text(value) if isinstance(value, str) else value for n, value in attributes.items()}
 
 
 def _decoded(variable: h5py.Dataset) -> Array:
@@ -177,20 +193,33 @@ def check_names(what: str, names: Iterable[str]) -> None:
             )
 
 
+def check_lengths(columns: Mapping[str, Array], names: Sequence[str], what: str) -> None:
+    """Refuse columns whose length is not that of the first one named, the number of `what`."""
+    count = columns[names[0]].size
+    for name in names:
+        if (length := len(np.atleast_1d(columns[name]))) != count:
+            raise BadInput(
+                f"the column {name!r} has length {length}, and there are {count} {what}; restore a "
+                "copy of the file"
+            )
+
+
 def text(words: str) -> np.bytes_:
     """Text as HDF5 and all that read it take it, neither null bytes nor what is no character."""
     image = words.replace("\0", r"\0").encode(errors="backslashreplace")
     return np.bytes_(image[:_TEXT].decode(errors="ignore").encode())
 
 
-def write_checked(path: str | Path, data: Dataset | DataTree) -> Path:
-    """Write a netCDF-4 file with its checksum, whole or not at all."""
-    # Where Dask has a cluster, xarray would have that lock a file, and there is none.
-    dask = sys.modules.get("dask")
-    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
-        # in memory first: where a disk is full, HDF5 ends the interpreter
-        image = bytes(data.to_netcdf(engine="h5netcdf"))
-    return write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
+@contextmanager
+def checked(path: str | Path) -> Iterator[h5py.Group]:
+    """A netCDF-4 file to fill: written after that with its checksum, whole or not at all."""
+    import h5py
+
+    memory = BytesIO()  # first: where a disk is full, HDF5 ends the interpreter
+    with h5py.File(memory, "w", track_order=True) as file:
+        yield file
+    image = memory.getvalue()
+    write_whole(path, lambda file: file.writelines((image, _CHECKSUM % _sha256(image))))
 
 
 def _root() -> dict[str, Any]:

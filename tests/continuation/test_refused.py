@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import contbreather as cb
 from contbreather.continuation import Event
 from contbreather.errors import BadInput, NoSolution, NotConverged
-from contbreather.storage.netcdf import write_checked
+from contbreather.storage.netcdf import checked
 
 from .zoo import LINE, PITCHFORK
 
@@ -64,13 +64,10 @@ def test_a_file_with_more_unknowns_than_the_problem_is_refused(tmp_path: Path) -
 
 
 def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
-    import xarray
-
-    tree = xarray.DataTree.from_dict({"/branch1": xarray.Dataset({"x": ("point", [1.0])})})
-    tree.attrs["format"] = "branches of somebody else"
-    path = write_checked(tmp_path / "other.nc", tree)
+    with checked(tmp_path / "other.nc") as file:
+        file.attrs["format"] = "branches of somebody else"
     with pytest.raises(BadInput, match=r"other\.nc holds nothing that this version's `save` wr"):
-        cb.load(path)
+        cb.load(tmp_path / "other.nc")
 
 
 # --- coefficients ---------------------------------------------------------------------------------

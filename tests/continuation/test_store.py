@@ -144,6 +144,15 @@ def test_none_in_a_column_is_nan_or_no_word(other: Any, path: Path) -> None:
             assert (found[~late] == other).all() or (other is None and np.isnan(found).all())
 
 
+def test_halves_are_in_a_file_as_floats(path: Path) -> None:
+    """netCDF has no halves: its library ends the process that reads some."""
+    branch = line(record={"half": lambda point: np.float16(point["mu"])})
+    save(path, branch)
+    assert np.array_equal(load(path)["half"], branch["half"])
+    with h5py.File(path) as file:
+        assert file["branch1/half"].dtype == np.float32
+
+
 STRUCTURE = np.zeros((), [("a", "i4"), ("b", "f8")])[()]
 DAY = np.datetime64("2020-01-01")
 
@@ -151,7 +160,7 @@ DAY = np.datetime64("2020-01-01")
 @pytest.mark.parametrize(
     ("low", "odd"),
     [(1, 2**70), (None, 2**70), (1, {"a": 1}), ("low", {"a": 1}), (DAY, DAY),
-     (STRUCTURE, STRUCTURE)],
+     (STRUCTURE, STRUCTURE), (np.longdouble(1), np.longdouble(1))],
 )  # fmt: skip
 def test_what_no_column_holds_is_refused_in_a_sentence(low: Any, odd: Any, path: Path) -> None:
     branch = line(record={"odd": lambda point: odd if point["mu"] > 0.5 else low})
@@ -580,10 +589,24 @@ def _without(name: str) -> Callable[[h5py.File], None]:
     return change
 
 
-def _without_scales(file: h5py.File) -> None:
-    """A column of two numbers whose axis is no dimension."""
-    del file["branch1/x"]
-    file["branch1/x"] = np.zeros(2)
+def _put(name: str, values: Any) -> Callable[[h5py.File], None]:
+    """A column whose axis is no dimension."""
+
+    def change(file: h5py.File) -> None:
+        del file[name]
+        file[name] = values
+
+    return change
+
+
+def changed(change: Callable[[h5py.File], None], path: Path) -> None:
+    """Let somebody change a file together with its checksum."""
+    path.write_bytes(path.read_bytes().partition(b"\nsha256")[0])
+    with h5py.File(path, "r+") as file:
+        change(file)
+    image = path.read_bytes()
+    sum_of_all = hashlib.sha256(image).hexdigest().encode()
+    path.write_bytes(image + b"\nsha256 of all bytes before: %s\n" % sum_of_all)
 
 
 @pytest.mark.parametrize(
@@ -594,22 +617,59 @@ def _without_scales(file: h5py.File) -> None:
         lambda file: file.__delitem__("branch1/about_in_json"),
         lambda file: file.__delitem__("branch1/x"),
         *map(_without, ("content", "kinds", "settings", "free")),
-        _without_scales,
+        _put("branch1/x", np.zeros(2)),
     ],
 )
 def test_what_somebody_changed_together_with_its_checksum_is_refused(
     change: Callable[[h5py.File], None], path: Path
 ) -> None:
     save(path, line())
-    path.write_bytes(path.read_bytes().partition(b"\nsha256")[0])
-    with h5py.File(path, "r+") as file:
-        change(file)
-    image = path.read_bytes()
-    sum_of_all = hashlib.sha256(image).hexdigest().encode()
-    path.write_bytes(image + b"\nsha256 of all bytes before: %s\n" % sum_of_all)
+    changed(change, path)
     with pytest.raises(BadInput, match="its contents are not as `save` writes them") as refused:
         load(path)
     assert str(refused.value).count(str(path)) == 1
+
+
+def test_columns_of_another_length_are_refused_by_name(path: Path) -> None:
+    branch = line(record={"y": lambda point: point["mu"]})
+    save(path, branch)
+    image, count = path.read_bytes(), len(branch)
+    for name in ("x", "mu", "y", "residual", "point_kind", "point_tangent"):
+        for shape, length in (((3,), 3), ((2 * count, 3), 2 * count), ((), 1)):
+            path.write_bytes(image)
+            changed(_put(f"branch1/{name}", np.zeros(shape)), path)
+            said = f"the column {name!r} has length {length}, and there are {count} points"
+            with pytest.raises(BadInput, match=said):
+                load(path)
+
+
+# reads that stop among the attributes of a file, and in one of its groups
+LOCKED = """
+import sys, threading
+import contbreather as cb
+sound, *others = sys.argv[1:]
+kept = []
+for name in others:
+    try:
+        cb.load(name)
+    except cb.BadInput as error:
+        kept.append(error)  # with all that was going on
+other = threading.Thread(target=cb.load, args=[sound])
+other.start()
+other.join()
+print(len(kept))
+"""
+
+
+def test_a_read_that_fails_keeps_no_other_thread_from_reading(path: Path) -> None:
+    """h5py keeps its lock, one for all threads, until a group's items have been gone through."""
+    places = [path, *(path.with_name(f"{name}.nc") for name in ("attributes", "group"))]
+    for place in places:
+        save(place, line())
+    changed(lambda file: file.attrs.__setitem__("alone", [1, 2]), places[1])
+    changed(_put("branch1/x", np.zeros(2)), places[2])
+    done = ended("-c", LOCKED, *places, hung=60)
+    assert (done.returncode, done.stdout) == (0, "2\n")
 
 
 @pytest.mark.parametrize("given", [3, "", None, "\0", "x" * 300])

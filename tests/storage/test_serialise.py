@@ -12,7 +12,7 @@ import contbreather as cb
 from contbreather.continuation.branch_to_dict import result_to_dict
 from contbreather.errors import BadInput
 from contbreather.runs import load
-from contbreather.simulation import open_recording, record, simulate
+from contbreather.simulation import Sample, open_recording, record, simulate
 from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
 
 EARLIER = Path(__file__).parent / "earlier"
@@ -90,6 +90,19 @@ def test_a_forcing_of_somebody_s_own_is_recorded_by_its_harmonics(tmp_path: Path
 def test_a_dict_that_no_reader_takes_is_refused(content, sentence: str) -> None:
     with pytest.raises(BadInput, match=sentence):
         from_dict(content)
+
+
+def test_columns_of_a_run_of_another_length_are_refused_by_name() -> None:
+    content = to_dict(simulate(STATE, periods=9, **CONDITIONS, sample=Sample()))
+    columns = {name: column[1] for name, column in content["columns"].items()}
+    assert from_dict({**content, "columns": columns}).periods == 9
+    for name, what in {
+        "u": "10 states", "impact_site": f"{len(columns['impact_time'])} impacts",
+        "rest_begins": "0 rests", "sample_v": "576 samples",
+    }.items():  # fmt: skip
+        said = f"the column {name!r} has length 1, and there are {what}"
+        with pytest.raises(BadInput, match=said):
+            from_dict({**content, "columns": {**columns, name: np.zeros((1, 3))}})
 
 
 def test_a_parameter_may_be_called_kind() -> None:
