@@ -260,7 +260,11 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     if not settle:
         return t0, state, 0
     ran = run(x0=state, time=settle, t0=t0)
-    return t0 + settle, ran.final, ran.pieces[-1].number
+    last = ran.pieces[-1]
+    if not ran.events:
+        return t0 + settle, ran.final, last.number
+    middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
+    return middle, last(middle), last.number
 
 
 def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Stretch]]:

@@ -49,7 +49,8 @@ class Cycle(HtmlRepr):
         itself with a mirror as `reset`, that half.
     multipliers : ndarray
         Of small perturbations over the period, the largest first; the trivial one of an
-        autonomous orbit is among them.
+        autonomous orbit is among them. One is infinite where an impact loses its velocity (VI),
+        where all others are NaN.
     trivial : float
         That one, 1 but for what the mesh does not resolve; NaN for forced orbits.
     unstable : int

@@ -375,16 +375,39 @@ def test_half_of_a_symmetric_orbit_is_closed_by_a_mirror() -> None:
     assert half.others[0].real ** 2 == pytest.approx(whole.others[0].real, rel=1e-6)
 
 
-def test_a_wall_that_is_touched_in_between_ends_the_branch() -> None:
-    """The response of the linear oscillator grows with its forcing until it touches x = 2."""
+@pytest.mark.parametrize("lag", [0.0, math.atan2(0.14, 0.51)])
+def test_a_wall_that_is_touched_ends_the_branch_where_a_period_begins_too(lag: float) -> None:
+    """The response of the linear oscillator grows with its forcing until it touches x = 2, with
+    the second phase at t = 0."""
     free = cb.Flow(
-        lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + p["F"] * np.cos(0.7 * t)],
+        lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + p["F"] * np.cos(0.7 * t + lag)],
         walls=(lambda t, x, p: 2 - x[0],),
     )
     forced = cb.cycle(free, {"x": 0.0, "v": 0.0}, {"F": 0.5}, period=TAU / 0.7, settle=200)
     branch = cb.trace(forced, "F", within={"F": (0.1, 5)}, towards="up")
     assert branch[-1].kind == "GR"
     assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),  # y' = a - y from b on for a time of 1
+    [("a", 1 / (1 - math.exp(-1))), ("b", 1.0)],
+    ids=["where the flow ends", "where a reset lands"],
+)
+def test_a_wall_is_seen_at_the_ends_of_a_flow(name: str, limit: float) -> None:
+    ramp = cb.Flow(
+        lambda t, x, p: [1.0 + 0 * x[0], p["a"] - x[1]], until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [0.0, p["b"]], walls=(lambda t, x, p: 1 - x[1],),
+    )  # fmt: skip
+    params = {"a": 0.0, "b": 0.0} | {name: 0.1}
+    # it ends to settle just where the flow ends
+    start = cb.cycle(ramp, {"x": 0.0, "y": 0.0}, params, settle=30)
+    (at,) = cb.trace(start, name, within={name: (0.05, 4)}, towards="up").special[1:]
+    assert (at.kind, at[name]) == ("GR", pytest.approx(limit, abs=1e-10))
+    line = cb.boundary(at, ("a", "b"), within={"a": (-1, 2)}, steps=cb.Steps(most=3), events=())
+    for place in line:
+        orbit = place.ground.solution
+        assert orbit.max["y"] == pytest.approx(1.0, abs=1e-10)
 
 
 @pytest.mark.parametrize(("wall", "passed"), [(4.0, True), (6.0, False)])
