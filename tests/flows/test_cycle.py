@@ -452,6 +452,33 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
     assert orbit[0].duration == pytest.approx(TAU)
 
 
+def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
+    """A circle of radius 1 / mu: what grows is the orbit, whose window no user could tell."""
+
+    def circle(t, x, p):
+        inside = 1 - p["mu"] ** 2 * (x[0] ** 2 + x[1] ** 2)
+        return [x[0] * inside - x[1], x[1] * inside + x[0]]
+
+    ring = cb.cycle(circle, {"x": 1.0, "y": 0.0}, {"mu": 1.0}, settle=20)
+    far = {"towards": "down", "events": (), "steps": cb.Steps(most=60, largest=100.0)}
+    branch = cb.trace(ring, "mu", **far)
+    wanted = "the solution grows, and no window ends it; give one, within={'mu': (low, high)}"
+    assert branch.reason == wanted
+    assert cb.trace(ring, "mu", within={"mu": (0.1, 2)}, **far).stop.name == "BOUND"
+    for asked in (
+        lambda: branch["nu"], lambda: branch[0]["nu"],
+        lambda: cb.plotting.plot_diagram([branch], y="nu"),
+        lambda: cb.trace(ring, "mu", within={"nu": (0, 1)}),
+    ):  # fmt: skip
+        with pytest.raises(cb.BadInput, match="period") as told:
+            asked()
+        assert "orbit" not in str(told.value)
+    with pytest.raises(cb.BadInput, match=r"events=\[cb.user\('max\(x\)', value, terminal=True\)\]"):
+        cb.trace(ring, "mu", within={"max(x)": (0, 9)})
+    ended = cb.trace(ring, "mu", **{**far, "events": [cb.user("max(x)", 9.0, terminal=True)]})
+    assert ended[-1]["mu"] == pytest.approx(1 / 9)
+
+
 # --- refusals --------------------------------------------------------------------------------
 
 
