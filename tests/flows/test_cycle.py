@@ -473,7 +473,7 @@ def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
         with pytest.raises(cb.BadInput, match="period") as told:
             asked()
         assert "orbit" not in str(told.value)
-    with pytest.raises(cb.BadInput, match=r"events=\[cb.user\('max\(x\)', value, terminal=True\)\]"):
+    with pytest.raises(cb.BadInput, match=r"=\[cb.user\('max\(x\)', value, terminal=True\)\]"):
         cb.trace(ring, "mu", within={"max(x)": (0, 9)})
     ended = cb.trace(ring, "mu", **{**far, "events": [cb.user("max(x)", 9.0, terminal=True)]})
     assert ended[-1]["mu"] == pytest.approx(1 / 9)
