@@ -30,6 +30,7 @@ _BETWEEN = _POWERS(2 * _PLACES[1::2] - 1) @ np.linalg.inv(_POWERS(2 * _PLACES[::
 _ALIKE = 1e-3  # relative to its size there
 _HALVINGS = 8
 _SHIFTED = 1.0 + 1e-6  # a state times this is another one
+_LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
 _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
 _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
@@ -486,8 +487,8 @@ class _Watched:
             clear = inside
         if clear.size and g[clear[0]] < 0:
             look = "look at the start or the reset"
-            if clear.size > 1 and np.ptp(g[clear]) == 0.0:  # where it is not 0, by rounding or not
-                look = "it does not change there: in place of sign(x[0]) give x[0]"
+            if np.count_nonzero(np.diff(g[-_LATE:])) < _LATE // 2:
+                look = "it changes in jumps alone: in place of sign(x[0]) or floor(x[0]) give x[0]"
             raise BadInput(
                 f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "
                 f"{self.name} = {g[0]:.3g} there, {g[clear[0]]:.3g} after {t[clear[0]] - a:.1g}. "
