@@ -183,7 +183,8 @@ class Branch(Columns, HtmlRepr):
         array = problem.normed(name)
         if array is not None:
             return np.asarray(np.linalg.norm(self[array], axis=1))
-        raise BadInput(f"no column {name!r}; this branch has {list(self.names)}")
+        has = [name for name in self.names if name not in problem.internals]
+        raise BadInput(f"no column {name!r}; this branch has {has}")
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """All columns by name, the labels of the special points first. At special points there is

@@ -178,15 +178,10 @@ def cusp() -> Event:
 def _examine_cusp(point: Point) -> Examined:
     ground = point.ground
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
-    # its terms may all vanish at once (h + mu x + x^5): then it is small against the equations
-    unit = normal_forms.Forms(point).cubic
-    if not _large(ground):  # where rows are divided by the square of a mesh
-        unit *= float(ground.curve.rows.max())
     # where two folds are mirror images both vanish, and location is good to 1e-6 only
-    small = 1e-5 * (cubic.size + quadratic.size) + 1e-6 * unit
-    if abs(cubic.value) <= small:
+    if abs(cubic.value) <= 1e-5 * cubic.size:
         return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
-    if abs(quadratic.value) > 1e-4 * (quadratic.size + abs(cubic.value)):
+    if abs(quadratic.value) > 1e-4 * quadratic.size:
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
     return {"c": cubic.value.real, **branch_points.crossed(ground)}
 

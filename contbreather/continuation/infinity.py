@@ -94,6 +94,7 @@ class Growth:
 
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
         self.slots, self.first = curve.slots, 1.0 + curve.length(start)
+        self.internals = curve.problem.internals
         self.weights = np.ones(start.size) if curve.metric is None else curve.metric
         self.windows = {bound.name: (bound.low, bound.high) for bound in bounds}
         self.tendencies = []
@@ -118,7 +119,7 @@ class Growth:
             if gone or all(size > ENDLESS * own.since for own in self.tendencies):
                 limits = [f"{own.name} tends to {rows[i, own.slot]:.6g}" for own in self.tendencies]
                 if not self._bounded(rows[i], tangents[i], size):
-                    grows = self._growing(rows[i])
+                    grows = self._growing(rows[i]) or "the solution"
                     return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
         return None
 
@@ -129,12 +130,17 @@ class Growth:
         if not outwards or self._bounded(z, tangent, size):
             return ""
         grows = self._growing(z)
-        return f"{grows} grows, and no window ends it; give one, within={{{grows!r}: (low, high)}}"
+        window = grows or self.tendencies[-1].name  # of the solution a parameter tells how far
+        return (
+            f"{grows or 'the solution'} grows, and no window ends it; give one, "
+            f"within={{{window!r}: (low, high)}}"
+        )
 
     def _growing(self, z: Array) -> str:
-        """What z mostly consists of."""
+        """What z mostly consists of; empty where that is internal."""
         parts = {n: float(np.dot(z[at] ** 2, self.weights[at])) for n, at in self.slots.items()}
-        return max(parts, key=lambda name: parts[name])
+        most = max(parts, key=lambda name: parts[name])
+        return "" if most in self.internals else most
 
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
         """Whether a window says how far something may go that grows with z."""

@@ -107,6 +107,7 @@ class Forms:
         else:  # the scale of a cycle is that of one orbit, by which no length should be told
             self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
         self.reach = max(1.0, float(abs(self.x).max()))
+        self.parameters = np.maximum(1.0, abs(self.z[self.curve.size :]))
         # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
         self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
 
@@ -140,6 +141,13 @@ class Forms:
             raise Undefined("a double eigenvalue with one eigenvector: no normal form of this kind")
         size = sense(q) * np.linalg.norm(self.units * began)
         return q / size, p / np.conj(np.vdot(p, began) / size)
+
+    def by_parameters(self, p: Array, v: Array) -> Array:
+        """How much free parameters change ``p F``, at the point and along v from there."""
+        left, n, direction = np.zeros(self.curve.size), self.curve.size, np.zeros(self.curve.size)
+        left[self.moved], direction[self.moved] = p / self.scales, v * self.scales
+        ways = self.curve.jacobian(self.z), self.curve.along(self.z, direction)
+        return np.asarray(sum(abs(left @ way[:, n:]) for way in ways))
 
     def jet(self, v: Array) -> Jet:
         """Derivatives along v, by the step at which they depend least on it."""
@@ -272,7 +280,10 @@ def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> C
 def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     """Quadratic and cubic coefficient on the centre manifold of a zero eigenvalue.
 
-    At a cusp the first vanishes and the second does not.
+    At a cusp the first vanishes and the second does not. They are compared, b a^2 and c a^3, with
+    each other and with what the parameters do, ``p F_p`` and ``p F_xp q a``, at the amplitude a at
+    which the state moves by its own size: whatever the units of equations and unknowns, and however
+    fine the mesh.
     """
     forms = Forms(point)
     q, p = forms.eigenvectors(forms.A)
@@ -283,8 +294,11 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     h = _bordered(forms.A, began, p @ forms.T, 2 * quadratic * began - bent)
     size = 0.5 * float(abs(p) @ abs(jet.B) @ abs(q))
     cubic = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
-    # all its terms may vanish at once: then they are small against one of order one
-    return Coefficient(quadratic, size), replace(cubic, size=cubic.size + forms.cubic)
+    amplitude = forms.reach / float(abs(q).max())
+    pushed = float(forms.by_parameters(p, amplitude * q) @ forms.parameters)
+    measure = cubic.size * amplitude**3 + size * amplitude**2 + pushed
+    sizes = measure / amplitude**2, measure / amplitude**3
+    return Coefficient(quadratic, sizes[0]), replace(cubic, size=sizes[1])
 
 
 def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:

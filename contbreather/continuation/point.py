@@ -101,7 +101,7 @@ class Point(HtmlRepr):
         own = name.removesuffix(f" of {self.kind}")
         if own != name and own in self.detail:
             return self.detail[own]
-        raise BadInput(f"no {name!r} at this point; it has {[*problem.names, *problem.record]}")
+        raise BadInput(f"no {name!r} at this point; it has {[*problem.listed, *problem.record]}")
 
     def table(self) -> Sheet:
         """Its numbers, and what was found here."""

@@ -122,8 +122,13 @@ class Problem:
     @property
     def internals(self) -> frozenset[str]:
         """Unknowns that say nothing by themselves, as the collocation of a cycle, its mesh and null
-        vectors: tables are without them."""
+        vectors: tables are without them, and no sentence suggests them."""
         return frozenset()
+
+    @property
+    def listed(self) -> list[str]:
+        """All names but the internal ones."""
+        return [name for name in self.names if name not in self.internals]
 
     @property
     def serialised(self) -> Mapping[str, Any] | None:
@@ -261,7 +266,7 @@ class Problem:
         """Raise `BadInput` at the first name that this problem does not have."""
         for name in names:
             if name not in self.start and name not in self.params:
-                raise BadInput(f"no {name!r} in this problem; it has {list(self.names)}")
+                raise BadInput(f"no {name!r} in this problem; it has {self.listed}")
 
     def check_asked(self, error: KeyError) -> None:
         """Raise `BadInput` where the equations asked for a parameter that there is not."""

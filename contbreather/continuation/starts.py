@@ -243,6 +243,11 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
     given = {problem.normed(name) or name: window for name, window in windows(within).items()}
+    for name in given.keys() & problem.record.keys() - {*problem.names}:
+        raise BadInput(
+            f"{name!r} is recorded, and has no window; an event ends the branch where it has a "
+            f"value: events=[cb.user({name!r}, value, terminal=True)]"
+        )
     problem.check_names(given)
     bounds, own = [], windows(problem.domain)
     for name in {**own, **given}:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -20,12 +21,13 @@ from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
 from .flow import Flow, Function, Params, values
-from .integrate import Trajectory, integrate
-from .orbit import Cycle, CycleProblem, cycle_of, problem_of
+from .integrate import TooManySteps, Trajectory, integrate
+from .orbit import MOST_INTERVALS, UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import length_of, refuse_false_period, refuse_time
 from .walls import lowest, sliding
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
+_EXPLICIT = 10_000  # steps of an explicit method, after which it is taken to be stiff
 _RETURNS = 24  # so many flows back is looked for a return
 _BACK = 0.1  # of its size: an orbit that comes back no closer than this is none
 _NEARLY = 3.0  # the first return that is nearly as close as the closest is the period
@@ -213,9 +215,13 @@ Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginni
 
 
 def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
-    """A simulation; one that leaves the domain of its functions finds no orbit."""
+    """A simulation, of what is stiff by an implicit method; one that leaves the domain of its
+    functions finds no orbit."""
+    run = partial(integrate, flows, params=params, tolerance=_CLOSELY, **how)
     try:
-        return integrate(flows, params=params, tolerance=_CLOSELY, **how)
+        with suppress(TooManySteps):
+            return run(steps=_EXPLICIT)
+        return run(method="LSODA")
     except Undefined as error:
         raise NotConverged(f"no periodic orbit was found from there: {error}") from error
 
@@ -260,7 +266,11 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     if not settle:
         return t0, state, 0
     ran = run(x0=state, time=settle, t0=t0)
-    return t0 + settle, ran.final, ran.pieces[-1].number
+    last = ran.pieces[-1]
+    if not ran.events:
+        return t0 + settle, ran.final, last.number
+    middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
+    return middle, last(middle), last.number
 
 
 def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, ...], list[Stretch]]:
@@ -347,6 +357,7 @@ def _returns(
     times = np.append(inside.ravel(), knots[-1])
     orbit = back(times)
     passed = speed @ (orbit - state[:, None])
+    passed[0] = 0.0  # it begins there, but for the rounding of an interpolant
     size = float(np.ptp(orbit, axis=1).max()) or 1.0
     found = []
     for j in np.flatnonzero((passed[:-1] < 0) & (passed[1:] >= 0)):
@@ -403,22 +414,39 @@ def _closed(
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
     size = max(size, *(float(abs(flight.states).max()) for flight in made.start))
     for _ in range(2):
-        try:
-            solved, _found = problem_at(made, params, events, label).solve(tolerance=1e-10)
-        except (NotConverged, Undefined) as error:
-            raise NotConverged(
-                f"no periodic orbit was found from there: {error}",
-                residual=getattr(error, "residual", math.nan),
-            ) from error
+        made, solved = _solved(made, params, events, label)
         flights = made.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
         _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         made = made.once(solved.x, params)
         made = replace(made, start=_adapted(made.start))
-    closed = problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
+    closed: Any = problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
+    with suppress(NotConverged, Undefined):
+        while cycle_of(closed).coarse and closed.start["mesh"].size <= MOST_INTERVALS:
+            closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
     return closed
+
+
+def _solved(
+    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str
+) -> tuple[Equations, Problem]:
+    """The orbit solved for, on as many intervals as it needs."""
+    while True:
+        try:
+            return made, problem_at(made, params, events, label).solve(tolerance=1e-10)[0]
+        except (NotConverged, Undefined) as error:
+            count = sum(flight.knots.size - 1 for flight in made.start)
+            coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in made.start)
+            if not coarse or count > MOST_INTERVALS:
+                finer = f"; {count} intervals do not resolve it, let it settle (settle=)"
+                raise NotConverged(
+                    f"no periodic orbit was found from there: {error}{finer if coarse else ''}",
+                    residual=getattr(error, "residual", math.nan),
+                ) from error
+        halved = [flight.halved() for flight in made.start]
+        made = replace(made, start=_adapted(halved))
 
 
 def _refuse_passed(orbit: Cycle) -> None:

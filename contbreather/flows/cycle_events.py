@@ -40,8 +40,14 @@ _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at a
 
 
 def _flip(point: Point) -> float:
-    others = point.ground.solution.others
-    return defining_systems.least_with_sign(others + 1, 0.0) if others.size else math.nan
+    return _least_beside(-1.0, point.ground.solution.others)
+
+
+def _least_beside(wanted: float, values: NDArray[np.complex128]) -> float:
+    """How far off a value the nearest multiplier is, with the sign of the product of all."""
+    if not (values.size and np.isfinite(values).all()):  # as at VI
+        return math.nan
+    return defining_systems.least_with_sign(values - wanted, 0.0)
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -117,9 +123,13 @@ def _turned(curve: Curve, z: Array, left: NDArray[Any], right: Array) -> NDArray
 
 
 def _pair(point: Point) -> float:
-    """The smallest ``mu_i mu_j - 1`` of all multipliers, with the sign of the product of all."""
-    one, other = defining_systems.pairs(point.ground.solution.others)
-    if not one.size:
+    return _least_of_pairs(point.ground.solution.others)
+
+
+def _least_of_pairs(values: NDArray[np.complex128]) -> float:
+    """The smallest ``mu_i mu_j - 1`` of multipliers, with the sign of the product of all."""
+    one, other = defining_systems.pairs(values)
+    if not (one.size and np.isfinite(values).all()):
         return math.nan
     return defining_systems.least_with_sign(
         one * other - 1, np.asarray(_ROUNDING * (1 + abs(one * other)), dtype=float)
@@ -245,13 +255,11 @@ def _without(known: float | None, point: Point) -> NDArray[np.complex128]:
 
 
 def _rest(known: float | None, wanted: float, point: Point) -> float:
-    rest = _without(known, point)
-    return defining_systems.least_with_sign(rest - wanted, 0.0) if rest.size else math.nan
+    return _least_beside(wanted, _without(known, point))
 
 
 def _rest_of_pairs(known: float | None, point: Point) -> float:
-    one, other = defining_systems.pairs(_without(known, point))
-    return defining_systems.least_with_sign(one * other - 1, 0.0) if one.size else math.nan
+    return _least_of_pairs(_without(known, point))
 
 
 def _beside(kind: str, known: float | None, wanted: float, base: Event) -> CodimensionTwo:

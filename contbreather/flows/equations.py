@@ -26,7 +26,7 @@ from .multipliers import multipliers, without_direction
 
 _DENSE = 400  # unknowns up to which a dense derivative is the faster one
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
-_SLOWEST = 1e-16  # pace of a condition where rounding leaves none
+_NO_PACE = 1e-13  # of a condition, relative to how fast it may be along its flow: it is rounding
 _AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
 _ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -475,16 +475,18 @@ class Equations:
         velocities: list[Array] = []
         for i, (flow, flight, one) in enumerate(zip(self.flows, flights, linear, strict=True)):
             own, last = np.split(one.ends[:, :, : len(flight.states)], [-1])
-            last = self._saltation(i, flights, one, p) @ last
-            alike = last.shape[1] == last.shape[2]
             ways = values(flow.f, flight.begins, flight.states, p).T
+            last = self._saltation(i, flights, one, abs(ways).max(axis=0), p) @ last
+            alike = last.shape[1] == last.shape[2]
             factors += [np.concatenate([own, last])] if alike else [own, last]
             velocities += [ways] if alike else np.split(ways, [-1])
         return factors, velocities
 
-    def _saltation(self, i: int, flights: Sequence[Flight], one: Linear, p: Params) -> Array:
+    def _saltation(
+        self, i: int, flights: Sequence[Flight], one: Linear, fastest: Array, p: Params
+    ) -> Array:
         """What the end of a flow does to small perturbations: the reset, and how much longer the
-        one flow lasts and the next one shorter."""
+        one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
         flight, n = flights[i], len(flights[i].states)
         reset = one.reset[:, :n]
         if one.condition is None:
@@ -494,12 +496,20 @@ class Equations:
         after = values(self.flows[j].f, flights[j].start, flights[j].states[:, :1], p)[:, 0]
         gate, pace = one.condition[0, :n], one.condition[0, n]
         jump = after - reset @ before - one.reset[:, n]
-        rate = gate @ before + pace or -_SLOWEST  # at VI multipliers grow beyond all bounds
+        rate = gate @ before + pace
+        if abs(rate) <= _NO_PACE * (abs(gate) @ fastest + abs(pace)):
+            return np.full_like(reset, np.nan)
         return np.asarray(reset + np.outer(jump, gate) / rate)
 
     def multipliers(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
-        """Those that are not trivial, and the trivial one: NaN where there is none."""
+        """Those that are not trivial, and the trivial one: NaN where there is none.
+
+        At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
+        """
         factors, velocities = self.factors(x, p)
+        if any(np.isnan(stack).any() for stack in factors):
+            count = self.start[0].states.shape[0] - self.autonomous
+            return np.append(np.inf, np.full(count - 1, np.nan)).astype(complex), np.nan
         if not self.autonomous:
             return multipliers(factors), np.nan
         rest, trivial = without_direction(factors, velocities)

@@ -20,7 +20,8 @@ from ..tables import Sheet
 from .flow import Clock, Flow, Function, Params, slopes, values
 
 _LONGEST = 1e4  # how long a flow is waited for where no time is given
-_STEPS = 200_000  # of one run: a stiff system takes more
+_STEPS = 200_000  # of one run: by an explicit method a stiff system takes more
+_METHODS = ("DOP853", "LSODA", "Radau", "BDF")
 _PATIENT = 10_000  # steps without an event where no time is given: some hundred oscillations
 _NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * _NODES - 1) / (2 * _NODES - 2))
@@ -29,6 +30,7 @@ _BETWEEN = _POWERS(2 * _PLACES[1::2] - 1) @ np.linalg.inv(_POWERS(2 * _PLACES[::
 _ALIKE = 1e-3  # relative to its size there
 _HALVINGS = 8
 _SHIFTED = 1.0 + 1e-6  # a state times this is another one
+_LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
 _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
 _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
@@ -49,6 +51,10 @@ class Itinerary(Protocol):
     def ended(self, mode: int, guard: int) -> tuple[int, Flow]: ...
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]: ...
+
+
+class TooManySteps(NotConverged):
+    """A stiff system takes more than it may by an explicit method."""
 
 
 @dataclass(frozen=True)
@@ -208,10 +214,12 @@ def integrate(
     t0: float = 0.0,
     first: int = 0,
     tolerance: float = 1e-12,
+    method: str = "DOP853",
+    steps: int = _STEPS,
 ) -> Trajectory:
     """Follow flows in turn, each until its condition ends it, through the resets between them.
 
-    Each step is scipy's DOP853. The conditions are looked at within the step, on as many points
+    Each step is one of scipy's. The conditions are looked at within the step, on as many points
     as they need, so that one which falls and rises again in between is seen; events are located
     to rounding. A condition that is zero where a reset landed counts from where it has risen.
 
@@ -235,6 +243,10 @@ def integrate(
         The flow in which the start lies.
     tolerance : float
         Relative, of a step.
+    method : str
+        That of scipy: "DOP853", or for what is stiff "LSODA", "Radau" or "BDF".
+    steps : int
+        How many there may be.
 
     Returns
     -------
@@ -266,7 +278,10 @@ def integrate(
     t0 = number("t0", t0, -1e300, 1e300, "a time")
     end, most = _ends(t0, periods, period, time, events, params)
     names = names or tuple(f"x{i}" for i in range(1, state.size + 1))
-    walk = _Walk(path, params, number("tolerance", tolerance, 3e-14, 1e-2, "from 3e-14 to 1e-2"))
+    if method not in _METHODS:
+        raise BadInput(f"method = {shown(method)}: one of {', '.join(_METHODS)} was expected")
+    tolerance = number("tolerance", tolerance, 3e-14, 1e-2, "from 3e-14 to 1e-2")
+    walk = _Walk(path, params, tolerance, method, whole("steps", steps, 1))
     return walk.run(t0, state, end, most, names)
 
 
@@ -302,9 +317,11 @@ def _ends(
 class _Walk:
     """The driver: pieces one after the other."""
 
-    def __init__(self, path: Itinerary, params: Params, tolerance: float) -> None:
-        self.path, self.params, self.tolerance = path, params, tolerance
-        self.left = _STEPS
+    def __init__(
+        self, path: Itinerary, params: Params, tolerance: float, method: str, steps: int
+    ) -> None:
+        self.path, self.params, self.tolerance, self.method = path, params, tolerance, method
+        self.left = self.steps = steps
 
     def run(
         self, t: float, x: Array, end: float, most: float, names: tuple[str, ...]
@@ -327,7 +344,7 @@ class _Walk:
 
     def piece(self, mode: int, t0: float, x0: Array, end: float) -> tuple[Piece, int | None]:
         """One flow, up to the first of its guards or to the end of the run."""
-        from scipy.integrate import DOP853, OdeSolution
+        from scipy import integrate
 
         guards = self.path.guards(mode)
         # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
@@ -337,18 +354,18 @@ class _Walk:
         waited = t0 + _LONGEST if guards and math.isinf(end) else end
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
-        solver = DOP853(
+        solver = getattr(integrate, self.method)(
             _right_side(self.path.field(mode), self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [
-            _Watched(name, guard, self.path.field(mode), self.params, rough=self.left == _STEPS)
+            _Watched(name, guard, self.path.field(mode), self.params, rough=self.left == self.steps)
             for name, guard in guards.items()
             if guard not in clocks
         ]
         t, x, hit = [t0], [x0], None
         steps: list[Any] = []
-        most = _PATIENT if guards and math.isinf(end) else _STEPS + 1
+        most = _PATIENT if guards and math.isinf(end) else self.steps + 1
         while hit is None and solver.status == "running" and len(steps) < most:
             self.step(solver)
             steps.append(solver.dense_output())
@@ -366,11 +383,12 @@ class _Walk:
         if hit is None and struck <= end:
             hit = 0
         number, flow = self.path.ended(mode, hit or 0)
-        dense = OdeSolution(t, steps)
+        dense = integrate.OdeSolution(t, steps)
         return Piece(number, flow, np.array(t), np.stack(x, axis=-1), hit is not None, dense), hit
 
     def step(self, solver: Any) -> None:
-        message = solver.step()
+        with np.errstate(all="ignore"):  # a step that leads too far is taken again
+            message = solver.step()
         self.left -= 1
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise NotConverged(
@@ -378,7 +396,10 @@ class _Walk:
                 f"{message or 'it grows without bound'}"
             )
         if self.left < 0:
-            raise NotConverged(f"{_STEPS} steps did not do, up to t = {solver.t:g}: is it stiff?")
+            raise TooManySteps(
+                f"{self.steps} steps of {self.method} did not do, up to t = {solver.t:g}: for what "
+                "is stiff cb.integrate takes method='LSODA' or 'Radau'"
+            )
 
     def rate(self, mode: int, guard: int, t: float, x: Array) -> float:
         """How fast the guard changes along the flow where it is zero: negative, 0 at grazing."""
@@ -466,8 +487,8 @@ class _Watched:
             clear = inside
         if clear.size and g[clear[0]] < 0:
             look = "look at the start or the reset"
-            if clear.size > 1 and np.ptp(g[clear]) == 0.0:  # where it is not 0, by rounding or not
-                look = "it does not change there: in place of sign(x[0]) give x[0]"
+            if np.count_nonzero(np.diff(g[-_LATE:])) < _LATE // 2:
+                look = "it changes in jumps alone: in place of sign(x[0]) or floor(x[0]) give x[0]"
             raise BadInput(
                 f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "
                 f"{self.name} = {g[0]:.3g} there, {g[clear[0]]:.3g} after {t[clear[0]] - a:.1g}. "

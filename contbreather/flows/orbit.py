@@ -30,10 +30,12 @@ from .time_dependence import refuse_false_period
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
-_MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
+MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
-_LEFT = 5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
+UNRESOLVED = (
+    5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,8 @@ class Cycle(HtmlRepr):
         itself with a mirror as `reset`, that half.
     multipliers : ndarray
         Of small perturbations over the period, the largest first; the trivial one of an
-        autonomous orbit is among them.
+        autonomous orbit is among them. One is infinite where an impact loses its velocity (VI),
+        where all others are NaN.
     trivial : float
         That one, 1 but for what the mesh does not resolve; NaN for forced orbits.
     unstable : int
@@ -148,7 +151,7 @@ class Cycle(HtmlRepr):
         off = abs(self.trivial - 1)
         left = [flight.unresolved() for flight in self.flights]
         i = max(range(len(left)), key=lambda i: left[i][0])
-        if not (off > COARSE or (math.isnan(off) and left[i][0] > _LEFT)):
+        if not (off > COARSE or (math.isnan(off) and left[i][0] > UNRESOLVED)):
             return ""
         where = self.times[i] + left[i][1] * self.flights[i].duration
         why = "" if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, "
@@ -240,7 +243,7 @@ class CycleProblem(Problem):
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals where the mesh is too coarse at a point."""
-        if not self.unresolved(point) or len(self.start["mesh"]) > _MOST_INTERVALS:
+        if not self.unresolved(point) or len(self.start["mesh"]) > MOST_INTERVALS:
             return None
         if along is None:
             return self.halved(), None

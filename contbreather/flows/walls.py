@@ -15,10 +15,11 @@ from ..continuation.point import Event, Locus, Point
 from .collocation import Flight
 from .equations import Equations
 from .filippov import Filippov
-from .flow import Function, Params, slopes, values
+from .flow import Clock, Function, Params, slopes, values
 from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
+_FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _BRACKET = 60  # halvings that locate the lowest place of a wall
 
 
@@ -46,13 +47,14 @@ class _Reached:
     equations: Equations
     flow: int
     wall: Function
-    row: int = 0  # which of both vanishes at the end of the flow
+    row: int = 0  # which of both vanishes there
+    place: float = 1.0  # the end of the flow
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.both(curve, z, 1.0)[self.row : self.row + 1]
+        return self.both(curve, z, self.place)[self.row : self.row + 1]
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.slopes(curve, z, 1.0)[self.row : self.row + 1, :-1]
+        return self.slopes(curve, z, self.place)[self.row : self.row + 1, :-1]
 
     def both(self, curve: Curve, z: Array, s: float) -> Array:
         x, p = z[: curve.size], curve.params(z)
@@ -99,8 +101,8 @@ class _Touched(_Reached):
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """The lowest place of a wall between the ends of its flow: how far off it is, of which flow,
-    when (in its duration), which wall."""
+    """The lowest place of a wall along its flow: how far off it is, of which flow, when (in its
+    duration), which wall."""
 
     clearance: float
     flow: int
@@ -109,19 +111,42 @@ class Touch:
 
 
 def lowest(orbit: Cycle) -> Touch | None:
-    """Where an orbit comes closest to touching a wall between the ends of its flows."""
+    """Where an orbit comes closest to touching a wall of its flows, at the ends of these, too, or
+    what ends one before it does; None without walls."""
     found: list[Touch] = []
-    for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True)):
-        walls = (*flow.walls, *([flow.until] if flow.until else []))
-        if not walls:
-            continue
+    flows = orbit.equations.flows
+    for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
+        # without a reset it begins where another ended: the walls of sliding are zero there at SL
+        begins = flow.until is None or flows[i - 1].reset is not None
         s, states = flight.sampled(_LOOKS)
-        for wall in walls:
+        for name, wall in flow.guards.items():
+            if isinstance(wall, Clock):
+                continue
             v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
-            for j in np.flatnonzero((v[1:-1] <= v[:-2]) & (v[1:-1] < v[2:])) + 1:
-                place = _bottom(wall, flight, orbit.params, s[j - 1], s[j + 1])
-                found.append(Touch(_wall(wall, flight, orbit.params, place)[0], i, place, wall))
+            ends = name == "until"
+            places = [s[v.argmax()]]  # where no place is low this one is far from it
+            for j in _lows(v, s, begins, ends):
+                beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
+                places.append(_bottom(wall, flight, orbit.params, s[j], beside, ends))
+            found += [Touch(_wall(wall, flight, orbit.params, u)[0], i, u, wall) for u in places]
     return min(found, key=lambda touch: touch.clearance, default=None)
+
+
+def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
+    """Where a wall has minima, those at the two ends of its flow among them.
+
+    What ends the flow is zero there, so that is divided out: where it is touched before, v = 0 and
+    v' = 0 as ever, but a minimum of v / (1 - s) comes into being while it is positive, and none
+    does where the end itself grazes, at VI.
+    """
+    if ends:
+        v = v[:-1] / (1 - s[:-1])
+    beside = np.concatenate([[math.inf], v, [math.inf]])
+    depth = np.maximum(beside[:-2], beside[2:]) - v
+    low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > _FLAT * abs(v).max())
+    low[0] &= begins and not ends
+    low[-1] &= not ends
+    return [int(j) for j in np.flatnonzero(low)]
 
 
 def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, float]:
@@ -133,15 +158,19 @@ def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, f
     return float(value[0, 0]), float(rate)
 
 
-def _bottom(wall: Function, flight: Flight, p: Params, low: float, high: float) -> float:
-    """Where the wall stops falling, by halving and the secant."""
+def _bottom(
+    wall: Function, flight: Flight, p: Params, s: float, beside: tuple[float, float], ends: bool
+) -> float:
+    """Where the wall stops falling, by halving and the secant; `s` where it does not."""
     from scipy.optimize import brentq
 
     def rate(s: float) -> float:
-        return _wall(wall, flight, p, s)[1]
+        value, rate = _wall(wall, flight, p, s)
+        return value + (1 - s) * rate if ends else rate  # that of v / (1 - s), but for a factor
 
+    low, high = beside
     if not (rate(low) < 0 < rate(high)):
-        return 0.5 * (low + high)
+        return s
     return float(brentq(rate, low, high, xtol=1e-15, maxiter=_BRACKET))
 
 
@@ -154,6 +183,10 @@ def _clearance_locus(point: Point) -> Locus:
     touch, equations = lowest(point.ground.solution), equations_of(point.ground)
     if touch is None:
         raise Undefined("no wall comes close between the ends of a flow")
+    flow = equations.flows[touch.flow]
+    if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
+        corner = _Reached(equations, touch.flow, touch.wall, place=touch.place)
+        return Locus({}, corner.conditions, corner.derivative)
     touched = _Touched(equations, touch.flow, touch.wall)
     return Locus({"touch": touch.place}, touched.conditions, touched.derivative)
 

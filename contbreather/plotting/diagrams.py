@@ -77,18 +77,19 @@ def plot_diagram(
     known = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
     shown = [refined(branch, SMOOTH) for branch in known]
     if not shown:
-        there = sorted({name for branch in branches for name in branch.names})
+        there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")
     return plot(*shown, x=x, y=y, ax=ax)
 
 
 def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:
     """What to draw where nothing was said."""
-    unknowns = [branch.problem.start for branch in branches]
+    problems = [branch.problem for branch in branches]
+    unknowns = [[n for n in own.start if n not in own.internals] for own in problems]
     if all("phi" in own or "t1" in own for own in unknowns):
         return t1
     common = [name for name in unknowns[0] if all(name in own for own in unknowns)]
-    return (common or list(unknowns[0]))[0]
+    return (common or unknowns[0])[0]
 
 
 def t1(point: Point) -> float:

@@ -35,6 +35,7 @@ from .zoo import (
     chebyshev,
     cusp_surface,
     events_of,
+    mesh,
     scalar,
     takens,
     trace_case,
@@ -235,6 +236,33 @@ def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
     for point in line.points[::10]:  # by another road: the derivative has an eigenvalue 0
         values = np.linalg.eigvals(jacobian(point["u"], point.params | {"lam": point["lam"]}))
         assert abs(values).min() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("second", "rows", "unit"),
+    [(mesh(20), np.logspace(-3, 3, 20), 1.0), (mesh(100), 1.0, 1e-3), (chebyshev(30), 1.0, 1.0)],
+    ids=["rows", "fine mesh", "Chebyshev"],
+)
+def test_a_cusp_is_one_in_any_units_and_on_any_mesh(second, rows, unit) -> None:
+    """The same equation: on the mesh the cubic coefficient falls as 1/n, and rows grow as n^2."""
+    weights = np.resize(rows, len(second))
+
+    def residual(v, p):
+        u = unit * v
+        return weights * (second @ u + p["lam"] * np.exp(u / (1 + p["eps"] * u)))
+
+    def jacobian(v, p):
+        inner = 1 + p["eps"] * unit * v
+        slope = np.diag(p["lam"] * np.exp(unit * v / inner) / inner**2)
+        return unit * weights[:, None] * (second + slope)
+
+    start, scales = {"u": np.full(len(second), 1.5 / unit)}, {"u": 1 / unit}
+    params = {"lam": 5.0, "eps": 0.24}
+    problem = Problem(residual, start, params, jacobian=jacobian, scales=scales)
+    ahead = {"towards": "up", "events": [fold()], "steps": Steps(first=0.3, largest=3.0, most=6)}
+    line = boundary(trace(problem, "lam", **ahead).first("LP"), ("eps", "lam"), **ahead)
+    assert line.first("CP")["eps"] == pytest.approx(0.24578, abs=1e-4)
+    assert not line.doubtful
 
 
 @pytest.mark.parametrize("event", [fold(), hopf()], ids=["LP", "HB"])

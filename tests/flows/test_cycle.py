@@ -144,10 +144,27 @@ def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
         cb.cycle(f, {"x": 0.5 * size, "v": 0.0}, {}, settle=100)
 
 
-def test_a_stiff_oscillator_is_closed_on_as_many_intervals_as_it_needs() -> None:
-    stiff = cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 50.0}, settle=200)
-    assert len(stiff.start["mesh"]) > 20
-    assert stiff.start["period"] == pytest.approx(82.50834, abs=1e-2)
+@pytest.mark.parametrize(
+    ("f", "params", "settle", "period"),
+    [
+        (van_der_pol, {"mu": 5.0}, 0.0, 11.61223067),
+        (van_der_pol, {"mu": 20.0}, 40.0, 34.68232331),
+        (lambda t, x, p: [(x[0] - x[0] ** 3 / 3 - x[1]) / p["eps"], x[0]], {"eps": 1e-3}, 5.0,
+         1.68007149),
+    ],
+    ids=["5", "20", "Lienard, 1000"],
+)  # fmt: skip
+def test_a_relaxation_is_closed_on_as_many_intervals_as_it_needs(f, params, settle, period) -> None:
+    """Periods of van der Pol's oscillator by Radau's method at a tolerance of 1e-12."""
+    stiff = cb.cycle(f, {"x": 2.0, "v": 0.0}, params, settle=settle)
+    assert not cycle_of(stiff).coarse
+    assert stiff.start["period"] == pytest.approx(period, rel=1e-7)
+
+
+def test_what_is_stiff_is_simulated_by_an_implicit_method() -> None:
+    """An explicit one takes 30,000 steps a period."""
+    lagging = cb.cycle(lambda t, x, p: [-1e5 * (x[0] - np.cos(t))], {"x": 1.0}, {}, period=TAU)
+    assert cycle_of(lagging).max["x"] == pytest.approx(1 / math.hypot(1, 1e-5), abs=1e-9)
 
 
 def test_a_field_that_has_no_value_on_the_way_is_refused_with_a_sentence() -> None:
@@ -375,16 +392,39 @@ def test_half_of_a_symmetric_orbit_is_closed_by_a_mirror() -> None:
     assert half.others[0].real ** 2 == pytest.approx(whole.others[0].real, rel=1e-6)
 
 
-def test_a_wall_that_is_touched_in_between_ends_the_branch() -> None:
-    """The response of the linear oscillator grows with its forcing until it touches x = 2."""
+@pytest.mark.parametrize("lag", [0.0, math.atan2(0.14, 0.51)])
+def test_a_wall_that_is_touched_ends_the_branch_where_a_period_begins_too(lag: float) -> None:
+    """The response of the linear oscillator grows with its forcing until it touches x = 2, with
+    the second phase at t = 0."""
     free = cb.Flow(
-        lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + p["F"] * np.cos(0.7 * t)],
+        lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + p["F"] * np.cos(0.7 * t + lag)],
         walls=(lambda t, x, p: 2 - x[0],),
     )
     forced = cb.cycle(free, {"x": 0.0, "v": 0.0}, {"F": 0.5}, period=TAU / 0.7, settle=200)
     branch = cb.trace(forced, "F", within={"F": (0.1, 5)}, towards="up")
     assert branch[-1].kind == "GR"
     assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),  # y' = a - y from b on for a time of 1
+    [("a", 1 / (1 - math.exp(-1))), ("b", 1.0)],
+    ids=["where the flow ends", "where a reset lands"],
+)
+def test_a_wall_is_seen_at_the_ends_of_a_flow(name: str, limit: float) -> None:
+    ramp = cb.Flow(
+        lambda t, x, p: [1.0 + 0 * x[0], p["a"] - x[1]], until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [0.0, p["b"]], walls=(lambda t, x, p: 1 - x[1],),
+    )  # fmt: skip
+    params = {"a": 0.0, "b": 0.0} | {name: 0.1}
+    # it ends to settle just where the flow ends
+    start = cb.cycle(ramp, {"x": 0.0, "y": 0.0}, params, settle=30)
+    (at,) = cb.trace(start, name, within={name: (0.05, 4)}, towards="up").special[1:]
+    assert (at.kind, at[name]) == ("GR", pytest.approx(limit, abs=1e-10))
+    line = cb.boundary(at, ("a", "b"), within={"a": (-1, 2)}, steps=cb.Steps(most=3), events=())
+    for place in line:
+        orbit = place.ground.solution
+        assert orbit.max["y"] == pytest.approx(1.0, abs=1e-10)
 
 
 @pytest.mark.parametrize(("wall", "passed"), [(4.0, True), (6.0, False)])
@@ -427,6 +467,33 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(
     assert again["max(v)"] == pytest.approx(branch["max(v)"], abs=0)
     orbit = pickle.loads(pickle.dumps(branch[0].solution.flights))
     assert orbit[0].duration == pytest.approx(TAU)
+
+
+def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
+    """A circle of radius 1 / mu: what grows is the orbit, whose window no user could tell."""
+
+    def circle(t, x, p):
+        inside = 1 - p["mu"] ** 2 * (x[0] ** 2 + x[1] ** 2)
+        return [x[0] * inside - x[1], x[1] * inside + x[0]]
+
+    ring = cb.cycle(circle, {"x": 1.0, "y": 0.0}, {"mu": 1.0}, settle=20)
+    far = {"towards": "down", "events": (), "steps": cb.Steps(most=60, largest=100.0)}
+    branch = cb.trace(ring, "mu", **far)
+    wanted = "the solution grows, and no window ends it; give one, within={'mu': (low, high)}"
+    assert branch.reason == wanted
+    assert cb.trace(ring, "mu", within={"mu": (0.1, 2)}, **far).stop.name == "BOUND"
+    for asked in (
+        lambda: branch["nu"], lambda: branch[0]["nu"],
+        lambda: cb.plotting.plot_diagram([branch], y="nu"),
+        lambda: cb.trace(ring, "mu", within={"nu": (0, 1)}),
+    ):  # fmt: skip
+        with pytest.raises(cb.BadInput, match="period") as told:
+            asked()
+        assert "orbit" not in str(told.value)
+    with pytest.raises(cb.BadInput, match=r"=\[cb.user\('max\(x\)', value, terminal=True\)\]"):
+        cb.trace(ring, "mu", within={"max(x)": (0, 9)})
+    ended = cb.trace(ring, "mu", **{**far, "events": [cb.user("max(x)", 9.0, terminal=True)]})
+    assert ended[-1]["mu"] == pytest.approx(1 / 9)
 
 
 # --- refusals --------------------------------------------------------------------------------

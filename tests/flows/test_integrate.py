@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -156,11 +157,13 @@ def relayed(h: Any) -> Any:
         (accumulating, cb.NotConverged, r"accumulate before t = 2\.99"),
         (resetting_behind, cb.BadInput, "at t = 1 lies behind until"),
         (lambda: cb.integrate(BALL, [-0.5, 0], {"e": 1}, time=1), cb.BadInput, "or the reset"),
-        (
-            lambda: dropped(until=lambda t, x, p: np.sign(x[0]), reset=None),
-            cb.BadInput,
-            r"in place of sign\(x\[0\]\) give x\[0\]",
+        *(
+            (partial(dropped, until=until), cb.BadInput, r"in jumps .* floor\(x\[0\]\) give x\[0\]")
+            for until in (lambda t, x, p: np.sign(x[0]), lambda t, x, p: np.floor(x[0]),
+                          lambda t, x, p: np.where(x[0] > 0, 1.0, -1.0))
         ),
+        (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=9, steps=9), cb.NotConverged, "LSODA"),
+        (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, method="RK5"), cb.BadInput, "BDF"),
         (lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}), cb.BadInput, "say how far to go"),
         (
             lambda: cb.integrate(BALL, [0.5, 0], {"e": 1}, time=1, periods=1),

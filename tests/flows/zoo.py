@@ -566,9 +566,10 @@ enter(
 
 
 # v' = I - v up to 1 + K sin(2 pi t), I = 1.65, one spike a period: K sin(phase) = D with D =
-# I (1 - 1/e) - 1, a fold at K = D. On one side the threshold rises as fast as v where K^2 = D^2 +
-# (I/e)^2/(2 pi)^2, on the other it touches v in between, where both are equal with equal slopes.
-def grazing_threshold(current: float) -> float:
+# I (1 - 1/e) - 1, a fold at K = D. On both sides it touches v in between, where both are equal with
+# equal slopes: on one of them just before it rises as fast as v at the spike itself, which would be
+# VI, K^2 = D^2 + (I/e)^2/(2 pi)^2, for an orbit that had not met it yet.
+def grazing_threshold(current: float, near: tuple[float, float, float]) -> float:
     turns = 2 * math.pi
 
     def touching(z: Any) -> Any:
@@ -579,7 +580,7 @@ def grazing_threshold(current: float) -> float:
             turns * K * math.cos(phase + turns * after) - current * math.exp(-after),
         ]
 
-    return float(fsolve(touching, [0.58, 3.07, 0.31], xtol=1e-12)[0])
+    return float(fsolve(touching, near, xtol=1e-12)[0])
 
 
 D_OF_THRESHOLD = 1.65 * (1 - math.exp(-1)) - 1
@@ -600,8 +601,8 @@ enter(
         {"v": 0.0}, {"I": 1.65, "K": 0.1}, period=1.0, t0=0.4, settle=30,
     ),
     "K", (0.02, 0.8),
-    (("GR", grazing_threshold(1.65)), ("LP", D_OF_THRESHOLD),
-     ("VI", math.hypot(D_OF_THRESHOLD, 1.65 * math.exp(-1) / (2 * math.pi)))),
+    (("GR", grazing_threshold(1.65, (0.58, 3.07, 0.31))), ("LP", D_OF_THRESHOLD),
+     ("GR", grazing_threshold(1.65, (0.103, 0.43, 0.935)))),
     along_threshold,
 )  # fmt: skip
 
