@@ -103,8 +103,8 @@ def _inverses(matrix: Array) -> Array:
 
 def _places(values: NDArray[Any]) -> Array:
     places = values.real / np.maximum(abs(values) ** 2, 1e-300)
-    near = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
-    return np.sort(places[near])
+    on_step = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
+    return np.sort(places[on_step])
 
 
 def signed_smallest(matrix: Matrix) -> float:
@@ -179,8 +179,8 @@ def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     def make(z: Array) -> LeastSingular:
         return least_singular(curve.balanced(curve.jacobian(z)[:, : curve.size]))
 
-    found: LeastSingular = curve.once("weak", z, make)
-    return found
+    weak: LeastSingular = curve.once("weak", z, make)
+    return weak
 
 
 def rank_locus() -> Locus:
@@ -300,13 +300,13 @@ class _PairVector:
         return rows
 
 
-def _frame(one: Array, other: Array) -> tuple[Array, Array]:
+def _frame(first: Array, second: Array) -> tuple[Array, Array]:
     """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
     pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
     conditions of a pair by itself."""
-    null = one / np.linalg.norm(one) + other / np.linalg.norm(other)
+    null = first / np.linalg.norm(first) + second / np.linalg.norm(second)
     null /= np.linalg.norm(null)
-    reference = one - (one @ null) * null
+    reference = first - (first @ null) * null
     return null, reference / np.linalg.norm(reference)
 
 
@@ -339,8 +339,8 @@ class Extended:
         fixed = (name for name in params if name not in free)
         if curve is None or any(curve.fixed[name] != params[name] for name in fixed):
             values = {name: x[slot] for name, slot in self.problem.slots.items()}
-            here = self.problem.at(**values, **params, **{self.released: float(x[-1])})
-            curve = self._curves[free] = Curve(here, (self.released, *free))
+            base = self.problem.at(**values, **params, **{self.released: float(x[-1])})
+            curve = self._curves[free] = Curve(base, (self.released, *free))
         return curve, curve.recalled(z)
 
     def __call__(self, x: Array, params: Params) -> Array:
@@ -466,12 +466,12 @@ class _Above:
     together: Extended
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        base, near = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        return np.asarray(self.locus.conditions(base, near, extra))
+        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(self.locus.conditions(base, place, extra))
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         assert self.locus.derivative is not None
-        base, near = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        rows = np.asarray(self.locus.derivative(base, near, extra))
+        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        rows = np.asarray(self.locus.derivative(base, place, extra))
         n, m = self.together.n, self.together.extra
         return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])
