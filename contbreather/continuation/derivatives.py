@@ -132,12 +132,12 @@ def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
 
 def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = None) -> Array:
     """Derivatives by imaginary perturbation, exact to rounding where `function` is analytic."""
-    found = []
+    slopes = []
     for i in range(z.size) if columns is None else columns:
         shifted = z.astype(complex)
         shifted[i] += 1j * _IMAGINARY
-        found.append(np.imag(np.asarray(function(shifted))) / _IMAGINARY)
-    return np.stack(found, axis=-1)
+        slopes.append(np.imag(np.asarray(function(shifted))) / _IMAGINARY)
+    return np.stack(slopes, axis=-1)
 
 
 def choose(function: Function, z: Array, scales: Array) -> Scheme:
@@ -187,11 +187,11 @@ def estimate(function: Function, z: Array, scales: Array) -> tuple[Array, Array,
     return best, doubt + _NOISE * terms[:, None] * finer / sizes, finer
 
 
-def misfit(given: Array, wanted: Array, doubt: Array) -> tuple[int, int] | None:
+def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | None:
     """The entry where a Jacobian is furthest off what differences can tell, if any is."""
-    wanted, doubt = np.broadcast_to(wanted, given.shape), np.broadcast_to(doubt, given.shape)
-    off = abs(given - wanted) - (10 * doubt + 1e-6 * abs(wanted))
-    off[~np.isfinite(given)] = np.inf
+    wanted, doubt = np.broadcast_to(wanted, jacobian.shape), np.broadcast_to(doubt, jacobian.shape)
+    off = abs(jacobian - wanted) - (10 * doubt + 1e-6 * abs(wanted))
+    off[~np.isfinite(jacobian)] = np.inf
     off[~np.isfinite(wanted)] = -np.inf  # differences cannot tell here
     row, column = np.unravel_index(np.argmax(off), off.shape)
     return (int(row), int(column)) if off[row, column] > 0 else None
