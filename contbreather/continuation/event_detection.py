@@ -194,14 +194,14 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     left = list(points)
     while left:
         first = left.pop(0)
-        curve, here = first.curve, [first]
+        curve, together = first.curve, [first]
         if _is_verified(first):
             reach = _SAME * (1 + curve.length(first.z))
-            near = [p for p in left if curve.length(p.z - first.z) <= reach]
-            here += filter(_is_verified, near)
-        left = [point for point in left if point not in here]
-        best = max(here, key=_rank)
-        also = {p.kind: None for p in here if p.located and p.kind != best.kind}
+            around = [p for p in left if curve.length(p.z - first.z) <= reach]
+            together += filter(_is_verified, around)
+        left = [point for point in left if point not in together]
+        best = max(together, key=_rank)
+        also = {p.kind: None for p in together if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
 
@@ -221,12 +221,12 @@ def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, 
     kept: list[Point] = []
     latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
     for point in failed:
-        near = GAP * (1 + point.curve.length(point.z))
+        reach = GAP * (1 + point.curve.length(point.z))
         same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
-        if any(abs(p.arclength - point.arclength) <= near for p in same):
+        if any(abs(p.arclength - point.arclength) <= reach for p in same):
             continue
         i = latest.get(id(point.event))
-        if i is not None and point.arclength - kept[i].arclength <= near:
+        if i is not None and point.arclength - kept[i].arclength <= reach:
             kept[i] = replace(kept[i], detail={**kept[i].detail, "reason": not_simple(point.kind)})
         else:
             latest[id(point.event)] = len(kept)
