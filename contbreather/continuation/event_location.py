@@ -95,9 +95,9 @@ def _in_bracket(samples: Samples, left: float, right: float) -> Iterator[Point]:
 
 def at_end(samples: Samples, u: float) -> Point:
     """The event at an end of the step, where the point is known exactly already."""
-    there = samples.segment.at(u)
-    low, high, sharp = _solved(samples, u, u, u) or (u, u, there)
-    return special(samples, replace(there, detail=sharp.detail), low, high)
+    solved = samples.segment.at(u)
+    low, high, sharp = _solved(samples, u, u, u) or (u, u, solved)
+    return special(samples, replace(solved, detail=sharp.detail), low, high)
 
 
 # --- zeros and jumps --------------------------------------------------------------------------
@@ -153,10 +153,10 @@ def _at_crossing(samples: Samples, u: float, size: float) -> Place:
     fails beside it, so the branch point is solved for."""
     segment = samples.segment
     try:
-        there = crossing(segment.curve, segment.provisional(u).z)
+        branch_point = crossing(segment.curve, segment.provisional(u).z)
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
-    place, point = segment.settled(there.solution, there.tangents)
+    place, point = segment.settled(branch_point.solution, branch_point.tangents)
     if abs(measure(samples.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
@@ -219,19 +219,19 @@ def _solved(samples: Samples, u: float, left: float, right: float) -> Place | No
 
 
 def _newton(
-    locus_at: Callable[[Point], Locus], near: Point, tolerance: float
+    locus_at: Callable[[Point], Locus], guess: Point, tolerance: float
 ) -> tuple[Solution, Mapping[str, Any]]:
     """Solve ``H(x, p) = 0`` and ``g(x, p, y) = 0`` for x, the extra unknowns y and p at once."""
     if isinstance(locus_at, Crossings):
-        return locus_at.solve(near)
-    locus = locus_at(near)
+        return locus_at.solve(guess)
+    locus = locus_at(guess)
     renamed = {f"{name} of the locus": value for name, value in locus.extra.items()}
-    problem = extended(near.curve, replace(locus, extra=renamed))  # names that no problem has
-    curve, n = Curve(problem, ()), near.curve.size
-    start = np.concatenate([near.x, problem.x[n:-1], near.z[-1:]])
+    problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
+    curve, n = Curve(problem, ()), guess.curve.size
+    start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
     solution = curve.newton(start, tolerance=min(tolerance, _LOCATED))
-    there = Point(curve, solution.z)
-    detail = {name: there[long] for name, long in zip(locus.extra, renamed, strict=True)}
+    solved = Point(curve, solution.z)
+    detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
     return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
 
 
@@ -322,8 +322,8 @@ def kinks(samples: Samples) -> Iterator[Point]:
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
             if min(abs(u - v) for v in size) > _ONE:
-                near = measure(samples.event, samples.segment.provisional(u))
-                size[u] = abs(samples.deflated(u, near))
+                value = measure(samples.event, samples.segment.provisional(u))
+                size[u] = abs(samples.deflated(u, value))
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or samples.changes():
