@@ -65,31 +65,31 @@ class StepInterpolant:
     def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
         """z, tangent and residual across the chord, by loops where the equations have any."""
         curve, corrector = self.curve, self.curve.corrector
-        known = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
-        if known:
-            self._near(guess, known[0])
-            return known[:3]
-        found = curve.newton(guess, self._row, tolerance=self.tolerance)
-        if not found.converged:
+        answer = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
+        if answer:
+            self._near(guess, answer[0])
+            return answer[:3]
+        solution = curve.newton(guess, self._row, tolerance=self.tolerance)
+        if not solution.converged:
             raise Undefined("Newton's iteration failed between two points of the curve")
-        self._near(guess, found.z)
-        return found.z, tangent_at(curve, found.z, slope)[0], found.residual
+        self._near(guess, solution.z)
+        return solution.z, tangent_at(curve, solution.z, slope)[0], solution.residual
 
     @cached_property
     def _across(self) -> Array:
         return self.curve.normalised(self.last.z - self.first.z)
 
-    def settled(self, found: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
+    def settled(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
         the tangent is solved for."""
-        u = float(self._row.dot(found.z - self.first.z))
+        u = float(self._row.dot(solution.z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
-        self._near(guess, found.z)
+        self._near(guess, solution.z)
         if tangents:
             tangent = closest(tangents, self.curve.dual(slope))
         else:
-            tangent, _ = tangent_at(self.curve, found.z, slope)
-        return u, self._point(u, found.z, tangent, found.residual)
+            tangent, _ = tangent_at(self.curve, solution.z, slope)
+        return u, self._point(u, solution.z, tangent, solution.residual)
 
     def _near(self, guess: Array, z: Array) -> None:
         if self.curve.length(z - guess) > _BESIDE * self.length:
