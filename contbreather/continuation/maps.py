@@ -278,8 +278,8 @@ def _flip_matrix(point: Point) -> Array:
 
 def _flip_locus(point: Point) -> Locus:
     null = systems.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
-    own = (_GENERALISED_FLIP, _R2_ON_FLIP)
-    return replace(systems.null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
+    on_flip = (_GENERALISED_FLIP, _R2_ON_FLIP)
+    return replace(systems.null_locus(null, 2.0), events=on_flip, meets=MEETINGS["PD"])
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -297,12 +297,12 @@ def _doubled(point: Point) -> Lift:
     return Lift(twice, point.curve.free[0], both=False)
 
 
-def _off_circle(known: tuple[float, ...], point: Point) -> float:
-    """The smallest ``mu_i mu_j - 1`` of all multipliers but those `known`, which the curve has
-    everywhere, with the sign of the product of all of them."""
+def _off_circle(everywhere: tuple[float, ...], point: Point) -> float:
+    """The smallest ``mu_i mu_j - 1`` of all multipliers but those that the curve has
+    `everywhere`, with the sign of the product of all of them."""
     matrix = units(point.ground)
     values = np.linalg.eigvals(matrix).astype(complex)
-    first, second = systems.pairs(systems.without(values, *known))
+    first, second = systems.pairs(systems.without(values, *everywhere))
     if not first.size:
         return math.nan
     rounding = _ROUNDING * float(np.linalg.norm(matrix))
@@ -317,16 +317,16 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
     matrix = multiplier_matrix(point)
     small = _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))
-    mu, one, other = systems.critical_plane(
+    mu, first, second = systems.critical_plane(
         matrix, (1.0, -1.0), small, lambda values: np.abs(np.abs(values) - 1)
     )
-    return mu.real / abs(mu), one, other
+    return mu.real / abs(mu), first, second
 
 
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
-    cosine, one, other = _circle_pair(point)
-    locus = systems.pair_locus("cosine", cosine, (one, other), 1.0, b=(0, -2), c=(1, 0))
+    cosine, first, second = _circle_pair(point)
+    locus = systems.pair_locus("cosine", cosine, (first, second), 1.0, b=(0, -2), c=(1, 0))
     return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
 
 
@@ -360,9 +360,9 @@ def _examine_double(sign: int, point: Point) -> Examined:
     """Two multipliers there, with one eigenvector."""
     matrix = units(point.ground)
     size = max(1.0, float(np.linalg.norm(matrix, 2)))
-    near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
-    if near.sum() != 2:
-        return f"{near.sum()} multipliers are {sign}; two were expected"
+    critical = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
+    if critical.sum() != 2:
+        return f"{critical.sum()} multipliers are {sign}; two were expected"
     sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
     return f"two multipliers are {sign}, with two eigenvectors" if sizes[-2] < _RANK * size else {}
 
@@ -379,9 +379,9 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
         return "a branch point, not a fold"
     values = _multipliers(point)
     on = values[abs(abs(values) - 1) < 1e-4]
-    found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
-    found += ["pair"] * ((len(on) - len(found)) // 2)
-    if sorted(found) != sorted(wanted.split()):
+    critical = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
+    critical += ["pair"] * ((len(on) - len(critical)) // 2)
+    if sorted(critical) != sorted(wanted.split()):
         shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
         return f"on the unit circle are {shown}, where {these} are expected"
     return ""
