@@ -143,8 +143,8 @@ def approach(
             return z
         while damping > _SHORTEST:
             try:
-                there = z - damping * step * weights
-                value = equations(there)
+                trial = z - damping * step * weights
+                value = equations(trial)
                 ahead = length(least(value), None)
             except Undefined:
                 ahead = math.inf
@@ -153,7 +153,7 @@ def approach(
             damping /= 2
         else:
             return None
-        z = there
+        z = trial
         if damping == 1 and ahead <= _NEAR * (1 + length(z, metric)):
             return z
         damping = min(1.0, 2 * damping)
