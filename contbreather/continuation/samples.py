@@ -188,8 +188,8 @@ class Samples:
         test, segment, look, places = self.event.test, self.segment, list[float](), np.empty(0)
         if isinstance(test, Singular) and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
-            near = min(sizes) < _LOW * max(sizes)
-            middle = (segment.provisional(0.5),) if near else ()
+            dips = min(sizes) < _LOW * max(sizes)
+            middle = (segment.provisional(0.5),) if dips else ()
             places = singular_between(*map(test.matrix, (segment.first, *middle, segment.last)))
             for low, high in itertools.pairwise(places.tolist()):
                 look.append((low + high) / 2)
