@@ -39,12 +39,12 @@ def is_large(matrix: Matrix) -> bool:
     return is_sparse(matrix) or len(matrix) >= _MANY
 
 
-def canonical(given: Any) -> Matrix:
+def canonical(entries: Any) -> Matrix:
     """A sparse matrix of any format as columns of floats without duplicates: a copy, for the same
     one may come back each time, written anew."""
     from scipy.sparse import csc_array
 
-    matrix = csc_array(given, dtype=float, copy=True)
+    matrix = csc_array(entries, dtype=float, copy=True)
     matrix.sum_duplicates()
     return matrix
 
@@ -157,9 +157,9 @@ class Factors:
             self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
 
     def _inner(self, right: Array) -> Array:
-        found = self._lu.solve(right * self._rows)
-        assert found is not None
-        return found
+        x = self._lu.solve(right * self._rows)
+        assert x is not None
+        return x
 
     def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
         """The solution of the equations and of as many conditions as unknowns are left: `right`
@@ -336,8 +336,8 @@ def shifted(matrix: Matrix, value: complex) -> Matrix:
         return matrix + value * np.eye(len(matrix))
     from scipy.sparse import eye_array
 
-    one: Matrix = eye_array(matrix.shape[0], format="csc")
-    return matrix + value * one
+    identity: Matrix = eye_array(matrix.shape[0], format="csc")
+    return matrix + value * identity
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -367,8 +367,8 @@ class Pattern:
     J. Inst. Maths Applics 13, 117, 1974).
     """
 
-    def __init__(self, given: Any) -> None:
-        matrix = canonical(given)
+    def __init__(self, pattern: Any) -> None:
+        matrix = canonical(pattern)
         self.matrix = matrix = _with(matrix, np.ones(matrix.nnz))  # what was given stays as it is
         self.columns = columns_of(matrix)
 
@@ -385,9 +385,9 @@ class Pattern:
     def derivative(self, slope: Callable[[Array], Array], steps: Array) -> Matrix:
         """The derivative, by ``slope(direction)`` for each colour; unknowns move by their steps."""
         data = np.empty(self.columns.size)
-        own = self.colours[self.columns]
+        colours = self.colours[self.columns]
         for colour in range(self.colours.max() + 1):
             changes = slope(np.where(self.colours == colour, steps, 0.0))
-            entries = own == colour
+            entries = colours == colour
             data[entries] = changes[self.matrix.indices[entries]] / steps[self.columns[entries]]
         return _with(self.matrix, data)
