@@ -137,22 +137,22 @@ def try_step(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[in
     guess = predicted(here, size, here.there)
     if outside(rules, guess):
         return LOOK, 0.0
-    found = newton(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
-    if found.status != TAKEN:
-        return found.status, 0.0
-    if outside(rules, found.z):
+    solution = newton(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
+    if solution.status != TAKEN:
+        return solution.status, 0.0
+    if outside(rules, solution.z):
         return LOOK, 0.0
-    end = examined(eq, here, size, found.z)
+    end = examined(eq, here, size, solution.z)
     if end.status != TAKEN:
         return end.status, 0.0
     branches = end.side == 0 or end.side * state[SIDE] < 0
     tiny = end.length < TINY * state[LONGEST]
-    if branches or tiny or leaves(rules, here) or returns(rules, here, found.z):
+    if branches or tiny or leaves(rules, here) or returns(rules, here, solution.z):
         return LOOK, 0.0
-    state[SIZE] = size * next_size(found.iterations, end.turn, rules.growth)
+    state[SIZE] = size * next_size(solution.iterations, end.turn, rules.growth)
     state[SIDE] = end.side
     accept(here, state, end.length)
-    return TAKEN, found.residual
+    return TAKEN, solution.residual
 
 
 def corrected(
@@ -160,9 +160,9 @@ def corrected(
 ) -> None:
     """The point of the curve in the plane across a vector, and its tangent on the side of `slope`,
     from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
-    found = newton(eq, across, here.there, tolerance, ITERATIONS)
-    answer[0], answer[1], answer[2] = found.status, found.iterations, found.residual
-    if found.status == TAKEN and tangent_at(eq, slope, found.z, here.ahead) == 0:
+    solution = newton(eq, across, here.there, tolerance, ITERATIONS)
+    answer[0], answer[1], answer[2] = solution.status, solution.iterations, solution.residual
+    if solution.status == TAKEN and tangent_at(eq, slope, solution.z, here.ahead) == 0:
         answer[0] = LOOK
 
 
@@ -276,12 +276,12 @@ def leaves(rules: Rules, here: Here) -> bool:
 
 
 @inlined
-def returns(rules: Rules, here: Here, there: Any) -> bool:
+def returns(rules: Rules, here: Here, z: Any) -> bool:
     """Whether the step passes the plane of the start in the direction of the walk."""
     before = after = along = 0.0
     for i in range(here.z.size):
         before += rules.across[i] * (here.z[i] - rules.start[i])
-        after += rules.across[i] * (there[i] - rules.start[i])
+        after += rules.across[i] * (z[i] - rules.start[i])
         along += rules.across[i] * here.ahead[i]
     return before < 0.0 and after >= 0.0 and along >= 0.5
 
