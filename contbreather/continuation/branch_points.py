@@ -57,6 +57,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
 
     Raises `Undefined` if they do not.
     """
+    # a system of G. Moore, Numer. Funct. Anal. Optimiz. 2, 441 (1980), for z, w and beta
     previous = math.inf
     for iteration in range(1, most + 1):
         value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
@@ -100,6 +101,7 @@ def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) 
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):
         raise Undefined(f"the curves pass each other at a distance of {gap:.2g}")
+    # low c1^2 + high c2^2 = 0 on the axes: (c1, c2) = (sqrt(high), +- sqrt(-low))
     c = axes @ np.array([[math.sqrt(high)] * 2, [math.sqrt(-low), -math.sqrt(-low)]])
     first, second = (curve.normalised(way) / sense(way) for way in c.T @ null)
     solution = replace(root, residual=float(abs(value).max()))
@@ -273,12 +275,14 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     bent = [curve.balanced(curve.along(z, v * curve.scales)) for v in null]
     form = np.stack([weak.left @ change for change in bent]) @ null.T
     values, axes = np.linalg.eigh((form + form.T) / 2)
+    # w^T H_zz tau = 0 along the tangent tau of a curve of branch points: the form is singular
     least = int(abs(values).argmin())
     if abs(values[least]) > _PARTING * abs(values).max():
         raise Undefined(refusal)
     tangent = (axes[:, least] @ null * curve.scales)[-2:]
     if not np.linalg.norm(tangent) > _RANK:
         raise Undefined(f"the branch point does not move with {first} and {second}")
+    # at a right angle to how the parameters change along the curve
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
     across = least_singular(_columns(point.jacobian(), direction))
     # each row in its own size: what is left of the conditions is then rounding, as of equations
