@@ -116,6 +116,7 @@ class Curve:
         names = (*problem.start, *free)
         counts = [np.size(problem.start.get(name, 0.0)) for name in names]
         self.scales = np.repeat([float(problem.scales.get(name, 1.0)) for name in names], counts)
+        # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an entry
         weights = 1 / (np.repeat(counts, counts) * self.scales**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
@@ -146,6 +147,7 @@ class Curve:
             self._rows = self._first_rows()
         passed, self._passed = self._passed, []
         for z in passed:
+            # halved, not forgotten: a row may vanish for a moment, as where curves cross
             self._rows = np.maximum(0.5 * self._rows, self.row_sizes(z))
         return self._rows
 
@@ -175,6 +177,7 @@ class Curve:
 
     def balanced(self, matrix: Matrix) -> Matrix:
         """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
+        # R^-1 J S: singular values then do not depend on the units of equations and unknowns
         return scaled(matrix, 1 / self.rows, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
@@ -325,6 +328,7 @@ class Curve:
     def _by_pattern(self, z: Array) -> Matrix:
         """The derivative in the unknowns where it is known which entries are not zero."""
         pattern: Pattern = self.problem.sparsity
+        # unknowns of one colour move together, each in proportion to its size
         steps = np.maximum(self.scales, abs(z))[: self.size]
         return pattern.derivative(lambda way: self._by_few(z, way, range(1))[:, 0], steps)
 
@@ -416,7 +420,8 @@ class Curve:
     def wrong_entry(self, z: Array) -> str:
         """An entry of the derivative at z that differences contradict: empty if there is none."""
         matrix = self.jacobian(z)
-        # one direction through all entries tells whether any is wrong
+        # one direction through all entries tells whether any is wrong: cos(0), cos(1), ... has no
+        # pattern by which several of them would cancel
         direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
         wanted, doubt, _ = derivatives.estimate(
             lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
@@ -440,6 +445,7 @@ class Curve:
             pattern = self.problem.sparsity.matrix[[row]].indices
             columns = np.setdiff1d(columns[: self.size], pattern)
         small = 1e-6 * abs(matrix[[row]]).max()
+        # log2(n) differences in place of n, which a large problem has many of
         while columns.size > 1:
             half = columns[: (columns.size + 1) // 2]
             among = np.isin(np.arange(z.size), half)
