@@ -107,6 +107,7 @@ def branch_point() -> Event:
 
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
+        # dp/ds: zero where the parameter turns back
         return float(point.tangent[-1])
     return systems.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
 
@@ -153,6 +154,8 @@ def _cusp_beside(reference: Array, point: Point) -> float:
 def _quadratic(ground: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     curve, n = ground.curve, ground.curve.size
+    # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
+    # Bifurcation Theory, chapter 5), of a p whose length and sign follow the curve
     weak = least_singular(ground.jacobian()[:, :n])
     sign = weak.sign * np.sign(weak.right @ null)
     return float(sign * weak.left @ (curve.along(ground.z, null)[:, :n] @ null) / 2)
@@ -204,6 +207,8 @@ def _off_axis(point: Point, values: Values, rounding: float = 0.0) -> float:
         sums, rounding = (-upper.real).astype(complex), nearest.rounding**2
     else:
         first, second = systems.pairs(values)
+        # the eigenvalues of the bialternate product of 2 F_x and 1, singular at Hopf points
+        # (W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM, 2000)
         sums = first + second
     return systems.least_with_sign(sums, rounding) if sums.size else math.nan
 
@@ -265,6 +270,7 @@ def _hopf_locus(point: Point) -> Locus:
     """``(F_x^2 + omega^2) v = 0`` in the plane of the pair."""
     ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     if _large(point):
+        # one unknown, in place of a vector as long as x, and of F_x^2, which is less sparse
         in_plane = spectrum.pair_locus(spectrum.square_of_pair(point.curve, point.z))
         return replace(in_plane, events=ends, meets=MEETINGS["HB"])
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
@@ -392,6 +398,7 @@ def _beside_pair(point: Point) -> Values:
     square, values = point["omega2"], _eigenvalues(point)
     if not square > 0 or values.size < 2:
         return np.empty(0, dtype=complex)
+    # omega2 is solved for, more exactly than by the eigenvalues
     axis = 1j * math.sqrt(square)
     return systems.without(values, axis, -axis)
 
