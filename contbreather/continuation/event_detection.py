@@ -162,6 +162,8 @@ def _is_calm(
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
     """Of numbers or arrays: whether the parabola through three values stays away from zero."""
+    # start + b u + bend u^2 through (-pace, earlier), (0, start) and (1, end): its value at 1/2 is
+    # (start + end) / 2 - bend / 4
     bend = (end - start - (start - earlier) / pace) / (1 + pace)
     middle = (0.5 * (start + end) - 0.25 * bend) / start  # all of them in units of the first
     last = end / start
@@ -183,6 +185,7 @@ def clear_steps(arclength: Array, tests: Array, counts: Sequence[Array]) -> int:
     steps = np.diff(arclength)
     calm = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(axis=0)
     for count in counts:
+        # by one the count changes at a simple zero, which leaves its change of sign
         calm &= abs(np.diff(count)) < 2
     return int(calm.argmin()) if not calm.all() else calm.size
 
