@@ -108,6 +108,7 @@ def _zero(samples: Samples, left: float, right: float) -> Place | None:
     a, b = float(samples.values[left]), float(samples.values[right])
     if b == 0:
         return right, right, _isolated(samples, right, left, right)
+    # where the line through both values vanishes: next to a simple zero of a short step
     secant, size = left + (right - left) * a / (a - b), abs(a) + abs(b)
     if place := _solved(samples, secant, left, right):
         return place
@@ -225,6 +226,8 @@ def _newton(
     if isinstance(locus_at, Crossings):
         return locus_at.solve(guess)
     locus = locus_at(guess)
+    # | F_x  0    F_p |
+    # | g_x  g_y  g_p |
     renamed = {f"{name} of the locus": value for name, value in locus.extra.items()}
     problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
     curve, n = Curve(problem, ()), guess.curve.size
@@ -285,6 +288,7 @@ def has_double_zero(samples: Samples) -> bool:
             return False
         vertex, depth = _parabola(places, values)
         nearest = min(values, key=abs)
+        # f at the vertex in units of the least value so far: well above zero there is none to come
         if not places[0] < vertex < places[2] or depth / nearest > 0.3:
             return False
         if min(abs(vertex - u) for u in places) < 1e-6:
@@ -343,6 +347,7 @@ def _downhill(
 ) -> tuple[float, float]:
     """Bracket of the least size of a test by golden section, unless its sign changes; no closer
     than shows that it stays above `enough`, even if it fell several times as fast inside."""
+    # g^2 = 1 - g: of both inner places one stays when the bracket shrinks
     golden = 0.5 * (math.sqrt(5) - 1)
     (left, right), (first, last) = bracket, sizes
 
