@@ -173,6 +173,7 @@ def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..
         for i in range(n):
             out[i] = 0.0
         for step in (-2, -1, 1, 2):
+            # f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / 12h
             weight = (8.0 if abs(step) == 1 else -0.5) * step / (12.0 * h)
             if c < n:
                 kept = x[c]
