@@ -31,13 +31,15 @@ class StepInterpolant:
 
     @cached_property
     def _row(self) -> Array:
-        """row . (z - z_first) is u, on the cubic too."""
+        """The linear functional of ``z - z_first`` that is u on the chord and on its cubic."""
         chord = self.last.z - self.first.z
         dual = self.curve.dual(chord)
         return np.asarray(dual / dual.dot(chord))
 
     @cached_property
     def _slopes(self) -> list[Array]:
+        # dz/du with row . dz/du = 1: on the cubic row . (z - z0) then has the values 0 and 1 and
+        # the slope 1 at both ends, and is u all along
         return [p.direction / self._row.dot(p.direction) for p in (self.first, self.last)]
 
     def guess(self, u: float) -> tuple[Array, Array]:
@@ -45,6 +47,7 @@ class StepInterpolant:
         z0, z1 = self.first.z, self.last.z
         d0, d1 = self._slopes
         v = 1 - u
+        # the Hermite basis v^2 (1 + 2u), u v^2, u^2 (1 + 2v), -u^2 v with v = 1 - u
         z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
         slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
         return z, self.curve.normalised(slope)
@@ -117,6 +120,7 @@ def _oriented(curve: Curve, z: Array, row: Array) -> tuple[Array | None, int]:
     factors = curve.factors(z, row)
     if isinstance(factors, Dense):
         return factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
+    # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
     side, null = factors.sign(row[None, :]), factors.null[:, 0]
     return (None if side == 0 else math.copysign(1.0, row @ null) * null), side
 
@@ -125,6 +129,7 @@ def _null_vector(matrix: Matrix, row: Array, curve: Curve) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     weak = least_singular(matrix)
+    # where the derivative has lost a rank, all of a plane are null vectors
     null = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
     nearest = (null @ row) @ null
     if curve.length(nearest) > LEVEL:
