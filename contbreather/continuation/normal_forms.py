@@ -272,6 +272,8 @@ def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> C
     # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
     h11 = solve(-forms.A, B @ q.conj())
     h20 = solve(-double, B @ q)
+    # <p, C(q, q, cq) + 2 B(q, h11) + B(cq, h20)> / unit, with cq for conj(q): 2 omega for l1 of a
+    # flow, 2 mu for d of a map
     terms = (C, 2 * B @ h11, B.conj() @ h20)
     parts = [complex(np.vdot(p, term)) / unit for term in terms]
     return Coefficient(sum(parts), sum(abs(part) for part in parts))
@@ -289,6 +291,7 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     q, p = forms.eigenvectors(forms.A)
     jet, began = forms.jet(q), forms.T @ q
     bent = jet.B @ q
+    # x' = <p, B(q, q)> x^2 / 2 + (<p, C(q, q, q)> + 3 <p, B(q, h)>) x^3 / 6
     quadratic = 0.5 * float(p @ bent)
     # A h = <p, B> T q - B with <p, T h> = 0, by bordering
     h = _bordered(forms.A, began, p @ forms.T, 2 * quadratic * began - bent)
@@ -321,6 +324,7 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     small = weak.size if is_sparse(forms.A) else _DEFECTIVE * max(weak.largest, 1e-300)
     if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
         raise Undefined("no double zero eigenvalue with one eigenvector")
+    # chains: A q0 = 0, A q1 = q0; A^T p1 = 0, A^T p0 = p1 (Kuznetsov, section 8.4)
     if is_sparse(forms.A):
         q1, p0 = weak.rest(q0), least_singular(forms.A.T.tocsc()).rest(p1)
     else:
@@ -347,6 +351,8 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     forms = Forms(point, agreed)
     q, p = forms.eigenvectors(forms.closed(-1.0))
     jet = forms.jet(q)
+    # on the centre manifold x = u q + u^2 h / 2, and (1 - A) h = B(q, q) as (-1)^2 = 1;
+    # c = <p, C(q, q, q) + 3 B(q, h)> / 6
     h = solve(-forms.A, jet.B @ q)
     coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
     return replace(coefficient, rounding=max(_ROUNDING, agreed))
