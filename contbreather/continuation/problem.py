@@ -333,6 +333,7 @@ class Problem:
             ) from error
         if not solution.converged and self._is_solved(curve):
             return self, Solution(self.x, True, 0, before, 0.0)
+        # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
         if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
             raise NotConverged(
