@@ -74,7 +74,9 @@ def flow(curve: Curve, z: Array) -> Matrix:
 
 def _near(matrix: Matrix) -> NearestEigenvalues:
     norm = float(abs(matrix).sum(axis=0).max())
+    # |Im lambda| <= |A - A^T|_2 / 2, and that no more than its 1-norm, being skew
     highest = float(abs(matrix - matrix.T).sum(axis=0).max()) / 2
+    # a perturbation e moves a double eigenvalue by its root
     rounding = _SPLIT * math.sqrt(np.finfo(float).eps * norm)
     values, reach = np.empty(0, dtype=complex), 0.0
     for _ in range(_DISKS):
@@ -154,9 +156,11 @@ def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) ->
     n = matrix.shape[0]
     vectors = [np.roll(any_vector(n), k * n // _TOGETHER) for k in range(min(_TOGETHER, n))]
     noise = 4 * np.finfo(float).eps * float(abs(matrix).sum(axis=0).max())
+    # trace and determinant do not depend on the basis of the plane, as its vectors do
     before = np.full(2, math.inf)
     for _ in range(_TURNS):
         x = np.asarray(np.linalg.qr(np.stack([apply(v) for v in vectors], axis=1))[0])
+        # Rayleigh-Ritz: A within the space of all vectors, and of that the plane wanted
         block, turned = _nearest_two(x.T @ (matrix @ x), square)
         now, size = np.array([np.trace(block), np.linalg.det(block)]), float(np.linalg.norm(block))
         if (abs(now - before) <= (_EXACT * size + noise) * np.array([1.0, size])).all():
@@ -218,5 +222,6 @@ def _slopes(curve: Curve, z: Array, extra: Array) -> Array:
     left = (plane.left / scales[:, None]).T
     (d11, d12), (d21, d22) = zip(*(left @ change for change in changes), strict=True)
     (a, b), (c, d) = plane.within
+    # trace' = d11 + d22, det' = d d11 - c d12 - b d21 + a d22 of the matrix ((a, b), (c, d))
     rows = np.stack([d11 + d22, d * d11 + a * d22 - b * d21 - c * d12])
     return np.hstack([rows, [[0.0], [-1.0]]])
