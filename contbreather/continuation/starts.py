@@ -75,6 +75,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         z = approach(curve.equations, curve.jacobian, curve.start, curve.metric)
         if z is None:
             return None
+        # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
         solution = curve.newton(z, curve.dual(tangent), tolerance=tolerance)
     except Undefined:
@@ -157,6 +158,7 @@ def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
         weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
         return weak.size < 1e-4 * weak.second
+    # with the row of the parameter below: singular at folds as well as where curves cross
     sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
     return bool(sizes[-1] < 1e-7 * sizes[0])
 
@@ -217,6 +219,7 @@ class Bound:
     def row(self, z: Array) -> Array:
         """The derivative of the value."""
         row = np.zeros(z.size)
+        # d|u| = u . du / |u|
         row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
         return row
 
