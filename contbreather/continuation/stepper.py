@@ -111,6 +111,7 @@ class Stepper:
             slopes = self.curve.jacobian(z)
         except Undefined:
             return True
+        # J t = 0: what is left of it, relative to the terms that cancel
         off = abs(slopes @ tangent)
         return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
 
@@ -161,6 +162,7 @@ class Stepper:
         """Whether the step passes the start, in the direction in which the curve left it."""
         start, row = self.start, self.curve.dual(self.start.direction)
         before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
+        # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
             return False
         segment = StepInterpolant(point, last, self.steps.tolerance)
@@ -207,6 +209,7 @@ class Stepper:
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
+        # z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
         landing = self._crossed(point.z, predicted, LEVEL * size)
         if landing is None:
@@ -284,6 +287,7 @@ class Stepper:
     def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
         """The solution exactly on a bound, instead of a step across it."""
         start, end = bound.value(point.z), bound.value(predicted)
+        # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
@@ -309,6 +313,7 @@ class Stepper:
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Where the determinant changes its sign: by halving, and then by a system of its own."""
         low, high = 0.0, 1.0
+        # from 1/64 of the step on the system of a branch point is solved
         for _ in range(6):
             middle = 0.5 * (low + high)
             _, side = tangent_at(self.curve, *segment.guess(middle))
@@ -327,10 +332,12 @@ class Stepper:
             slopes = [bound.slope(end.z, end.direction) for end in (point, last)]
             if not slopes[0] * slopes[1] < 0:
                 continue
+            # the cubic d0 u + (3 rise - 2 d0 - d1) u^2 + (d0 + d1 - 2 rise) u^3 is the way to u
             d0, d1 = length * slopes[0], length * slopes[1]
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
             value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
+            # the extremum is solved for to this tolerance: no farther beyond a bound, it is on it
             slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
             if not bound.low - slack <= value <= bound.high + slack:
                 return True
