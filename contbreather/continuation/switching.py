@@ -127,6 +127,7 @@ class Lift:
             If there is not a solution at this amplitude: try another one.
         """
         curve = Curve(self.problem, (free or self.free,))
+        # v . (x - x0) = amplitude, and the parameter gives way: regular on the arms of a pitchfork
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
         try:
@@ -385,6 +386,7 @@ def _leave(arm: Branch, seed: Seed, point: Point) -> None:
 
 def _aside(curve: Curve, direction: Array, line: Array) -> float:
     """Distance of a unit vector from a line."""
+    # d - (d . W l) l
     return curve.length(direction - float(direction @ curve.dual(line)) * line)
 
 
