@@ -351,7 +351,7 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     forms = Forms(point, agreed)
     q, p = forms.eigenvectors(forms.closed(-1.0))
     jet = forms.jet(q)
-    # on the centre manifold x = u q + u^2 h / 2, and (1 - A) h = B(q, q) as (-1)^2 = 1;
+    # on the centre manifold x = u q + u^2 h / 2 with -F_x h = B(q, q), as (-1)^2 = 1, and
     # c = <p, C(q, q, q) + 3 B(q, h)> / 6
     h = solve(-forms.A, jet.B @ q)
     coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
