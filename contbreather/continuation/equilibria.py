@@ -155,7 +155,7 @@ def _quadratic(ground: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     curve, n = ground.curve, ground.curve.size
     # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
-    # Bifurcation Theory, chapter 5), of a p whose length and sign follow the curve
+    # Bifurcation Theory, chapter 5), of a unit p whose sign follows the curve
     weak = least_singular(ground.jacobian()[:, :n])
     sign = weak.sign * np.sign(weak.right @ null)
     return float(sign * weak.left @ (curve.along(ground.z, null)[:, :n] @ null) / 2)

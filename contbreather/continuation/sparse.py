@@ -365,7 +365,7 @@ def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
         lu = factorised(_shifted(matrix))
     q = p = any_vector(matrix.shape[0]).astype(matrix.dtype)
     for _ in range(_TURNS):
-        # inverse iteration: a step multiplies what is along the null vector by 1 / rounding
+        # inverse iteration: the null vector grows by the inverse of what M has left of a zero
         q, p = lu.solve(q), lu.solve(p, "H")
         q, p = q / np.linalg.norm(q), p / np.linalg.norm(p)
     return q, p

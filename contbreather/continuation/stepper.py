@@ -332,12 +332,13 @@ class Stepper:
             slopes = [bound.slope(end.z, end.direction) for end in (point, last)]
             if not slopes[0] * slopes[1] < 0:
                 continue
-            # the cubic d0 u + (3 rise - 2 d0 - d1) u^2 + (d0 + d1 - 2 rise) u^3 is the way to u
+            # from the first value the cubic rises by d0 u + (3 rise - 2 d0 - d1) u^2
+            # + (d0 + d1 - 2 rise) u^3, with extrema where the derivative of that is zero
             d0, d1 = length * slopes[0], length * slopes[1]
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
             value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
-            # the extremum is solved for to this tolerance: no farther beyond a bound, it is on it
+            # the extremum is solved for to this tolerance: so far beyond a bound it is on it
             slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
             if not bound.low - slack <= value <= bound.high + slack:
                 return True
