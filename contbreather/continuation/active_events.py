@@ -23,18 +23,18 @@ def active_events(
     Events that are asked for come on top of the walls of the problem, its events beyond which
     solutions mean nothing; only `inadmissible` lifts these.
     """
-    given = all_of(events)
-    asked = None if given is None else tuple(event.of(problem) for event in given)
+    listed = all_of(events)
+    wanted = None if listed is None else tuple(event.of(problem) for event in listed)
     if flag("inadmissible", inadmissible):
         problem = _lifted(problem)
-    if asked is None:
+    if wanted is None:
         return _recording(problem, problem.events), problem.events
-    kinds = {event.kind for event in asked}
+    kinds = {event.kind for event in wanted}
     walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
-    for event in asked:
+    for event in wanted:
         if isinstance(event, EventWithRule):
             problem = _with_rule(problem, event)
-    return _recording(problem, asked), (*asked, *walls)
+    return _recording(problem, wanted), (*wanted, *walls)
 
 
 def walls_are_lifted(problem: Problem) -> bool:

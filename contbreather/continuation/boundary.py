@@ -99,10 +99,10 @@ def boundary(
     def born(line: Branch) -> Branch:
         return replace(line, settings=settings, origin=point)
 
-    with checkpoint(save, "boundary") as kept, piece_of(kept, born) as own:
+    with checkpoint(save, "boundary") as kept, piece_of(kept, born) as inner:
         line = trace(
             longer, pair[0], within=within, towards=towards, steps=settings.steps,
-            progress=progress, save=own,
+            progress=progress, save=inner,
         )  # fmt: skip
         line = born(line)
         kept.finish(line)
@@ -126,10 +126,10 @@ class BoundaryProblem(ExtendedProblem):
 
     def wider(self, names: tuple[str, ...]) -> Problem:
         """Where the base problem has another parameter, free in place of the first."""
-        here, (free,), event = Curve(self, ()), names, self.residual.event
+        curve, (free,), event = Curve(self, ()), names, self.residual.event
         assert event is not None
-        pair = free, here.varied[-1]
-        ground, event = _having(Point(here, here.start).ground, event, pair)
+        pair = free, curve.varied[-1]
+        ground, event = _having(Point(curve, curve.start).ground, event, pair)
         if free not in ground.curve.problem.params:
             return self
         return boundary_problem(ground, event, pair, self.asked, inadmissible=self.inadmissible)
@@ -146,8 +146,8 @@ def boundary_problem(
     """The problem whose curve in ``pair[0]`` is the boundary through a point, `pair[1]` being one
     of its unknowns."""
     named_pair(pair)
-    asked = all_of(events)
-    base, given = active_events(ground.problem, asked, inadmissible=inadmissible)
+    listed = all_of(events)
+    base, active = active_events(ground.problem, listed, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
@@ -167,25 +167,27 @@ def boundary_problem(
                 f"{end:g}; take a point there"
             )
     others = [
-        one
-        for other in given
+        met
+        for other in active
         if other.kind != event.kind and other.test is not None
-        for one in locus.meets.get(other.kind, (meeting(event.kind, other),))
+        for met in locus.meets.get(other.kind, (meeting(event.kind, other),))
     ]
-    own = locus.events
-    if asked == ():  # only what the curve cannot be followed beyond
-        own = tuple(one for one in own if one.ends)
+    of_locus = locus.events
+    if listed == ():  # only what the curve cannot be followed beyond
+        of_locus = tuple(e for e in of_locus if e.ends)
     if walls_are_lifted(base) and event.ends_domain:  # what ends it is another wall
-        own = tuple(e for e in own if not (isinstance(e, CodimensionTwo) and e.base.ends_domain))
+        of_locus = tuple(
+            e for e in of_locus if not (isinstance(e, CodimensionTwo) and e.base.ends_domain)
+        )
     record = base.record
     if event.bifurcates:  # a multiplier passes all along: rounding would decide their counts
         record = {name: partial(_uncounted, column) for name, column in record.items()}
     make = partial(
         BoundaryProblem,
-        events=(*own, *others),
+        events=(*of_locus, *others),
         record=record,
         label=titled(f"{_named(ground, event)} boundary", base),
-        asked=asked,
+        asked=listed,
         inadmissible=inadmissible,
     )
     longer = extended(curve, locus, event, make)
@@ -196,8 +198,8 @@ def boundary_problem(
 
 def _named(ground: Point, event: Event) -> str:
     """The kind that a point was found to be, which may be another than its event's: PF for BP."""
-    own = ground.event is not None and ground.event.kind == event.kind
-    return ground.kind if own and ground.kind else event.kind
+    same = ground.event is not None and ground.event.kind == event.kind
+    return ground.kind if same and ground.kind else event.kind
 
 
 def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
@@ -238,8 +240,8 @@ def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, 
     problem = having(ground.problem, *pair)
     if problem.residual is ground.curve.problem.residual:
         return ground, event
-    own = next((one for one in problem.events if one.kind == event.kind), event)
-    event = (from_dict(to_dict(event.serialised)) if event.serialised else own).of(problem)
+    alike = next((e for e in problem.events if e.kind == event.kind), event)
+    event = (from_dict(to_dict(event.serialised)) if event.serialised else alike).of(problem)
     problem, _ = active_events(problem, (event,))
     curve = Curve(problem, ground.curve.free)
     return replace(ground, curve=curve, z=curve.start, tangent=None), event
@@ -285,12 +287,12 @@ def _examine_beneath(kind: str, event: Event, point: Point) -> Examined:
     assert event.examine is not None
     suffix = f" of {event.kind}"
     detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
-    found = event.examine(replace(point.ground, detail=detail))
-    if isinstance(found, str):
-        return found
+    verdict = event.examine(replace(point.ground, detail=detail))
+    if isinstance(verdict, str):
+        return verdict
     # its normal form is that of a branch, what is said of it is not
-    said = {name: value for name, value in found.items() if isinstance(value, str)}
-    return {**said, "kind": f"{kind}-{found['kind']}"} if "kind" in found else said
+    words = {name: value for name, value in verdict.items() if isinstance(value, str)}
+    return {**words, "kind": f"{kind}-{verdict['kind']}"} if "kind" in verdict else words
 
 
 def _examine_crossing(point: Point) -> str:

@@ -121,9 +121,9 @@ class Branch(Columns, HtmlRepr):
     def names(self) -> tuple[str, ...]:
         """Names of all columns: parameters, what is measured, and behind these the unknowns, of
         which there may be hundreds."""
-        known = {*self.problem.params, *self.curve.varied}
-        parameters = [name for name in self.problem.names if name in known]
-        unknowns = [name for name in self.problem.names if name not in known]
+        params = {*self.problem.params, *self.curve.varied}
+        parameters = [name for name in self.problem.names if name in params]
+        unknowns = [name for name in self.problem.names if name not in params]
         return (*parameters, *self.problem.record, "arclength", "residual", *unknowns)
 
     @property
@@ -171,8 +171,8 @@ class Branch(Columns, HtmlRepr):
 
     def _column(self, name: str) -> Array:
         if name in ("arclength", "residual"):
-            own: Array = getattr(self.points, name)
-            return own.copy()
+            column: Array = getattr(self.points, name)
+            return column.copy()
         slots, problem = self.curve.slots, self.problem
         if name in slots:
             return self._rows.z[:, slots[name]].copy()
@@ -189,18 +189,18 @@ class Branch(Columns, HtmlRepr):
     def columns(self) -> dict[str, NDArray[Any]]:
         """All columns by name, the labels of the special points first. At special points there is
         no count where rounding decides it."""
-        found: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
-        own = (name for name in self.problem.record if name not in self.problem.names)
-        recorded = self._rows.recorded(*own)
+        columns: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
+        derived = (name for name in self.problem.record if name not in self.problem.names)
+        recorded = self._rows.recorded(*derived)
         for name in self.names:
-            found[name] = recorded[name] if name in recorded else np.asarray(self[name])
+            columns[name] = recorded[name] if name in recorded else np.asarray(self[name])
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
         for name in self.problem.record:
             # a count is a column of whole numbers, or of floats where some of it is blank
             counted = isinstance(self.problem.record[name], UnstableDimension)
-            if (counted or found[name].dtype.kind in "iu") and verge.any():
-                found[name] = np.where(verge, math.nan, found[name])
-        return found
+            if (counted or columns[name].dtype.kind in "iu") and verge.any():
+                columns[name] = np.where(verge, math.nan, columns[name])
+        return columns
 
     def tabulated(self) -> dict[str, NDArray[Any]]:
         """Without the unknowns of a discretisation, and vectors of what defines a boundary."""
@@ -255,8 +255,8 @@ class Branch(Columns, HtmlRepr):
         """
         start = self.points[0]
         free = self.curve.varied
-        own = [name for name in self.curve.slots if name not in free]
-        names = (*free, *own, *self.problem.record)
+        unknowns = [name for name in self.curve.slots if name not in free]
+        names = (*free, *unknowns, *self.problem.record)
         points = self.special
         columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]
         columns += [
@@ -346,32 +346,32 @@ def labelled(points: Iterable[Point]) -> Points:
     """Number the special points of each kind in their order: PF1, PF2, ..."""
     points = Points.of(points)
     count: dict[str, int] = {}
-    made = dict(points.made)
-    for i in sorted(made):
-        kind = made[i].kind
+    marked = dict(points.made)
+    for i in sorted(marked):
+        kind = marked[i].kind
         if kind:
             count[kind] = count.get(kind, 0) + 1
             dot = "." if kind[-1].isdigit() else ""  # the second R1 is R1.2, not R12
-            made[i] = replace(made[i], label=f"{kind}{dot}{count[kind]}")
-    return replace(points, made=made)
+            marked[i] = replace(marked[i], label=f"{kind}{dot}{count[kind]}")
+    return replace(points, made=marked)
 
 
 def _joined(before: Points, after: Points) -> Points:
     """Both, with what happens at the seam once: an event is known by its object, and a point where
     nothing happens is left out beside one where something does."""
     seam = before.arclength[-1]
-    near = _SEAM * (after.arclength[-1] - before.arclength[0])
-    head = before[: np.count_nonzero(before.arclength < seam - near)]
-    tail = after[np.count_nonzero(after.arclength <= seam + near) :]
-    there = [*before[len(head) :], *after[: len(after) - len(tail)]]
+    reach = _SEAM * (after.arclength[-1] - before.arclength[0])
+    head = before[: np.count_nonzero(before.arclength < seam - reach)]
+    tail = after[np.count_nonzero(after.arclength <= seam + reach) :]
+    at_seam = [*before[len(head) :], *after[: len(after) - len(tail)]]
     special = {
         id(point.event) if point.event else point.kind: point
-        for point in there
+        for point in at_seam
         if point.kind not in ("", "EP", "MX")
     }
     if not special and len(head) and len(tail):
-        there = [replace(before[-1], kind="", label="")]  # no end any more
-    seam_points = list(special.values()) or there[-1 if len(head) else 0 :][:1]
+        at_seam = [replace(before[-1], kind="", label="")]  # no end any more
+    seam_points = list(special.values()) or at_seam[-1 if len(head) else 0 :][:1]
     return Points.joined([head, seam_points, tail])
 
 

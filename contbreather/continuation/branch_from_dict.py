@@ -99,8 +99,8 @@ class _Stored:
     @cached_property
     def here(self) -> dict[str, Any]:
         """Unknowns and parameters at the first point."""
-        here = {name: _python(self.columns[name][0]) for name in self.content["unknowns"]}
-        return here | {
+        values = {name: _python(self.columns[name][0]) for name in self.content["unknowns"]}
+        return values | {
             name: float(self.columns[name].flat[0]) for name in self.content["parameters"]
         }
 
@@ -120,43 +120,49 @@ class _Stored:
         self, problem: Problem | None, origin: Point | None
     ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
         """The curve of these points, how it was walked, and what can happen on it."""
-        content, here = self.content, self.here
+        content, first = self.content, self.here
         if problem is None and can_read(content["equations"]):
-            start, params = ({name: here[name] for name in names} for names in content["base"])
+            start, params = ({name: first[name] for name in names} for names in content["base"])
             problem = from_dict(content["equations"], start=start, params=params)
         if problem is None:
             return self._without_equations(), self._settings(()), ()
         if content["period"] is not None and isinstance(problem.residual, Iterate):
             # of the map that was given, another iterate
             problem = with_period(problem, content["period"])
-        absent = [name for name in problem.names if name not in here]
+        absent = [name for name in problem.names if name not in first]
         if absent:
-            raise BadInput(f"the problem has {absent}, which the file has not: it has {list(here)}")
-        problem = problem.sized({name: np.size(here[name]) for name in problem.start})
+            raise BadInput(
+                f"the problem has {absent}, which the file has not: it has {list(first)}"
+            )
+        problem = problem.sized({name: np.size(first[name]) for name in problem.start})
         for name, value in problem.start.items():
-            if np.shape(value) != np.shape(here[name]):
+            if np.shape(value) != np.shape(first[name]):
                 raise BadInput(
-                    f"{name!r} has shape {np.shape(here[name])} in the file, {np.shape(value)} in "
+                    f"{name!r} has shape {np.shape(first[name])} in the file, {np.shape(value)} in "
                     "the problem; give the one that the branch was begun with"
                 )
-        problem = problem.at(**{name: here[name] for name in problem.names})
+        problem = problem.at(**{name: first[name] for name in problem.names})
         candidates = (*problem.events, fold(), branch_point(), hopf())
         settings = self._settings(candidates)
-        asked = settings or Settings()
+        used = settings or Settings()
         if content["boundary"]:
-            longer, events = self._boundary(problem, asked, candidates, origin)
+            longer, events = self._boundary(problem, used, candidates, origin)
         else:
-            longer, events = active_events(problem, asked.events, inadmissible=asked.inadmissible)
+            longer, events = active_events(problem, used.events, inadmissible=used.inadmissible)
         curve = self._curve(longer)
-        curve.asked = asked.events
-        if list(longer.start) != content["unknowns"] or set(longer.names) != set(here):
-            raise BadInput(f"the file has {list(here)}, the problem has {list(longer.names)}")
+        curve.asked = used.events
+        if list(longer.start) != content["unknowns"] or set(longer.names) != set(first):
+            raise BadInput(f"the file has {list(first)}, the problem has {list(longer.names)}")
         if not content["boundary"]:
             _check_fit(curve)
         return curve, settings, (*events, *candidates)
 
     def _boundary(
-        self, problem: Problem, asked: Settings, candidates: Sequence[Event], origin: Point | None
+        self,
+        problem: Problem,
+        settings: Settings,
+        candidates: Sequence[Event],
+        origin: Point | None,
     ) -> tuple[Problem, tuple[Event, ...]]:
         """The problem of a boundary: with the conditions that it had, those of its origin."""
         free, released = self.content["free"][0], self.content["unknowns"][-1]
@@ -170,12 +176,12 @@ class _Stored:
         if set(problem.names) <= set(born):
             curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
         event = event.of(problem)
-        near = Point(curve, curve.start)
+        ground = Point(curve, curve.start)
         if origin is not None:
-            near = replace(near, kind=origin.ground.kind, event=event)
-        inadmissible = asked.inadmissible
-        make = partial(boundary_problem, near, event, (free, released), inadmissible=inadmissible)
-        longer = make(asked.events)
+            ground = replace(ground, kind=origin.ground.kind, event=event)
+        inadmissible = settings.inadmissible
+        make = partial(boundary_problem, ground, event, (free, released), inadmissible=inadmissible)
+        longer = make(settings.events)
         return longer, (*longer.events, *make(candidates).events)
 
     def _without_equations(self) -> Curve:

@@ -57,6 +57,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
 
     Raises `Undefined` if they do not.
     """
+    # a system of G. Moore, Numer. Funct. Anal. Optimiz. 2, 441 (1980), for z, w and beta
     previous = math.inf
     for iteration in range(1, most + 1):
         value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
@@ -75,8 +76,8 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
         size = 1 + curve.length(z)
         stalled = previous / 2 < correction <= GAP * size  # what is left is rounding
         if correction <= 1e-9 * size or stalled:
-            found = Solution(z, True, iteration, 0.0, correction)
-            resolved = _resolved(curve, found, w, null * curve.scales, form)
+            root = Solution(z, True, iteration, 0.0, correction)
+            resolved = _resolved(curve, root, w, null * curve.scales, form)
             return replace(resolved, double=weak.second < GAP * size * float(abs(form).max()))
         previous = correction
     raise Undefined("no branch point was found nearby")
@@ -88,9 +89,9 @@ def _finite(matrix: Matrix) -> Matrix:
     return matrix
 
 
-def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array) -> Crossing:
+def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) -> Crossing:
     """The tangents ``c . N`` with ``c^T form c = 0``, once the curves are seen to cross."""
-    z, value = found.z, curve.equations(found.z)
+    z, value = root.z, curve.equations(root.z)
     # two lines are where an indefinite form vanishes: low < 0 < high on its axes
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
     if not min(-low, high) > _ANGLE * max(-low, high):
@@ -100,10 +101,11 @@ def _resolved(curve: Curve, found: Solution, w: Array, null: Array, form: Array)
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):
         raise Undefined(f"the curves pass each other at a distance of {gap:.2g}")
+    # low c1^2 + high c2^2 = 0 on the axes: (c1, c2) = (sqrt(high), +- sqrt(-low))
     c = axes @ np.array([[math.sqrt(high)] * 2, [math.sqrt(-low), -math.sqrt(-low)]])
-    one, other = (curve.normalised(way) / sense(way) for way in c.T @ null)
-    solution = replace(found, residual=float(abs(value).max()))
-    return Crossing(solution, (one, other) if sense(one - other) > 0 else (other, one))
+    first, second = (curve.normalised(way) / sense(way) for way in c.T @ null)
+    solution = replace(root, residual=float(abs(value).max()))
+    return Crossing(solution, (first, second) if sense(first - second) > 0 else (second, first))
 
 
 # --- the event --------------------------------------------------------------------------------
@@ -168,11 +170,11 @@ class Crossings:
 
     @staticmethod
     def solve(point: Point) -> tuple[Solution, Mapping[str, Any]]:
-        found = crossing(point.curve, point.z)
-        if found.double:
+        branch_point = crossing(point.curve, point.z)
+        if branch_point.double:
             reason = "the derivative loses more than one rank: not a simple branch point"
-            return found.solution, {"tangents": found.tangents, "reason": reason}
-        return found.solution, {"tangents": found.tangents}
+            return branch_point.solution, {"tangents": branch_point.tangents, "reason": reason}
+        return branch_point.solution, {"tangents": branch_point.tangents}
 
 
 def branches_cross(ground: Point) -> bool:
@@ -260,11 +262,11 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     to first order nothing changes along the null vector of ``w^T H_zz`` in the null space of H_z.
     """
     curve, z = point.curve, point.z
-    one, other = curve.free
+    first, second = curve.free
     matrix = balanced(point)
     weak = least_singular(matrix)
     refusal = (
-        f"the branches cross at these values of {one} and {other} only, and come apart beside "
+        f"the branches cross at these values of {first} and {second} only, and come apart beside "
         "them; a curve of such branch points needs a third parameter"
     )
     if weak.size > _lost(matrix, weak):
@@ -273,12 +275,14 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     bent = [curve.balanced(curve.along(z, v * curve.scales)) for v in null]
     form = np.stack([weak.left @ change for change in bent]) @ null.T
     values, axes = np.linalg.eigh((form + form.T) / 2)
+    # w^T H_zz tau = 0 along the tangent tau of a curve of branch points: the form is singular
     least = int(abs(values).argmin())
     if abs(values[least]) > _PARTING * abs(values).max():
         raise Undefined(refusal)
     tangent = (axes[:, least] @ null * curve.scales)[-2:]
     if not np.linalg.norm(tangent) > _RANK:
-        raise Undefined(f"the branch point does not move with {one} and {other}")
+        raise Undefined(f"the branch point does not move with {first} and {second}")
+    # at a right angle to how the parameters change along the curve
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
     across = least_singular(_columns(point.jacobian(), direction))
     # each row in its own size: what is left of the conditions is then rounding, as of equations

@@ -97,12 +97,12 @@ class ManySteps:
         self.here, self.state = Here(*np.zeros((6, metric.size))), np.zeros(4)
 
     def take(
-        self, here: Sequence[Array], state: Sequence[float], most: int
+        self, start: Sequence[Array], state: Sequence[float], most: int
     ) -> tuple[Array, Array, Array, Array]:
         """As many steps as come off, at most so many: their z, tangents, arclengths and residuals;
         from z, tangent and its bend, and the state there."""
-        for own, entries in zip(self.here, here, strict=False):
-            own[:] = entries
+        for buffer, entries in zip(self.here, start, strict=False):
+            buffer[:] = entries
         self.state[:] = state
         d, count = self.here.z.size, np.zeros(1, dtype=np.int64)
         out = np.empty((min(most, _AT_ONCE if self.kernels.machine else _AS_IT_IS), 2 * d + 2))

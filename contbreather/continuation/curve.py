@@ -46,29 +46,31 @@ _MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
 
 
-def _check_shape(what: str, given: Any, shape: tuple[int, ...]) -> None:
-    sparse = is_sparse(given)
+def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
+    sparse = is_sparse(value)
     if sparse and len(shape) == 1:
         raise BadInput(
-            f"the {what} is sparse, a {type(given).__name__}; a dense array of shape {shape} was "
+            f"the {what} is sparse, a {type(value).__name__}; a dense array of shape {shape} was "
             "expected: return its toarray()"
         )
     try:
-        found = given.shape if sparse else np.asarray(given, dtype=float).shape
+        actual = value.shape if sparse else np.asarray(value, dtype=float).shape
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadInput(f"the {what} is {given!r}; an array of numbers was expected") from error
-    if found != shape:
+        raise BadInput(f"the {what} is {value!r}; an array of numbers was expected") from error
+    if actual != shape:
         kind = "is sparse and has" if sparse else "has"
-        raise BadInput(f"the {what} {kind} shape {found}; {shape} was expected")
+        raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")
     if sparse:
-        _check_entries(what, canonical(given))
+        _check_entries(what, canonical(value))
 
 
-def _check_entries(what: str, given: Matrix) -> None:
-    wrong = np.flatnonzero(~np.isfinite(given.data))
+def _check_entries(what: str, matrix: Matrix) -> None:
+    wrong = np.flatnonzero(~np.isfinite(matrix.data))
     if wrong.size:
-        entry = (int(given.indices[wrong[0]]), int(columns_of(given)[wrong[0]]))
-        raise BadInput(f"entry {entry} of the sparse {what} is {given.data[wrong[0]]} at the start")
+        entry = (int(matrix.indices[wrong[0]]), int(columns_of(matrix)[wrong[0]]))
+        raise BadInput(
+            f"entry {entry} of the sparse {what} is {matrix.data[wrong[0]]} at the start"
+        )
 
 
 class Curve:
@@ -114,6 +116,7 @@ class Curve:
         names = (*problem.start, *free)
         counts = [np.size(problem.start.get(name, 0.0)) for name in names]
         self.scales = np.repeat([float(problem.scales.get(name, 1.0)) for name in names], counts)
+        # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an entry
         weights = 1 / (np.repeat(counts, counts) * self.scales**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
@@ -144,6 +147,7 @@ class Curve:
             self._rows = self._first_rows()
         passed, self._passed = self._passed, []
         for z in passed:
+            # halved, not forgotten: a row may vanish for a moment, as where curves cross
             self._rows = np.maximum(0.5 * self._rows, self.row_sizes(z))
         return self._rows
 
@@ -173,6 +177,7 @@ class Curve:
 
     def balanced(self, matrix: Matrix) -> Matrix:
         """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
+        # R^-1 J S: singular values then do not depend on the units of equations and unknowns
         return scaled(matrix, 1 / self.rows, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
@@ -227,8 +232,8 @@ class Curve:
         """What was made of one of the latest z, known by identity, or is made of it now: all
         events ask about the same point in turn."""
         recent = self._known.get(what, [])
-        for known, value in recent:
-            if known is z:
+        for place, value in recent:
+            if place is z:
                 return value
         value = make(z)
         self._known[what] = [(z, value), *recent[:3]]
@@ -244,8 +249,8 @@ class Curve:
 
     def _look(self, matrix: Array) -> None:
         """See whether a large derivative is dense for want of a word."""
-        own = self.problem.derivatives is None and self.problem.beneath is None
-        if own and np.count_nonzero(matrix) < _THIN * matrix.size:
+        of_user = self.problem.derivatives is None and self.problem.beneath is None
+        if of_user and np.count_nonzero(matrix) < _THIN * matrix.size:
             self.hint = (
                 f"a derivative of {self.size} x {self.size} entries, nearly all of them 0: "
                 "Problem(..., sparsity=pattern), or a sparse jacobian, is faster"
@@ -257,9 +262,9 @@ class Curve:
         def make(z: Array) -> Dense | Factors:
             return factors_of(self.jacobian(z), row)
 
-        found: Dense | Factors = self.once("factors", z, make)
-        fits = not isinstance(found, Dense) or np.array_equal(found.whole[-1], row)
-        return found if fits else make(z)
+        factors: Dense | Factors = self.once("factors", z, make)
+        fits = not isinstance(factors, Dense) or np.array_equal(factors.whole[-1], row)
+        return factors if fits else make(z)
 
     def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone, where none in parameters are wanted; not to be
@@ -290,15 +295,17 @@ class Curve:
                 return self._with_parameters(z, self._by_pattern(z), width)
             if problem.jacobian is None:
                 return self._by_trying(self._raw, z, range(width), self.scales)
-            own = problem.jacobian(self.unknowns(z), params)
-            return self._with_parameters(z, canonical(own) if is_sparse(own) else own, width)
+            jacobian = problem.jacobian(self.unknowns(z), params)
+            return self._with_parameters(
+                z, canonical(jacobian) if is_sparse(jacobian) else jacobian, width
+            )
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
         except KeyError as error:
             problem.check_asked(error)
             raise
 
-    def _with_parameters(self, z: Array, own: Matrix, width: int) -> Matrix:
+    def _with_parameters(self, z: Array, jacobian: Matrix, width: int) -> Matrix:
         """The derivative in the unknowns, and columns for the parameters beside it."""
         n = self.size
         columns = np.empty((n, width - n))
@@ -306,21 +313,22 @@ class Curve:
             name = self.free[i - n]
             columns[:, i - n] = self.problem.sensitivity(self.unknowns(z), self.params(z), name)
         if self.problem.sensitivity is None and n < width:
-            if is_sparse(own):
+            if is_sparse(jacobian):
                 columns[:] = self._by_few(z, np.zeros(n), range(1, width - n + 1))
             else:
                 columns[:] = self._by_trying(self._raw, z, range(n, width), self.scales)
-        if not is_sparse(own):
+        if not is_sparse(jacobian):
             matrix = np.empty((n, width))
-            matrix[:, :n], matrix[:, n:] = own, columns
+            matrix[:, :n], matrix[:, n:] = jacobian, columns
             return matrix
-        if not math.isfinite(own.data.sum() + columns.sum()):
+        if not math.isfinite(jacobian.data.sum() + columns.sum()):
             raise Undefined("the derivatives are not finite")
-        return beside(own, columns)
+        return beside(jacobian, columns)
 
     def _by_pattern(self, z: Array) -> Matrix:
         """The derivative in the unknowns where it is known which entries are not zero."""
         pattern: Pattern = self.problem.sparsity
+        # unknowns of one colour move together, each in proportion to its size
         steps = np.maximum(self.scales, abs(z))[: self.size]
         return pattern.derivative(lambda way: self._by_few(z, way, range(1))[:, 0], steps)
 
@@ -328,11 +336,11 @@ class Curve:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""
         n = self.size
 
-        def moved(few: Array) -> Array:
-            return self._raw(np.concatenate([z[:n] + few[0] * way, few[1:]]))
+        def moved(t: Array) -> Array:
+            return self._raw(np.concatenate([z[:n] + t[0] * way, t[1:]]))
 
-        few, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
-        return self._by_trying(moved, few, columns, scales)
+        start, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
+        return self._by_trying(moved, start, columns, scales)
 
     def along(self, z: Array, vector: Array) -> Array:
         """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""
@@ -387,12 +395,12 @@ class Curve:
     def _check_shapes(self) -> None:
         problem, z, n = self.problem, self.start, self.size
         if problem.jacobian is not None:
-            given = problem.jacobian(self.unknowns(z), self.params(z))
-            _check_shape("Jacobian", given, (n, n))
+            derivative = problem.jacobian(self.unknowns(z), self.params(z))
+            _check_shape("Jacobian", derivative, (n, n))
         if problem.sensitivity is not None:
             for name in self.free:
-                given = problem.sensitivity(self.unknowns(z), self.params(z), name)
-                _check_shape("sensitivity", given, (n,))
+                derivative = problem.sensitivity(self.unknowns(z), self.params(z), name)
+                _check_shape("sensitivity", derivative, (n,))
 
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
@@ -400,8 +408,8 @@ class Curve:
         if problem.loops is not None and problem.beneath is None:
             return ""  # those of this package: its tests hold them to differences
         if problem.beneath is not None:
-            curve, near = problem.beneath(self.unknowns(z), self.params(z), self.free)
-            return str(curve.misfit(near))
+            curve, place = problem.beneath(self.unknowns(z), self.params(z), self.free)
+            return str(curve.misfit(place))
         if problem.jacobian is None and problem.sensitivity is None and problem.sparsity is None:
             return ""
         wrong = self.wrong_entry(z)
@@ -411,52 +419,54 @@ class Curve:
 
     def wrong_entry(self, z: Array) -> str:
         """An entry of the derivative at z that differences contradict: empty if there is none."""
-        given = self.jacobian(z)
-        # one direction through all entries tells whether any is wrong
+        matrix = self.jacobian(z)
+        # one direction through all entries tells whether any is wrong: cos(0), cos(1), ... has no
+        # pattern by which several of them would cancel
         direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
         wanted, doubt, _ = derivatives.estimate(
             lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
         )
-        wrong = derivatives.misfit((given @ direction)[:, None], wanted, doubt)
+        wrong = derivatives.misfit((matrix @ direction)[:, None], wanted, doubt)
         if wrong is None:
             return ""
-        if is_sparse(given):
-            return self._wrong_in_row(wrong[0], z, given, direction)
+        if is_sparse(matrix):
+            return self._wrong_in_row(wrong[0], z, matrix, direction)
         wanted, doubt, _ = derivatives.estimate(self._raw, z, self.scales)
-        entry = derivatives.misfit(given, wanted, doubt)
+        entry = derivatives.misfit(matrix, wanted, doubt)
         if entry is None:
             return ""
-        return f"its entry {entry} is {given[entry]:.8g}, differences give {wanted[entry]:.8g}"
+        return f"its entry {entry} is {matrix[entry]:.8g}, differences give {wanted[entry]:.8g}"
 
-    def _wrong_in_row(self, row: int, z: Array, given: Matrix, direction: Array) -> str:
+    def _wrong_in_row(self, row: int, z: Array, matrix: Matrix, direction: Array) -> str:
         """The wrong entry of one row of a sparse derivative, by halving the columns that hold it;
         of a pattern the entry that it misses."""
         columns = np.arange(z.size)
         if self.problem.sparsity is not None:
-            known = self.problem.sparsity.matrix[[row]].indices
-            columns = np.setdiff1d(columns[: self.size], known)
-        small = 1e-6 * abs(given[[row]]).max()
+            pattern = self.problem.sparsity.matrix[[row]].indices
+            columns = np.setdiff1d(columns[: self.size], pattern)
+        small = 1e-6 * abs(matrix[[row]]).max()
+        # log2(n) differences in place of n, which a large problem has many of
         while columns.size > 1:
             half = columns[: (columns.size + 1) // 2]
             among = np.isin(np.arange(z.size), half)
-            slope, wanted = self._slopes(row, z, given, np.where(among, direction, 0.0))
+            slope, wanted = self._slopes(row, z, matrix, np.where(among, direction, 0.0))
             columns = half if abs(slope - wanted) > small else columns[half.size :]
         entry = (row, int(columns[0]))
-        slope, wanted = self._slopes(row, z, given, np.eye(1, z.size, entry[1])[0])
+        slope, wanted = self._slopes(row, z, matrix, np.eye(1, z.size, entry[1])[0])
         if self.problem.sparsity is not None:
             return f"it misses entry {entry}, which is {wanted:.8g} by differences"
         return f"its entry {entry} is {slope:.8g}, differences give {wanted:.8g}"
 
-    def _slopes(self, row: int, z: Array, given: Matrix, way: Array) -> tuple[float, float]:
+    def _slopes(self, row: int, z: Array, matrix: Matrix, way: Array) -> tuple[float, float]:
         """The change of one equation along a direction as it was given, and by differences."""
         wanted = derivatives.differences(lambda t: self._raw(z + t[0] * way), np.zeros(1))
-        return float((given @ way)[row]), float(wanted[row, 0])
+        return float((matrix @ way)[row]), float(wanted[row, 0])
 
     def recalled(self, z: Array) -> Array:
         """The same z where the derivative is known already, to be found again by identity."""
-        for known, _ in self._known.get("jacobian", ()):
-            if known.tobytes() == z.tobytes():
-                return known
+        for place, _ in self._known.get("jacobian", ()):
+            if place.tobytes() == z.tobytes():
+                return place
         return z
 
     def reconsider(self, *places: Array) -> str:

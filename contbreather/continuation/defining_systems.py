@@ -102,9 +102,10 @@ def _inverses(matrix: Array) -> Array:
 
 
 def _places(values: NDArray[Any]) -> Array:
+    # Re(1 / value), 0 where the value is
     places = values.real / np.maximum(abs(values) ** 2, 1e-300)
-    near = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
-    return np.sort(places[near])
+    on_step = (abs(values.imag) < _NEARLY * abs(values)) & (abs(places - 0.5) <= 0.5 + _EDGE)
+    return np.sort(places[on_step])
 
 
 def signed_smallest(matrix: Matrix) -> float:
@@ -124,6 +125,8 @@ def oriented_overlap(matrix: Matrix) -> float:
     if matrix.shape[0] < 2:
         return math.nan
     weak = least_singular(matrix)
+    # adj M = sign (product of the other singular values) v w^T at rank n - 1, and its trace is
+    # d det(M + s) / ds: zero where 0 is a double zero of that
     return float(weak.sign * weak.left @ weak.right)
 
 
@@ -179,8 +182,8 @@ def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     def make(z: Array) -> LeastSingular:
         return least_singular(curve.balanced(curve.jacobian(z)[:, : curve.size]))
 
-    found: LeastSingular = curve.once("weak", z, make)
-    return found
+    weak: LeastSingular = curve.once("weak", z, make)
+    return weak
 
 
 def rank_locus() -> Locus:
@@ -198,6 +201,7 @@ def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
     weak, n = least_in_unknowns(curve, z), curve.size
     # second derivatives are symmetric, as in `null_locus`
     change = curve.along(z, weak.right * curve.scales[:n])
+    # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
     return np.asarray(weak.sign * ((weak.left / curve.rows) @ change))[None, :]
 
 
@@ -243,6 +247,7 @@ def critical_plane(
     for value in double:
         if np.count_nonzero(abs(values - value) < small) == 2:
             shifted = matrix - value * np.eye(len(matrix))
+            # a Jordan block: (M - value) g = null, and g, null span its plane
             null = null_vector(shifted, np.ones(len(matrix)))
             return value, np.asarray(np.linalg.lstsq(shifted, null)[0]), null
     upper = np.flatnonzero(values.imag > 0)
@@ -263,6 +268,8 @@ def pair_locus(
 ) -> Locus:
     """``(M^2 + b M + c) v = 0`` in the plane of a pair, with ``M = F_x + shift``; b and c are
     linear in one more unknown, each a constant and a slope."""
+    # at a Hopf point M = F_x, b = 0, c = omega^2 (D. Roose and V. Hlavacek, SIAM J. Appl. Math. 45,
+    # 879, 1985); of a map M = F_x + 1, b = -2 cos(angle), c = 1
     start, reference = _frame(*plane)
     vector = _PairVector(reference, shift, b, c)
     return Locus({"null": start, name: value}, vector.conditions, vector.derivative)
@@ -293,6 +300,7 @@ class _PairVector:
         matrix = self._shifted(curve, z)
         turned, change = matrix @ v, curve.along(z, v)
         rows = np.zeros((n + 2, z.size + n + 1))
+        # the product rule: (M M v)' = M' (M v) + M (M' v)
         rows[:n, : z.size] = curve.along(z, turned) + matrix @ change + b * change
         rows[:n, z.size : -1] = matrix @ matrix + b * matrix + c * np.eye(n)
         rows[:n, -1] = self.b[1] * turned + self.c[1] * v
@@ -300,13 +308,13 @@ class _PairVector:
         return rows
 
 
-def _frame(one: Array, other: Array) -> tuple[Array, Array]:
+def _frame(first: Array, second: Array) -> tuple[Array, Array]:
     """Orthonormal vectors of the plane of a pair, the first between both that are given: where the
     pair becomes a double eigenvalue its eigenvector must not be that one, as it satisfies the
     conditions of a pair by itself."""
-    null = one / np.linalg.norm(one) + other / np.linalg.norm(other)
+    null = first / np.linalg.norm(first) + second / np.linalg.norm(second)
     null /= np.linalg.norm(null)
-    reference = one - (one @ null) * null
+    reference = first - (first @ null) * null
     return null, reference / np.linalg.norm(reference)
 
 
@@ -339,8 +347,8 @@ class Extended:
         fixed = (name for name in params if name not in free)
         if curve is None or any(curve.fixed[name] != params[name] for name in fixed):
             values = {name: x[slot] for name, slot in self.problem.slots.items()}
-            here = self.problem.at(**values, **params, **{self.released: float(x[-1])})
-            curve = self._curves[free] = Curve(here, (self.released, *free))
+            base = self.problem.at(**values, **params, **{self.released: float(x[-1])})
+            curve = self._curves[free] = Curve(base, (self.released, *free))
         return curve, curve.recalled(z)
 
     def __call__(self, x: Array, params: Params) -> Array:
@@ -369,6 +377,9 @@ class Extended:
         n, unfolding = self.n, self.locus.unfolding
         matrix, rows = curve.jacobian(z), self._of_conditions(curve, z, extra)
         middle = np.zeros((n, self.extra)) if unfolding is None else unfolding(extra)[1]
+        # y the extra unknowns, r the released parameter, u the unfolding
+        # | F_x  u_y  F_r  F_p |
+        # | g_x  g_y  g_r  g_p |
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
         return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
@@ -466,12 +477,12 @@ class _Above:
     together: Extended
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        base, near = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        return np.asarray(self.locus.conditions(base, near, extra))
+        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        return np.asarray(self.locus.conditions(base, place, extra))
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         assert self.locus.derivative is not None
-        base, near = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
-        rows = np.asarray(self.locus.derivative(base, near, extra))
+        base, place = self.together.beneath(z[: curve.size], curve.params(z), curve.free)
+        rows = np.asarray(self.locus.derivative(base, place, extra))
         n, m = self.together.n, self.together.extra
         return np.hstack([rows[:, :n], np.zeros((len(rows), m)), rows[:, n:]])

@@ -48,5 +48,6 @@ class Dense:
         """Of the determinant; 0 where the matrix is singular."""
         if not self.exact:
             return 0
+        # P A = L U, L with ones on its diagonal: det A = det U / det P
         turns = np.count_nonzero(self._pivots != np.arange(self._pivots.size))
         return -1 if (np.count_nonzero(self._factors.diagonal() < 0) + turns) % 2 else 1

@@ -187,7 +187,9 @@ class Diagram(Columns, HtmlRepr):
                 Column("branch", [str(i) for i in range(len(branches))]),
                 Column("born at", ["" if place is None else place.name for place in places]),
                 Column("points", [len(branch) for branch in branches]),
-                Column("special", [" ".join(p.label for p in one.special) for one in branches]),
+                Column(
+                    "special", [" ".join(p.label for p in branch.special) for branch in branches]
+                ),
                 Column("end", [branch.stop.value for branch in branches]),
             ],
             self.describe(),
@@ -217,8 +219,8 @@ class Diagram(Columns, HtmlRepr):
                     self._grow(leaf, i)
 
 
-def _count(things: Sized, one: str, more: str = "") -> str:
-    return f"{len(things)} {one if len(things) == 1 else more or one + 's'}"
+def _count(things: Sized, singular: str, plural: str = "") -> str:
+    return f"{len(things)} {singular if len(things) == 1 else plural or singular + 's'}"
 
 
 def _shown(point: Point) -> str:
@@ -355,7 +357,7 @@ class _Growth:
         """Follow one arm, unless its first step is on a branch that is known."""
         problem, point = seed.problem, place.point
         # those that were given, for the problem they were given for
-        own = self.events if problem.residual is point.curve.problem.residual else None
+        events = self.events if problem.residual is point.curve.problem.residual else None
         within = self._within(problem)
         glance = partial(follow, point, seed, within=within, events=(), progress=False)
         first = glance(steps=replace(self.steps, most=1))
@@ -363,25 +365,25 @@ class _Growth:
             # so close to a branch point rounding decides on which of two curves a solution lies
             first = glance(steps=replace(self.steps, most=_FARTHER))
         reach = first.curve.length(first[-1].z - first[0].z)
-        known = duplicate_of(first[-1], self.tree, reach)
-        if known is not None and (known.simpler or not known.image):
-            self._meet(place, known, seed)
+        duplicate = duplicate_of(first[-1], self.tree, reach)
+        if duplicate is not None and (duplicate.simpler or not duplicate.image):
+            self._meet(place, duplicate, seed)
             return
-        image_of = None if known is None else known.branch
+        image_of = None if duplicate is None else duplicate.branch
         birth = Bifurcation(self.tree.births[place.branch].depth + 1, place, image_of)
         small, walk = simplest(first[-1], reach), partial(follow, point, seed)
         if small is not first[-1]:  # a branch of a smaller problem, which the place lies on
-            walk, own = partial(trace, small.problem, self.free), None
+            walk, events = partial(trace, small.problem, self.free), None
             within = self._within(small.problem)
-        self._grow(birth, walk, within=within, events=own)
+        self._grow(birth, walk, within=within, events=events)
 
     def _grow(self, birth: Bifurcation, walk: Callable[..., Branch], **how: Any) -> None:
         """One more branch, or what there is of it where it is interrupted."""
 
         def whole(piece: Branch) -> Diagram | None:
-            here = replace(self, queue=self.queue.copy())
-            here._add(piece, birth)
-            return here.so_far()
+            growth = replace(self, queue=self.queue.copy())
+            growth._add(piece, birth)
+            return growth.so_far()
 
         with add_partial_result(lambda piece: self._add(piece, birth)):
             save = Inner(self.kept, whole)
@@ -391,14 +393,14 @@ class _Growth:
     def _within(self, problem: Problem) -> Within:
         return {name: window for name, window in self.within.items() if name in problem.names}
 
-    def _meet(self, place: Place, known: Duplicate, seed: Seed) -> None:
+    def _meet(self, place: Place, duplicate: Duplicate, seed: Seed) -> None:
         larger = seed.problem.residual is not self.tree[place.branch].problem.residual
-        if larger and known.branch == place.branch:  # else a curve that crosses itself
+        if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
             raise NotConverged(
                 "an arm cannot be distinguished from the branch it was to leave; shorter first "
                 "steps, or switch by hand"
             )
-        meeting = Connection(place, known.branch)
+        meeting = Connection(place, duplicate.branch)
         if meeting not in self.tree.meetings:
             self._note(meetings=meeting)
 
@@ -408,9 +410,9 @@ class _Growth:
         for point in branch.special:
             if point.parent is not None or (point.kind == "EP" and branch.stop is Stop.CLOSED):
                 continue  # where an arm set out is the place it was born at
-            known = self._known_place(point, places)
-            places.append(known or Place(index, point))
-            if known is None and lift_of(point) is not None:
+            earlier = self._known_place(point, places)
+            places.append(earlier or Place(index, point))
+            if earlier is None and lift_of(point) is not None:
                 later.append(places[-1])
         self._note(branches=branch, births=birth, places=tuple(places))
         # all that leaves an image is the image of what leaves the original
@@ -435,27 +437,28 @@ class _Growth:
 
 def _to_dict(tree: Diagram) -> dict[str, Any]:
     """Branches as groups, places by the branch they were found on first and their number there."""
-    own = {
+    numbers = {
         id(place): [place.branch, _number(tree.branches[place.branch], place.point)]
         for row in tree.places
         for place in row
     }
     births = [
-        [birth.depth, birth.place and own[id(birth.place)], birth.image_of] for birth in tree.births
+        [birth.depth, birth.place and numbers[id(birth.place)], birth.image_of]
+        for birth in tree.births
     ]
     return {
         "births": births,
-        "places": [[own[id(place)] for place in row] for row in tree.places],
-        "meetings": [[own[id(one.place)], one.branch] for one in tree.meetings],
-        "failed": [[own[id(one.place)], one.reason] for one in tree.failed],
-        "left": [own[id(place)] for place in tree.left],
+        "places": [[numbers[id(place)] for place in row] for row in tree.places],
+        "meetings": [[numbers[id(meeting.place)], meeting.branch] for meeting in tree.meetings],
+        "failed": [[numbers[id(failure.place)], failure.reason] for failure in tree.failed],
+        "left": [numbers[id(place)] for place in tree.left],
         "interrupted": tree.interrupted,
         "groups": {f"branch{i}": branch for i, branch in enumerate(tree)},
     }
 
 
 def _number(branch: Branch, point: Point) -> int:
-    return next(i for i, one in enumerate(branch) if one is point)
+    return next(i for i, other in enumerate(branch) if other is point)
 
 
 @serialised("diagram", Diagram, _to_dict)

@@ -40,19 +40,19 @@ def lies_on(point: Point, branch: Branch, reach: float = math.inf) -> bool:
 
 def placed(point: Point, curve: Curve) -> Array | None:
     """The z of a solution among the unknowns and free parameters of a curve, if it fits in."""
-    here, there = point.curve.problem, curve.problem
-    if here.slots != there.slots or set(here.params) != set(there.params):
+    problem, target = point.curve.problem, curve.problem
+    if problem.slots != target.slots or set(problem.params) != set(target.params):
         return None
     params = point.params
     for name, value in curve.fixed.items():
-        scale = float(there.scales.get(name, 1.0))
+        scale = float(target.scales.get(name, 1.0))
         if name not in curve.free and abs(params[name] - value) > _SAME * max(abs(value), scale):
             return None
     return np.append(point.x, [params[name] for name in curve.free])
 
 
-def _same(curve: Curve, one: Array, other: Array, reach: float = math.inf) -> bool:
-    return curve.length(one - other) <= min(_SAME * (1 + curve.length(one)), _APART * reach)
+def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool:
+    return curve.length(z - other) <= min(_SAME * (1 + curve.length(z)), _APART * reach)
 
 
 def _near(z: Array, branch: Branch) -> list[int]:
@@ -150,8 +150,8 @@ def _solves(small: Problem, reach: float) -> bool:
     return _same(Curve(small, ()), small.x, solved.x, reach)
 
 
-def same_place(one: Point, other: Point) -> bool:
+def same_place(point: Point, other: Point) -> bool:
     """Whether two points are the same solution, of the same or of a smaller problem."""
-    one, other = simplest(one), simplest(other)
-    z = placed(one, other.curve)
+    point, other = simplest(point), simplest(other)
+    z = placed(point, other.curve)
     return z is not None and _same(other.curve, other.z, z)

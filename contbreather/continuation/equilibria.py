@@ -107,6 +107,7 @@ def branch_point() -> Event:
 
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
+        # dp/ds: zero where the parameter turns back
         return float(point.tangent[-1])
     return systems.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
 
@@ -115,8 +116,8 @@ def _fold_locus(point: Point) -> Locus:
     curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
     if is_sparse(matrix):
         null = systems.least_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
-        own = replace(cusp(), test=partial(_cusp_beside, null))
-        return replace(systems.rank_locus(), events=(own,), meets=MEETINGS["LP"])
+        cusps = replace(cusp(), test=partial(_cusp_beside, null))
+        return replace(systems.rank_locus(), events=(cusps,), meets=MEETINGS["LP"])
     null = systems.null_vector(matrix, curve.scales[: curve.size])
     return replace(systems.null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
 
@@ -129,11 +130,11 @@ def _examine_fold(point: Point) -> str:
     weak = systems.least_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
-    near = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
-    near += _EXACT * weak.largest
-    if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= near:
+    small = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
+    small += _EXACT * weak.largest
+    if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= small:
         return "a branch point, not a fold: the whole derivative loses rank"
-    if weak.size > near:
+    if weak.size > small:
         return f"the derivative in the unknowns is regular: least singular value {weak.size:.2g}"
     return ""
 
@@ -153,6 +154,8 @@ def _cusp_beside(reference: Array, point: Point) -> float:
 def _quadratic(ground: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     curve, n = ground.curve, ground.curve.size
+    # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
+    # Bifurcation Theory, chapter 5), of a unit p whose sign follows the curve
     weak = least_singular(ground.jacobian()[:, :n])
     sign = weak.sign * np.sign(weak.right @ null)
     return float(sign * weak.left @ (curve.along(ground.z, null)[:, :n] @ null) / 2)
@@ -199,12 +202,14 @@ def _off_axis(point: Point, values: Values, rounding: float = 0.0) -> float:
     eigenvalues, with the sign of the product of all such sums."""
     if _large(point):
         # complex pairs alone: of all others, and of those further to the left, some are not known
-        near = _near(point)
-        upper = values[values.imag > near.rounding]
-        sums, rounding = (-upper.real).astype(complex), near.rounding**2
+        nearest = _near(point)
+        upper = values[values.imag > nearest.rounding]
+        sums, rounding = (-upper.real).astype(complex), nearest.rounding**2
     else:
-        one, other = systems.pairs(values)
-        sums = one + other
+        first, second = systems.pairs(values)
+        # the eigenvalues of the bialternate product of 2 F_x and 1, singular at Hopf points
+        # (W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM, 2000)
+        sums = first + second
     return systems.least_with_sign(sums, rounding) if sums.size else math.nan
 
 
@@ -256,8 +261,8 @@ class _OfFlow(Event):
 def _unstable_pairs(point: Point) -> int:
     """Half the number of eigenvalues to the right of the imaginary axis, by more than rounding."""
     if _large(point):
-        near = _near(point)
-        return int(np.count_nonzero(near.pairs.real > near.rounding**2))
+        nearest = _near(point)
+        return int(np.count_nonzero(nearest.pairs.real > nearest.rounding**2))
     return int(np.count_nonzero(_eigenvalues(point).real > _rounding(point))) // 2
 
 
@@ -265,23 +270,24 @@ def _hopf_locus(point: Point) -> Locus:
     """``(F_x^2 + omega^2) v = 0`` in the plane of the pair."""
     ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     if _large(point):
-        own = spectrum.pair_locus(spectrum.square_of_pair(point.curve, point.z))
-        return replace(own, events=ends, meets=MEETINGS["HB"])
+        # one unknown, in place of a vector as long as x, and of F_x^2, which is less sparse
+        in_plane = spectrum.pair_locus(spectrum.square_of_pair(point.curve, point.z))
+        return replace(in_plane, events=ends, meets=MEETINGS["HB"])
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
     small = _ZERO * float(np.linalg.norm(matrix, 2))
     value, *plane = systems.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
-    one, other = (vector * scales for vector in plane)
-    locus = systems.pair_locus("omega2", value.imag**2, (one, other), 0.0, b=(0, 0), c=(0, 1))
+    first, second = (vector * scales for vector in plane)
+    locus = systems.pair_locus("omega2", value.imag**2, (first, second), 0.0, b=(0, 0), c=(0, 1))
     return replace(locus, events=ends, meets=MEETINGS["HB"])
 
 
 def _examine_hopf(point: Point) -> Examined:
     """omega, l1 and what the sign of l1 means; why not, where there is no l1."""
-    found = _pair_of_large(point) if _large(point) else _pair_on_axis(point)
-    if isinstance(found, str):
-        return found
-    return found | normal_forms.criticality(
-        "l1", lambda: normal_forms.lyapunov(point, found["omega"]), stable_if_negative=True
+    verdict = _pair_of_large(point) if _large(point) else _pair_on_axis(point)
+    if isinstance(verdict, str):
+        return verdict
+    return verdict | normal_forms.criticality(
+        "l1", lambda: normal_forms.lyapunov(point, verdict["omega"]), stable_if_negative=True
     )
 
 
@@ -289,9 +295,9 @@ def _pair_on_axis(point: Point) -> str | dict[str, float]:
     """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
     may be both zero, where it meets a fold curve."""
     values = _eigenvalues(point)
-    one, other = systems.pairs(values)
-    nearest = int(abs(one + other).argmin())
-    pair = np.array([one[nearest], other[nearest]])
+    first, second = systems.pairs(values)
+    nearest = int(abs(first + second).argmin())
+    pair = np.array([first[nearest], second[nearest]])
     zero = abs(pair).max() <= _ZERO * np.linalg.norm(_flow(point), 2)
     if zero and point.tangent is not None:
         return "a double zero eigenvalue: no pair on the imaginary axis"
@@ -304,11 +310,11 @@ def _pair_on_axis(point: Point) -> str | dict[str, float]:
 
 
 def _pair_of_large(point: Point) -> str | dict[str, float]:
-    near = _near(point)
+    nearest = _near(point)
     square = point.detail.get("omega2", point.values.get("omega2", math.nan))
-    if not square > near.rounding**2:
+    if not square > nearest.rounding**2:
         return "no pair of eigenvalues on the imaginary axis was solved for: a real pair, or none"
-    return {"omega": math.sqrt(square), "reach": near.reach}
+    return {"omega": math.sqrt(square), "reach": nearest.reach}
 
 
 # --- where a pair or a second zero joins the one that a curve has everywhere --------------------
@@ -321,8 +327,8 @@ def _hopf_beside_zero(point: Point) -> float:
 
 
 def _examine_takens(point: Point) -> Examined:
-    found = _examine_double_zero(point)
-    return found if isinstance(found, str) else found.get("degenerate", found)
+    verdict = _examine_double_zero(point)
+    return verdict if isinstance(verdict, str) else verdict.get("degenerate", verdict)
 
 
 def _examine_double_zero(point: Point) -> Examined:
@@ -333,10 +339,10 @@ def _examine_double_zero(point: Point) -> Examined:
         a, b = normal_forms.takens_bogdanov(point)
     except OUT_OF_DOMAIN as error:
         return str(error)
-    found: dict[str, Any] = {"a": a.value.real, "b": b.value.real}
+    coefficients: dict[str, Any] = {"a": a.value.real, "b": b.value.real}
     if a.degenerate or b.degenerate:
-        found["degenerate"] = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
-    return found | branch_points.crossed(ground)
+        coefficients["degenerate"] = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
+    return coefficients | branch_points.crossed(ground)
 
 
 def _examine_zero_hopf(point: Point) -> Examined:
@@ -392,6 +398,7 @@ def _beside_pair(point: Point) -> Values:
     square, values = point["omega2"], _eigenvalues(point)
     if not square > 0 or values.size < 2:
         return np.empty(0, dtype=complex)
+    # omega2 is solved for, more exactly than by the eigenvalues
     axis = 1j * math.sqrt(square)
     return systems.without(values, axis, -axis)
 

@@ -162,6 +162,8 @@ def _is_calm(
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
     """Of numbers or arrays: whether the parabola through three values stays away from zero."""
+    # start + b u + bend u^2 through (-pace, earlier), (0, start) and (1, end): its value at 1/2 is
+    # (start + end) / 2 - bend / 4
     bend = (end - start - (start - earlier) / pace) / (1 + pace)
     middle = (0.5 * (start + end) - 0.25 * bend) / start  # all of them in units of the first
     last = end / start
@@ -183,6 +185,7 @@ def clear_steps(arclength: Array, tests: Array, counts: Sequence[Array]) -> int:
     steps = np.diff(arclength)
     calm = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(axis=0)
     for count in counts:
+        # by one the count changes at a simple zero, which leaves its change of sign
         calm &= abs(np.diff(count)) < 2
     return int(calm.argmin()) if not calm.all() else calm.size
 
@@ -194,14 +197,14 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     left = list(points)
     while left:
         first = left.pop(0)
-        curve, here = first.curve, [first]
+        curve, together = first.curve, [first]
         if _is_verified(first):
             reach = _SAME * (1 + curve.length(first.z))
-            near = [p for p in left if curve.length(p.z - first.z) <= reach]
-            here += filter(_is_verified, near)
-        left = [point for point in left if point not in here]
-        best = max(here, key=_rank)
-        also = {p.kind: None for p in here if p.located and p.kind != best.kind}
+            around = [p for p in left if curve.length(p.z - first.z) <= reach]
+            together += filter(_is_verified, around)
+        left = [point for point in left if point not in together]
+        best = max(together, key=_rank)
+        also = {p.kind: None for p in together if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
 
 
@@ -221,12 +224,12 @@ def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, 
     kept: list[Point] = []
     latest: dict[int, int] = {}  # for each event the place of its last candidate in the list
     for point in failed:
-        near = GAP * (1 + point.curve.length(point.z))
+        reach = GAP * (1 + point.curve.length(point.z))
         same = [p for p in good if p.event is point.event and point.event and point.event.crosses]
-        if any(abs(p.arclength - point.arclength) <= near for p in same):
+        if any(abs(p.arclength - point.arclength) <= reach for p in same):
             continue
         i = latest.get(id(point.event))
-        if i is not None and point.arclength - kept[i].arclength <= near:
+        if i is not None and point.arclength - kept[i].arclength <= reach:
             kept[i] = replace(kept[i], detail={**kept[i].detail, "reason": not_simple(point.kind)})
         else:
             latest[id(point.event)] = len(kept)

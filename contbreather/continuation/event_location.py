@@ -95,9 +95,9 @@ def _in_bracket(samples: Samples, left: float, right: float) -> Iterator[Point]:
 
 def at_end(samples: Samples, u: float) -> Point:
     """The event at an end of the step, where the point is known exactly already."""
-    there = samples.segment.at(u)
-    low, high, sharp = _solved(samples, u, u, u) or (u, u, there)
-    return special(samples, replace(there, detail=sharp.detail), low, high)
+    solved = samples.segment.at(u)
+    low, high, sharp = _solved(samples, u, u, u) or (u, u, solved)
+    return special(samples, replace(solved, detail=sharp.detail), low, high)
 
 
 # --- zeros and jumps --------------------------------------------------------------------------
@@ -108,6 +108,7 @@ def _zero(samples: Samples, left: float, right: float) -> Place | None:
     a, b = float(samples.values[left]), float(samples.values[right])
     if b == 0:
         return right, right, _isolated(samples, right, left, right)
+    # where the line through both values vanishes: next to a simple zero of a short step
     secant, size = left + (right - left) * a / (a - b), abs(a) + abs(b)
     if place := _solved(samples, secant, left, right):
         return place
@@ -153,10 +154,10 @@ def _at_crossing(samples: Samples, u: float, size: float) -> Place:
     fails beside it, so the branch point is solved for."""
     segment = samples.segment
     try:
-        there = crossing(segment.curve, segment.provisional(u).z)
+        branch_point = crossing(segment.curve, segment.provisional(u).z)
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
-    place, point = segment.settled(there.solution, there.tangents)
+    place, point = segment.settled(branch_point.solution, branch_point.tangents)
     if abs(measure(samples.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
@@ -219,19 +220,21 @@ def _solved(samples: Samples, u: float, left: float, right: float) -> Place | No
 
 
 def _newton(
-    locus_at: Callable[[Point], Locus], near: Point, tolerance: float
+    locus_at: Callable[[Point], Locus], guess: Point, tolerance: float
 ) -> tuple[Solution, Mapping[str, Any]]:
     """Solve ``H(x, p) = 0`` and ``g(x, p, y) = 0`` for x, the extra unknowns y and p at once."""
     if isinstance(locus_at, Crossings):
-        return locus_at.solve(near)
-    locus = locus_at(near)
+        return locus_at.solve(guess)
+    locus = locus_at(guess)
+    # | F_x  0    F_p |
+    # | g_x  g_y  g_p |
     renamed = {f"{name} of the locus": value for name, value in locus.extra.items()}
-    problem = extended(near.curve, replace(locus, extra=renamed))  # names that no problem has
-    curve, n = Curve(problem, ()), near.curve.size
-    start = np.concatenate([near.x, problem.x[n:-1], near.z[-1:]])
+    problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
+    curve, n = Curve(problem, ()), guess.curve.size
+    start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
     solution = curve.newton(start, tolerance=min(tolerance, _LOCATED))
-    there = Point(curve, solution.z)
-    detail = {name: there[long] for name, long in zip(locus.extra, renamed, strict=True)}
+    solved = Point(curve, solution.z)
+    detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
     return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail
 
 
@@ -285,6 +288,7 @@ def has_double_zero(samples: Samples) -> bool:
             return False
         vertex, depth = _parabola(places, values)
         nearest = min(values, key=abs)
+        # f at the vertex in units of the least value so far: well above zero there is none to come
         if not places[0] < vertex < places[2] or depth / nearest > 0.3:
             return False
         if min(abs(vertex - u) for u in places) < 1e-6:
@@ -322,8 +326,8 @@ def kinks(samples: Samples) -> Iterator[Point]:
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
             if min(abs(u - v) for v in size) > _ONE:
-                near = measure(samples.event, samples.segment.provisional(u))
-                size[u] = abs(samples.deflated(u, near))
+                value = measure(samples.event, samples.segment.provisional(u))
+                size[u] = abs(samples.deflated(u, value))
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or samples.changes():
@@ -343,6 +347,7 @@ def _downhill(
 ) -> tuple[float, float]:
     """Bracket of the least size of a test by golden section, unless its sign changes; no closer
     than shows that it stays above `enough`, even if it fell several times as fast inside."""
+    # g^2 = 1 - g: of both inner places one stays when the bracket shrinks
     golden = 0.5 * (math.sqrt(5) - 1)
     (left, right), (first, last) = bracket, sizes
 

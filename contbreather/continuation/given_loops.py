@@ -30,34 +30,34 @@ def given_loops(curve: Any, params: Mapping[str, float]) -> Loops | None:
     they cannot, with the reason as a message of the logger, once."""
     problem, free, start = curve.problem, curve.free, curve.start
     names = (*problem.params,)
-    known = curve.jacobian(start)  # by then it is known how derivatives are to be taken
+    slopes = curve.jacobian(start)  # by then it is known how derivatives are to be taken
     scalar = np.ndim(problem.residual(curve.unknowns(start), curve.params(start))) == 0
     slots = tuple(names.index(name) for name in free)
-    made = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
-    if made is None:
+    functions = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
+    if functions is None:
         return None
     values = [float(params.get(name, 0.0)) for name in names]
     longest = derivatives.RELATIVE * np.maximum(curve.scales, abs(start))
-    loops = Loops(*made, (*values, *(longest / curve.finer).tolist()), at_once=True)
-    if not _agrees(_found(loops, loops.derive, start, known), known, _DERIVED):
+    loops = Loops(*functions, (*values, *(longest / curve.finer).tolist()), at_once=True)
+    if not _agrees(_filled(loops, loops.derive, start, slopes), slopes, _DERIVED):
         finer = derivatives.estimate(curve.equations, start, curve.scales)[2]
         loops = replace(loops, data=(*values, *(longest / finer).tolist()))
-    _check(loops, start, curve.equations(start), known)
+    _check(loops, start, curve.equations(start), slopes)
     return loops
 
 
-def _found(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | None:
+def _filled(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | None:
     """What one of them fills in, None where it has no values."""
-    found = np.zeros(wanted.shape)
-    arrays = z.copy(), np.array(loops.data), found
+    values = np.zeros(wanted.shape)
+    arrays = z.copy(), np.array(loops.data), values
     code = callable_at(compiler.address(function, "ppp"), "ppp")
     status = code(*(array.ctypes.data for array in arrays))
-    return None if status else found
+    return None if status else values
 
 
-def _agrees(found: Array | None, wanted: Array, close: float) -> bool:
+def _agrees(values: Array | None, wanted: Array, close: float) -> bool:
     atol = close * (1 + abs(wanted).max())
-    return found is not None and np.allclose(found, wanted, rtol=close, atol=atol)
+    return values is not None and np.allclose(values, wanted, rtol=close, atol=atol)
 
 
 def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
@@ -66,10 +66,10 @@ def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
         (loops.evaluate, value, _AGREE),
         (loops.derive, slopes, _DERIVED),
     ):
-        found = _found(loops, function, z, wanted)
-        if not _agrees(found, wanted, close):
+        values = _filled(loops, function, z, wanted)
+        if not _agrees(values, wanted, close):
             what = "residual" if function is loops.evaluate else "derivative"
-            has = "not to be had" if found is None else found.tolist()
+            has = "not to be had" if values is None else values.tolist()
             raise BadInput(
                 f"compiled, the {what} at the start is {has}; as it is it gives "
                 f"{wanted.tolist()}: numba takes it otherwise; leave out compiled=True"
@@ -77,16 +77,16 @@ def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
 
 
 @lru_cache(maxsize=64)
-def _functions(*given: Any) -> tuple[Any, Any] | None:
+def _functions(*arguments: Any) -> tuple[Any, Any] | None:
     """Both functions for `step`, or None where numba refuses them."""
     try:
-        made = _compiled(*given)
-        for function in made:
+        functions = _compiled(*arguments)
+        for function in functions:
             compiler.address(function, "ppp")
     except (NotCompiled, ImportError) as reason:
         _LOG.info("steps are taken without compiled code: %s", reason)
         return None
-    return made
+    return functions
 
 
 def _compiled(
@@ -122,12 +122,12 @@ def _compiled(
         return put(unpacked(z, data), data, out)
 
     def derive(z: Any, data: Any, out: Any) -> Any:
-        x, own = unpacked(z, data), np.empty(n)
+        x, slopes = unpacked(z, data), np.empty(n)
         status = rows(x, data, out)
         for c in range(by_hand, width):
-            status += column(c, x, data, own)
+            status += column(c, x, data, slopes)
             for i in range(n):
-                out[i * width + c] = own[i]
+                out[i * width + c] = slopes[i]
         return status
 
     return njit(evaluate), njit(derive)
@@ -168,24 +168,25 @@ def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..
     """A column of the derivative by the five-point formula, with steps from behind the parameters:
     powers of complex numbers are not exact to the last digit of a complex step."""
 
-    def column(c: int, x: Any, data: Any, own: Any) -> Any:
-        h, there, status = data[count + c], np.empty(n), 0
+    def column(c: int, x: Any, data: Any, out: Any) -> Any:
+        h, moved, status = data[count + c], np.empty(n), 0
         for i in range(n):
-            own[i] = 0.0
+            out[i] = 0.0
         for step in (-2, -1, 1, 2):
+            # f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / 12h
             weight = (8.0 if abs(step) == 1 else -0.5) * step / (12.0 * h)
             if c < n:
                 kept = x[c]
                 x[c] = kept + step * h
-                status += put(x, data, there)
+                status += put(x, data, moved)
                 x[c] = kept
             else:
                 kept = data[slots[c - n]]
                 data[slots[c - n]] = kept + step * h
-                status += put(x, data, there)
+                status += put(x, data, moved)
                 data[slots[c - n]] = kept
             for i in range(n):
-                own[i] += weight * there[i]
+                out[i] += weight * moved[i]
         return status
 
     return column
@@ -205,9 +206,9 @@ def _as_record(names: tuple[str, ...]) -> Any:
 
         return pointer(where), generate
 
-    there: Any = intrinsic(pointed)
+    cast: Any = intrinsic(pointed)
 
     def record(where: Any) -> Any:
-        return carray(there(where), 1)[0]
+        return carray(cast(where), 1)[0]
 
     return numba.njit(record)

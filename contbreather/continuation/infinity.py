@@ -100,24 +100,28 @@ class Growth:
         self.tendencies = []
         for name in curve.varied:
             slot, (low, high) = curve.slots[name], self.windows.get(name, (0.0, 0.0))
-            own = Tendency(name, slot, abs(float(start[slot])), low <= 0.0 <= high)
-            self.tendencies.append(own)
+            tendency = Tendency(name, slot, abs(float(start[slot])), low <= 0.0 <= high)
+            self.tendencies.append(tendency)
 
     def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
         """The first of several places beyond which nothing is to come, and what it tends to."""
         sizes = np.sqrt(rows**2 @ self.weights)
         many = len(rows) >= MANY
-        if many and all(own.moves_on(rows[:, own.slot], sizes) for own in self.tendencies):
+        if many and all(param.moves_on(rows[:, param.slot], sizes) for param in self.tendencies):
             return None
         for i, size in enumerate(sizes.tolist()):
             gone = []
-            for own in self.tendencies:
-                value, slope = float(rows[i, own.slot]), float(tangents[i, own.slot])
-                own.passes(value, size)
-                if own.vanishes(value, slope, size):
-                    gone.append(f"{own.name} vanishes, {value:.3g} of at most {own.largest:.3g}")
-            if gone or all(size > ENDLESS * own.since for own in self.tendencies):
-                limits = [f"{own.name} tends to {rows[i, own.slot]:.6g}" for own in self.tendencies]
+            for param in self.tendencies:
+                value, slope = float(rows[i, param.slot]), float(tangents[i, param.slot])
+                param.passes(value, size)
+                if param.vanishes(value, slope, size):
+                    gone.append(
+                        f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}"
+                    )
+            if gone or all(size > ENDLESS * param.since for param in self.tendencies):
+                limits = [
+                    f"{param.name} tends to {rows[i, param.slot]:.6g}" for param in self.tendencies
+                ]
                 if not self._bounded(rows[i], tangents[i], size):
                     grows = self._growing(rows[i]) or "the solution"
                     return i, f"{grows} grows without bound while {', '.join(gone or limits)}"

@@ -31,13 +31,15 @@ class StepInterpolant:
 
     @cached_property
     def _row(self) -> Array:
-        """row . (z - z_first) is u, on the cubic too."""
+        """The linear functional of ``z - z_first`` that is u on the chord and on its cubic."""
         chord = self.last.z - self.first.z
         dual = self.curve.dual(chord)
         return np.asarray(dual / dual.dot(chord))
 
     @cached_property
     def _slopes(self) -> list[Array]:
+        # dz/du with row . dz/du = 1: on the cubic row . (z - z0) then has the values 0 and 1 and
+        # the slope 1 at both ends, and is u all along
         return [p.direction / self._row.dot(p.direction) for p in (self.first, self.last)]
 
     def guess(self, u: float) -> tuple[Array, Array]:
@@ -45,6 +47,7 @@ class StepInterpolant:
         z0, z1 = self.first.z, self.last.z
         d0, d1 = self._slopes
         v = 1 - u
+        # the Hermite basis v^2 (1 + 2u), u v^2, u^2 (1 + 2v), -u^2 v with v = 1 - u
         z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
         slope = 6 * u * v * (z1 - z0) + v * (1 - 3 * u) * d0 + u * (3 * u - 2) * d1
         return z, self.curve.normalised(slope)
@@ -65,31 +68,31 @@ class StepInterpolant:
     def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
         """z, tangent and residual across the chord, by loops where the equations have any."""
         curve, corrector = self.curve, self.curve.corrector
-        known = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
-        if known:
-            self._near(guess, known[0])
-            return known[:3]
-        found = curve.newton(guess, self._row, tolerance=self.tolerance)
-        if not found.converged:
+        answer = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
+        if answer:
+            self._near(guess, answer[0])
+            return answer[:3]
+        solution = curve.newton(guess, self._row, tolerance=self.tolerance)
+        if not solution.converged:
             raise Undefined("Newton's iteration failed between two points of the curve")
-        self._near(guess, found.z)
-        return found.z, tangent_at(curve, found.z, slope)[0], found.residual
+        self._near(guess, solution.z)
+        return solution.z, tangent_at(curve, solution.z, slope)[0], solution.residual
 
     @cached_property
     def _across(self) -> Array:
         return self.curve.normalised(self.last.z - self.first.z)
 
-    def settled(self, found: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
+    def settled(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
         the tangent is solved for."""
-        u = float(self._row.dot(found.z - self.first.z))
+        u = float(self._row.dot(solution.z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
-        self._near(guess, found.z)
+        self._near(guess, solution.z)
         if tangents:
             tangent = closest(tangents, self.curve.dual(slope))
         else:
-            tangent, _ = tangent_at(self.curve, found.z, slope)
-        return u, self._point(u, found.z, tangent, found.residual)
+            tangent, _ = tangent_at(self.curve, solution.z, slope)
+        return u, self._point(u, solution.z, tangent, solution.residual)
 
     def _near(self, guess: Array, z: Array) -> None:
         if self.curve.length(z - guess) > _BESIDE * self.length:
@@ -117,6 +120,7 @@ def _oriented(curve: Curve, z: Array, row: Array) -> tuple[Array | None, int]:
     factors = curve.factors(z, row)
     if isinstance(factors, Dense):
         return factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
+    # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
     side, null = factors.sign(row[None, :]), factors.null[:, 0]
     return (None if side == 0 else math.copysign(1.0, row @ null) * null), side
 
@@ -125,6 +129,7 @@ def _null_vector(matrix: Matrix, row: Array, curve: Curve) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     weak = least_singular(matrix)
+    # where the derivative has lost a rank, all of a plane are null vectors
     null = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
     nearest = (null @ row) @ null
     if curve.length(nearest) > LEVEL:

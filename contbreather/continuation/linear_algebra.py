@@ -118,6 +118,7 @@ def _sparse(factors: Factors) -> LeastSingular:
         return factors.transposed(factors.least(vector, refined=False))
 
     inverse = LinearOperator((n, n), matvec=both, dtype=float)
+    # the second tells how well the least stands out, `second`
     values, vectors = eigsh(inverse, k=2, which="LM", v0=any_vector(n), tol=1e-9)
     least = int(values.argmax())
     left, sizes = vectors[:, least], 1 / np.sqrt(abs(values))
@@ -212,6 +213,7 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
         return np.empty(0)
     operator = LinearOperator((whole, whole), matvec=matvec, dtype=float)
     values, wanted = np.empty(0, dtype=complex), 2
+    # all of size 1 and more are wanted: more are asked for until the least of them is smaller
     while wanted < min(size - 2, _AT_ONCE):
         try:
             values = eigs(
@@ -229,6 +231,7 @@ def _grows(matvec: Callable[[Array], Array], size: int) -> bool:
     """Whether an eigenvalue may be of size 1: most steps of a walk are short against all others."""
     x, growth = any_vector(size), 0.0
     for _ in range(_LOOKS):
+        # power iteration: a few steps show an eigenvalue of size 1 among small ones
         x = matvec(x)
         growth = float(np.linalg.norm(x))
         x = x / (growth or 1.0)

@@ -205,6 +205,7 @@ def cycle(point: Point) -> Cycle:
 
 def multiplier_matrix(point: Point) -> Array:
     n = point.curve.size
+    # F = G - x: its derivative is that of G but for 1
     return np.asarray(point.jacobian()[:, :n] + np.eye(n))
 
 
@@ -236,6 +237,7 @@ def shorter(point: Point) -> Problem | None:
 def units(point: Point) -> Array:
     """Derivative of the iterate between unknowns in their scales, which keeps the multipliers."""
     scales = point.curve.scales[: point.curve.size]
+    # S^-1 A S
     return multiplier_matrix(point) * scales / scales[:, None]
 
 
@@ -277,9 +279,10 @@ def _flip_matrix(point: Point) -> Array:
 
 
 def _flip_locus(point: Point) -> Locus:
+    # (A + 1) v = 0 with A = F_x + 1
     null = systems.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
-    own = (_GENERALISED_FLIP, _R2_ON_FLIP)
-    return replace(systems.null_locus(null, 2.0), events=own, meets=MEETINGS["PD"])
+    on_flip = (_GENERALISED_FLIP, _R2_ON_FLIP)
+    return replace(systems.null_locus(null, 2.0), events=on_flip, meets=MEETINGS["PD"])
 
 
 def _examine_flip(point: Point) -> Examined:
@@ -297,14 +300,16 @@ def _doubled(point: Point) -> Lift:
     return Lift(twice, point.curve.free[0], both=False)
 
 
-def _off_circle(known: tuple[float, ...], point: Point) -> float:
-    """The smallest ``mu_i mu_j - 1`` of all multipliers but those `known`, which the curve has
-    everywhere, with the sign of the product of all of them."""
+def _off_circle(everywhere: tuple[float, ...], point: Point) -> float:
+    """The smallest ``mu_i mu_j - 1`` of all multipliers but those that the curve has
+    `everywhere`, with the sign of the product of all of them."""
     matrix = units(point.ground)
     values = np.linalg.eigvals(matrix).astype(complex)
-    first, second = systems.pairs(systems.without(values, *known))
+    first, second = systems.pairs(systems.without(values, *everywhere))
     if not first.size:
         return math.nan
+    # mu_i mu_j are the eigenvalues of the bialternate product of A with itself; an error e in each
+    # multiplier moves a product by e (|mu_i| + |mu_j|)
     rounding = _ROUNDING * float(np.linalg.norm(matrix))
     return systems.least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
 
@@ -317,16 +322,17 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
     matrix = multiplier_matrix(point)
     small = _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))
-    mu, one, other = systems.critical_plane(
+    mu, first, second = systems.critical_plane(
         matrix, (1.0, -1.0), small, lambda values: np.abs(np.abs(values) - 1)
     )
-    return mu.real / abs(mu), one, other
+    return mu.real / abs(mu), first, second
 
 
 def _rotation_locus(point: Point) -> Locus:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
-    cosine, one, other = _circle_pair(point)
-    locus = systems.pair_locus("cosine", cosine, (one, other), 1.0, b=(0, -2), c=(1, 0))
+    cosine, first, second = _circle_pair(point)
+    # A^2 - 2 cos(angle) A + 1 = (A - mu) (A - conj(mu)) with |mu| = 1
+    locus = systems.pair_locus("cosine", cosine, (first, second), 1.0, b=(0, -2), c=(1, 0))
     return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
 
 
@@ -360,9 +366,10 @@ def _examine_double(sign: int, point: Point) -> Examined:
     """Two multipliers there, with one eigenvector."""
     matrix = units(point.ground)
     size = max(1.0, float(np.linalg.norm(matrix, 2)))
-    near = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
-    if near.sum() != 2:
-        return f"{near.sum()} multipliers are {sign}; two were expected"
+    critical = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
+    if critical.sum() != 2:
+        return f"{critical.sum()} multipliers are {sign}; two were expected"
+    # rank n - 2 is two eigenvectors, rank n - 1 a Jordan block
     sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
     return f"two multipliers are {sign}, with two eigenvectors" if sizes[-2] < _RANK * size else {}
 
@@ -379,9 +386,9 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
         return "a branch point, not a fold"
     values = _multipliers(point)
     on = values[abs(abs(values) - 1) < 1e-4]
-    found = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
-    found += ["pair"] * ((len(on) - len(found)) // 2)
-    if sorted(found) != sorted(wanted.split()):
+    critical = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
+    critical += ["pair"] * ((len(on) - len(critical)) // 2)
+    if sorted(critical) != sorted(wanted.split()):
         shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
         return f"on the unit circle are {shown}, where {these} are expected"
     return ""
@@ -390,6 +397,7 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
     ground = point.ground
+    # <p, q> = 0 at R2, where -1 is double; F_x, which c is solved with, is singular at a fold-flip
     poles = systems.overlap(2.0, point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
     return c * poles * systems.signed_smallest(units(ground) - np.eye(ground.curve.size))
@@ -422,6 +430,7 @@ def _resonance(k: int) -> Event:
 
 
 def _from_angle(sign: int, cosine: float, point: Point) -> float:
+    # the cosine is an unknown of the curve: no eigenvalue has to be asked for
     return float(sign * (point["cosine"] - cosine))
 
 
@@ -430,6 +439,7 @@ def _beside_pair(multiplier: int, point: Point) -> float:
     cosine = point["cosine"]
     if not -1 < cosine < 1:
         return math.nan
+    # on the circle: mu = cos(angle) + i sin(angle)
     pair = cosine + 1j * math.sqrt(1 - cosine**2)
     others = systems.without(_multipliers(point), pair, pair.conjugate())
     return systems.least_with_sign(others - multiplier, 0.0) if others.size else math.nan

@@ -65,8 +65,6 @@ def newton(
     `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
     `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. The rules are those of `step.newton`.
-    Where the matrix is singular a correction may be short far from any solution: there the residual
-    has to be rounding.
     """
     eq = _Equations(equations, jacobian, metric)
     end = _NEWTON(eq, row, z, tolerance, most)
@@ -74,6 +72,7 @@ def newton(
         raise Undefined("the Newton correction is not finite")
     solved = end.status == rules.TAKEN
     if solved and not end.regular:
+        # the shortest correction may be short far from any solution: the residual decides
         solved = _is_rounding(equations(end.z), eq.matrix, end.z, metric)
     return Solution(end.z, solved, end.iterations, end.residual, end.moved)
 
@@ -130,6 +129,7 @@ def approach(
     (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
     mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
     """
+    # dz = W^-1/2 y: the least dz in arclength is the shortest y with J W^-1/2 y = H
     weights = np.ones(z.size) if metric is None else metric**-0.5
     damping = 1.0
     value = equations(z)
@@ -143,19 +143,21 @@ def approach(
             return z
         while damping > _SHORTEST:
             try:
-                there = z - damping * step * weights
-                value = equations(there)
+                trial = z - damping * step * weights
+                value = equations(trial)
                 ahead = length(least(value), None)
             except Undefined:
                 ahead = math.inf
+            # restricted natural monotonicity: |J(z)^-1 H(trial)| <= (1 - lambda / 4) |J(z)^-1 H(z)|
             if ahead <= (1 - damping / 4) * size:
                 break
             damping /= 2
         else:
             return None
-        z = there
+        z = trial
         if damping == 1 and ahead <= _NEAR * (1 + length(z, metric)):
             return z
+        # tried twice as long next time: only full steps converge quadratically
         damping = min(1.0, 2 * damping)
     return None
 
@@ -197,6 +199,7 @@ def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -
     """Whether all that is left of the equations is rounding of the terms of each row."""
     sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
     terms = abs(matrix) @ sizes
+    # an equation that no entry of z moves is compared with 1
     terms[terms == 0] = 1.0
     return bool((abs(value) <= _ROUNDING * terms).all())
 

@@ -187,14 +187,14 @@ class Forms:
                 first, rough, second, rougher = combined(weights, around)
                 yield Jet(first / h, second / h**2), Jet(rough / h, rougher / h**2)
 
-    def _apart(self, one: Jet, other: Jet, reach: float) -> float:
+    def _apart(self, jet: Jet, other: Jet, reach: float) -> float:
         """How far two jets differ, relative; a C that vanishes is measured by B, and a B by both
         of its neighbours."""
-        a, b, c = (_largest(matrix) for matrix in (self.A, one.B, one.C))
+        a, b, c = (_largest(matrix) for matrix in (self.A, jet.B, jet.C))
         b, c = b * reach, c * reach**2
         b, c = b + 1e-3 * (a + c), c + b + 1e-3 * a
-        first = _largest(one.B - other.B) * reach / max(b, 1e-300)
-        second = _largest(one.C - other.C) * reach**2 / max(c, 1e-300)
+        first = _largest(jet.B - other.B) * reach / max(b, 1e-300)
+        second = _largest(jet.C - other.C) * reach**2 / max(c, 1e-300)
         return max(first, second)
 
 
@@ -230,22 +230,22 @@ def criticality(
     """A coefficient by its name, and what its sign says of the orbits that are born; why it is not
     known, where there is none."""
     try:
-        found = make()
+        coefficient = make()
     except OUT_OF_DOMAIN as error:
         return {"criticality": f"unknown: {error}"}
-    stable = (found.value.real < 0) == stable_if_negative
-    kind = "degenerate" if found.degenerate else "supercritical" if stable else "subcritical"
-    value = found.value
+    stable = (coefficient.value.real < 0) == stable_if_negative
+    kind = "degenerate" if coefficient.degenerate else "supercritical" if stable else "subcritical"
+    value = coefficient.value
     plain = complex(value) if isinstance(value, complex) else float(value)
     return {name: plain, "criticality": kind}
 
 
-def not_zero(what: str, found: Coefficient, point: Point) -> str:
+def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
     """Why the real part of a cubic coefficient is not zero; empty if it is. Its terms may all
     vanish at once: then it is small against a term of order one."""
-    if abs(found.value.real) <= 1e-6 * (found.size + Forms(point).cubic):
+    if abs(coefficient.value.real) <= 1e-6 * (coefficient.size + Forms(point).cubic):
         return ""
-    return f"{what} {found.value.real:.2g} is not zero"
+    return f"{what} {coefficient.value.real:.2g} is not zero"
 
 
 # --- flows ------------------------------------------------------------------------------------
@@ -258,8 +258,8 @@ def lyapunov(point: Point, omega: float) -> Coefficient:
     """
     forms = Forms(point)
     critical, double = (shifted(forms.A, -1j * k * omega) for k in (1, 2))
-    found = _of_pair(forms, critical, double, 2 * omega)
-    return replace(found, value=found.value.real)
+    coefficient = _of_pair(forms, critical, double, 2 * omega)
+    return replace(coefficient, value=coefficient.value.real)
 
 
 def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> Coefficient:
@@ -272,6 +272,8 @@ def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> C
     # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
     h11 = solve(-forms.A, B @ q.conj())
     h20 = solve(-double, B @ q)
+    # <p, C(q, q, cq) + 2 B(q, h11) + B(cq, h20)> / unit, with cq for conj(q): 2 omega for l1 of a
+    # flow, 2 mu for d of a map
     terms = (C, 2 * B @ h11, B.conj() @ h20)
     parts = [complex(np.vdot(p, term)) / unit for term in terms]
     return Coefficient(sum(parts), sum(abs(part) for part in parts))
@@ -289,6 +291,7 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     q, p = forms.eigenvectors(forms.A)
     jet, began = forms.jet(q), forms.T @ q
     bent = jet.B @ q
+    # x' = <p, B(q, q)> x^2 / 2 + (<p, C(q, q, q)> + 3 <p, B(q, h)>) x^3 / 6
     quadratic = 0.5 * float(p @ bent)
     # A h = <p, B> T q - B with <p, T h> = 0, by bordering
     h = _bordered(forms.A, began, p @ forms.T, 2 * quadratic * began - bent)
@@ -303,10 +306,10 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
 
 def _bordered(matrix: Matrix, q: Array, p: Array, right: Array) -> Array:
     """``M h = right`` but for a multiple of q, with ``p h = 0``."""
-    wider, row, both = beside(matrix, q[:, None]), np.append(p, 0.0)[None, :], np.append(right, 0.0)
+    wider, row, full = beside(matrix, q[:, None]), np.append(p, 0.0)[None, :], np.append(right, 0.0)
     if is_sparse(matrix):
-        return Factors(wider).solve(both, row)[:-1]
-    return solve(above(wider, row), both)[:-1]
+        return Factors(wider).solve(full, row)[:-1]
+    return solve(above(wider, row), full)[:-1]
 
 
 def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
@@ -321,6 +324,7 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     small = weak.size if is_sparse(forms.A) else _DEFECTIVE * max(weak.largest, 1e-300)
     if forms.n < 2 or weak.second <= small or abs(p1 @ q0) > math.sqrt(_DEFECTIVE):
         raise Undefined("no double zero eigenvalue with one eigenvector")
+    # chains: A q0 = 0, A q1 = q0; A^T p1 = 0, A^T p0 = p1 (Kuznetsov, section 8.4)
     if is_sparse(forms.A):
         q1, p0 = weak.rest(q0), least_singular(forms.A.T.tocsc()).rest(p1)
     else:
@@ -347,9 +351,11 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     forms = Forms(point, agreed)
     q, p = forms.eigenvectors(forms.closed(-1.0))
     jet = forms.jet(q)
+    # on the centre manifold x = u q + u^2 h / 2 with -F_x h = B(q, q), as (-1)^2 = 1, and
+    # c = <p, C(q, q, q) + 3 B(q, h)> / 6
     h = solve(-forms.A, jet.B @ q)
-    found = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
-    return replace(found, rounding=max(_ROUNDING, agreed))
+    coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
+    return replace(coefficient, rounding=max(_ROUNDING, agreed))
 
 
 def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
@@ -362,5 +368,5 @@ def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient
     mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    found = _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
-    return replace(found, rounding=max(_ROUNDING, agreed))
+    coefficient = _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
+    return replace(coefficient, rounding=max(_ROUNDING, agreed))

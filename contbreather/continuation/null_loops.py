@@ -50,6 +50,10 @@ def slopes(z: Any, data: Any, out: Any) -> int:
     width, w = 2 * N + 2, N + 2
     bent, kept = width * width, 2 * width * width
     shorten(z, out, kept)
+    # columns: x, v, both parameters
+    # |    F_x           0         F_p    |
+    # | (F_x v)_x   F_x + shift  (F_x v)_p |
+    # |     0         2 v^T         0     |
     status = along(z, data, out, bent, kept)
     status += derive(z, data, out)
     for i in range(N * w):
@@ -75,11 +79,13 @@ def along(z: Any, data: Any, out: Any, bent: int, kept: int) -> int:
     for i in range(N):
         change = out[kept + N + i] / max(1.0, abs(out[kept + i]))
         size += change * change
+    # relative to what v moves: an idle entry of size 100 says nothing of the step
     h = STEP / max(math.sqrt(size), 1e-300)
     for i in range(N * (N + 2)):
         out[bent + i] = 0.0
     status = 0
     for step in (-2, -1, 1, 2):
+        # f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / 12h, off by h^4 / 30 of the fifth derivative
         weight = (8.0 if abs(step) == 1 else -0.5) * step / (12.0 * h)
         for i in range(N):
             z[i] = out[kept + i] + step * h * out[kept + N + i]

@@ -74,7 +74,7 @@ class Point(HtmlRepr):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # anew, for arrays come out of a pickle as ones that can be written to
-        return Point, tuple(getattr(self, one.name) for one in fields(self))
+        return Point, tuple(getattr(self, entry.name) for entry in fields(self))
 
     def __getitem__(self, name: str) -> Any:
         """An unknown, a parameter, what was found here, a recorded number, in this order.
@@ -98,9 +98,9 @@ class Point(HtmlRepr):
         array = problem.normed(name)
         if array is not None:
             return float(np.linalg.norm(self[array]))
-        own = name.removesuffix(f" of {self.kind}")
-        if own != name and own in self.detail:
-            return self.detail[own]
+        bare = name.removesuffix(f" of {self.kind}")
+        if bare != name and bare in self.detail:
+            return self.detail[bare]
         raise BadInput(f"no {name!r} at this point; it has {[*problem.listed, *problem.record]}")
 
     def table(self) -> Sheet:
@@ -164,15 +164,15 @@ class Point(HtmlRepr):
     @property
     def ground(self) -> Point:
         """On a boundary: this point as one of the original problem, without tangent."""
-        own, beneath = self.curve, self.curve.problem.beneath
+        longer, beneath = self.curve, self.curve.problem.beneath
         if beneath is None:
             return self
 
         def under(z: Array) -> tuple[Curve, Array]:
-            return beneath(z[: own.size], own.params(z), own.free)
+            return beneath(z[: longer.size], longer.params(z), longer.free)
 
         # once: all events ask for it in turn, and know its orbit by the array
-        curve, z = own.once("ground", self.z, under)
+        curve, z = longer.once("ground", self.z, under)
         others = (getattr(self, name) for name in _OTHERS)  # `replace` takes three times as long
         return Point(curve, z, None, *others)
 
@@ -220,7 +220,7 @@ class Point(HtmlRepr):
         return f"Point({self.label or self.kind}?: {values}; not located{reason})"
 
 
-_OTHERS = tuple(one.name for one in fields(Point))[3:]  # than its curve, place and tangent
+_OTHERS = tuple(entry.name for entry in fields(Point))[3:]  # than its curve, place and tangent
 
 
 @dataclass(frozen=True)

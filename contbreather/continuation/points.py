@@ -50,8 +50,8 @@ class Points(Sequence[Point]):
             np.array([point.arclength for point in points]),
             np.array([point.residual for point in points]),
         )
-        made = {i: p for i, p in enumerate(points) if p.curve is not curve or not p.plain}
-        return Points(curve, *rows, made)
+        marked = {i: p for i, p in enumerate(points) if p.curve is not curve or not p.plain}
+        return Points(curve, *rows, marked)
 
     @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
@@ -66,13 +66,15 @@ class Points(Sequence[Point]):
             single = []
             parts.append(piece)
         parts += [Points.of(single)] if single else []
-        made: dict[int, Point] = {}
+        marked: dict[int, Point] = {}
         start = 0
         for part in parts:
-            made |= {start + i: point for i, point in part.made.items()}
+            marked |= {start + i: point for i, point in part.made.items()}
             start += len(part)
-        rows = [np.concatenate(own) for own in zip(*(part.rows for part in parts), strict=True)]
-        return Points(parts[0].curve, rows[0], rows[1], rows[2], rows[3], made)
+        rows = [
+            np.concatenate(column) for column in zip(*(part.rows for part in parts), strict=True)
+        ]
+        return Points(parts[0].curve, rows[0], rows[1], rows[2], rows[3], marked)
 
     @property
     def rows(self) -> tuple[Array, Array, Array, Array]:
@@ -85,11 +87,13 @@ class Points(Sequence[Point]):
 
     def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
         """Recorded columns, asked point by point: what several of them look at is made once."""
-        found = {name: self._at_once(name) for name in names}
-        slow = [name for name, column in found.items() if column is None]
+        columns = {name: self._at_once(name) for name in names}
+        slow = [name for name, column in columns.items() if column is None]
         cells = [[point[name] for name in slow] for point in self] if slow else ()
-        own = dict(zip(slow, map(_column, zip(*cells, strict=True)), strict=True))
-        return {name: own[name] if column is None else column for name, column in found.items()}
+        values = dict(zip(slow, map(_column, zip(*cells, strict=True)), strict=True))
+        return {
+            name: values[name] if column is None else column for name, column in columns.items()
+        }
 
     def _at_once(self, name: str) -> NDArray[Any] | None:
         """A column that can say many numbers at once, the rest asked for; None of others."""
@@ -100,18 +104,19 @@ class Points(Sequence[Point]):
         along = column.rows(self)
         if along is None:
             return None
-        asked = np.union1d(np.flatnonzero(along < 0), np.array([*self.made], dtype=np.intp))
-        if asked.size:
-            answers = np.array([self[i][name] for i in asked.tolist()])
+        rest = np.union1d(np.flatnonzero(along < 0), np.array([*self.made], dtype=np.intp))
+        if rest.size:
+            answers = np.array([self[i][name] for i in rest.tolist()])
             along = along.astype(np.result_type(along, answers))
-            along[asked] = answers
+            along[rest] = answers
         return along
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Points):
             return NotImplemented
         same = (
-            np.array_equal(*own, equal_nan=True) for own in zip(self.rows, other.rows, strict=True)
+            np.array_equal(*pair, equal_nan=True)
+            for pair in zip(self.rows, other.rows, strict=True)
         )
         return self.made == other.made and all(same)
 
@@ -130,15 +135,15 @@ class Points(Sequence[Point]):
     def __getitem__(self, key: int | slice) -> Point | Points:
         if isinstance(key, slice):
             chosen = range(len(self))[key]
-            made = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
+            marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
             z, tangent, arclength, residual = (row[key] for row in self.rows)
-            return Points(self.curve, z, tangent, arclength, residual, made)
+            return Points(self.curve, z, tangent, arclength, residual, marked)
         i = range(len(self))[key]
-        asked: dict[int, Point] = self._asked  # type: ignore[attr-defined]
-        if i not in asked:
-            there = float(self.arclength[i]), float(self.residual[i])
-            asked[i] = Point(self.curve, self.z[i], self.tangent[i], *there)
-        return asked[i]
+        cache: dict[int, Point] = self._asked  # type: ignore[attr-defined]
+        if i not in cache:
+            numbers = float(self.arclength[i]), float(self.residual[i])
+            cache[i] = Point(self.curve, self.z[i], self.tangent[i], *numbers)
+        return cache[i]
 
     def __iter__(self) -> Iterator[Point]:
         return (self[i] for i in range(len(self)))

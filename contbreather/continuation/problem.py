@@ -322,8 +322,8 @@ class Problem:
         curve = Curve(self, ())
         before = float(abs(curve.equations(self.x)).max())
         try:
-            near = approach(curve.equations, curve.jacobian, self.x, curve.metric)
-            z = self.x if near is None else near
+            approached = approach(curve.equations, curve.jacobian, self.x, curve.metric)
+            z = self.x if approached is None else approached
             solution = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
@@ -333,6 +333,7 @@ class Problem:
             ) from error
         if not solution.converged and self._is_solved(curve):
             return self, Solution(self.x, True, 0, before, 0.0)
+        # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
         if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
             raise NotConverged(
@@ -372,12 +373,12 @@ class Problem:
         )
 
 
-def problem_in(given: object) -> Problem:
+def problem_in(owner: object) -> Problem:
     """A problem, or that of what has one."""
-    problem = given if isinstance(given, Problem) else getattr(given, "problem", None)
+    problem = owner if isinstance(owner, Problem) else getattr(owner, "problem", None)
     if not isinstance(problem, Problem):
         raise BadInput(
             "a Problem was expected, or what has one: a breather, an orbit, a point; got "
-            f"{kind_of(given)}"
+            f"{kind_of(owner)}"
         )
     return problem

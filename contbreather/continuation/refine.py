@@ -64,7 +64,7 @@ def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iter
     segment = StepInterpolant(first, last, tolerance)
     for i in range(1, pieces):
         try:
-            found = segment.at(i / pieces)
+            point = segment.at(i / pieces)
         except Undefined:
             continue  # left out rather than interpolated
-        yield found
+        yield point

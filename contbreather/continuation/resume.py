@@ -76,7 +76,7 @@ def extend(
         missing()
     if event_of(branch.problem) and events is not None:
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
-    asked = _asked(branch, within, events, steps)
+    settings = _settings(branch, within, events, steps)
     done, over = [branch], dict[str, str]()
     with (
         checkpoint(save, "branch") as file,
@@ -84,11 +84,11 @@ def extend(
         add_partial_result(done.append),
     ):
         for side in ("last", "first") if end == "both" else (end,):
-            why = _over(branch, side, asked)
+            why = _over(branch, side, settings)
             if why:
                 over[side] = why
             else:
-                done.append(_further(done[-1], side, asked, progress, file))
+                done.append(_further(done[-1], side, settings, progress, file))
         if len(done) == 1:
             reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
             raise BadInput(f"the {branch.problem.label or 'branch'} goes no further: {reasons}")
@@ -96,7 +96,7 @@ def extend(
     return done[-1]
 
 
-def _asked(branch: Branch, within: Within | None, events: Any, steps: Steps | None) -> Settings:
+def _settings(branch: Branch, within: Within | None, events: Any, steps: Steps | None) -> Settings:
     old = branch.settings or Settings()
     return Settings(
         old.within if within is None else windows(within),
@@ -106,14 +106,14 @@ def _asked(branch: Branch, within: Within | None, events: Any, steps: Steps | No
     )
 
 
-def _over(branch: Branch, side: str, asked: Settings) -> str:
+def _over(branch: Branch, side: str, settings: Settings) -> str:
     """Why a branch cannot go on at one end; empty if it can."""
     last = side == "last"
     stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
     at = -1 if last else 0
     if stop in _OVER:
         return _OVER[stop]
-    edges = _edges(branch, at, asked.within)
+    edges = _edges(branch, at, settings.within)
     if stop is Stop.BOUND and (reason or edges):
         return reason or f"it is at the edge of its window, {'; '.join(edges)}: give a wider one"
     if branch[at].tangent is None:
@@ -125,11 +125,11 @@ def _edges(branch: Branch, at: int, within: Windows) -> list[str]:
     """The windows on whose edge an end is, which may be wider than those it stopped at: each with
     the place, and with what was asked for if that is another."""
     edges = []
-    for name, asked in within.items():
+    for name, window in within.items():
         value = float(branch[name][at])
-        if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in asked):
-            walked = branch.settings.within.get(name, asked) if branch.settings else asked
-            more = "" if walked == asked else f", and {_span(asked)} was asked for"
+        if any(abs(value - edge) <= _EDGE * (1.0 + abs(value)) for edge in window):
+            walked = branch.settings.within.get(name, window) if branch.settings else window
+            more = "" if walked == window else f", and {_span(window)} was asked for"
             edges.append(f"{name} in {_span(walked)}, at {name} = {value:g}{more}")
     return edges
 
@@ -139,25 +139,25 @@ def _span(window: tuple[float, float]) -> str:
 
 
 def _further(
-    branch: Branch, side: str, asked: Settings, progress: bool | None, file: Checkpoint
+    branch: Branch, side: str, settings: Settings, progress: bool | None, file: Checkpoint
 ) -> Branch:
     """The branch with what lies beyond one end."""
     line = branch if side == "last" else branch.reversed()
 
     def whole(piece: Branch) -> Branch:
-        longer = replace(line.join(piece), settings=asked)
+        longer = replace(line.join(piece), settings=settings)
         return longer if side == "last" else longer.reversed()
 
-    with piece_of(file, whole, branch) as own:
+    with piece_of(file, whole, branch) as inner:
         piece = trace(
             line[-1].problem,
             branch.free,
-            within=asked.within,
-            events=None if event_of(branch.problem) else asked.events,
-            steps=asked.steps,
+            within=settings.within,
+            events=None if event_of(branch.problem) else settings.events,
+            steps=settings.steps,
             progress=progress,
             along=line[-1].direction,
-            inadmissible=asked.inadmissible,
-            save=own,
+            inadmissible=settings.inadmissible,
+            save=inner,
         )
     return whole(piece)

@@ -70,8 +70,8 @@ class Run(HtmlRepr, Mapping[str, Any]):
 
     def __init__(self, path: str | Path, *, problem: Given = None) -> None:
         self.path = named("read", path)
-        given = problem if isinstance(problem, list | tuple) else [problem]
-        self.problems = [problem_in(one) for one in given if one is not None]
+        listed = problem if isinstance(problem, list | tuple) else [problem]
+        self.problems = [problem_in(owner) for owner in listed if owner is not None]
         self._cache: dict[Path, tuple[Any, Contents]] = {}
 
     @property
@@ -101,9 +101,11 @@ class Run(HtmlRepr, Mapping[str, Any]):
     def table(self) -> Sheet:
         """A line for each result, with its special points."""
         results = list(self.values())
-        labels = [", ".join(p.label for p in getattr(one, "special", ())) for one in results]
-        said = [one.describe() if hasattr(one, "describe") else repr(one) for one in results]
-        what = [text.strip("<>") for text in said]
+        labels = [", ".join(p.label for p in getattr(result, "special", ())) for result in results]
+        texts = [
+            result.describe() if hasattr(result, "describe") else repr(result) for result in results
+        ]
+        what = [text.strip("<>") for text in texts]
         return Sheet([Column("name", list(self)), Column("what", what), Column("points", labels)])
 
     def __len__(self) -> int:
@@ -160,8 +162,8 @@ class Run(HtmlRepr, Mapping[str, Any]):
         """What is in a file, read once as long as it stays the same."""
         state = None
         with suppress(OSError, ValueError):  # reading says what is wrong
-            here = path.stat()
-            state = (here.st_mtime_ns, here.st_size, here.st_ino)
+            stat = path.stat()
+            state = (stat.st_mtime_ns, stat.st_size, stat.st_ino)
         if path not in self._cache or self._cache[path][0] != state:
             try:
                 self._cache[path] = state, self._read(path)

@@ -122,6 +122,7 @@ class Samples:
     def deflated(self, u: float, value: Value | None = None) -> float:
         """The value at u with the zeros found so far divided out."""
         value = self.values[u] if value is None else value
+        # f(u) / prod(u - u_i) is as smooth as f, and what zeros it has are others
         return float(value) / math.prod(u - zero or math.nan for zero in self.zeros)
 
     # --- where it changes ---------------------------------------------------------------------
@@ -155,6 +156,7 @@ class Samples:
 
     def settle(self, u: float, left: float, right: float) -> None:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
+        # between these the sign is rounding
         low, high = max(u - ASIDE, left), min(u + ASIDE, right)
         self.values[low], self.values[high] = self.values[left], self.values[right]
         self.sure |= {low, high}
@@ -188,8 +190,8 @@ class Samples:
         test, segment, look, places = self.event.test, self.segment, list[float](), np.empty(0)
         if isinstance(test, Singular) and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
-            near = min(sizes) < _LOW * max(sizes)
-            middle = (segment.provisional(0.5),) if near else ()
+            dips = min(sizes) < _LOW * max(sizes)
+            middle = (segment.provisional(0.5),) if dips else ()
             places = singular_between(*map(test.matrix, (segment.first, *middle, segment.last)))
             for low, high in itertools.pairwise(places.tolist()):
                 look.append((low + high) / 2)

@@ -39,12 +39,12 @@ def is_large(matrix: Matrix) -> bool:
     return is_sparse(matrix) or len(matrix) >= _MANY
 
 
-def canonical(given: Any) -> Matrix:
+def canonical(entries: Any) -> Matrix:
     """A sparse matrix of any format as columns of floats without duplicates: a copy, for the same
     one may come back each time, written anew."""
     from scipy.sparse import csc_array
 
-    matrix = csc_array(given, dtype=float, copy=True)
+    matrix = csc_array(entries, dtype=float, copy=True)
     matrix.sum_duplicates()
     return matrix
 
@@ -130,8 +130,12 @@ class Factors:
 
     def __init__(self, matrix: Matrix) -> None:
         self.matrix = matrix
+        # A = (L, R), L square, with conditions C below: x = (L^-1 b, 0) solves A x = b, the null
+        # vectors are N = (-L^-1 R, 1), x + N (C N)^-1 (c - C x) meets C x = c, and
+        # det [A; C] = det L det(C N)
         n, width = matrix.shape
         sizes = row_sizes(matrix, np.ones(width))
+        # equations of one size, so that pivots are chosen by entries and not by units
         self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
         self._factorise(np.arange(width))
         if width > n and (not self.exact or abs(self.null).max() > _STEEP):
@@ -157,9 +161,9 @@ class Factors:
             self.null[self._inside, i] = -self._inner(_column(self.matrix, column))
 
     def _inner(self, right: Array) -> Array:
-        found = self._lu.solve(right * self._rows)
-        assert found is not None
-        return found
+        x = self._lu.solve(right * self._rows)
+        assert x is not None
+        return x
 
     def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
         """The solution of the equations and of as many conditions as unknowns are left: `right`
@@ -167,6 +171,7 @@ class Factors:
         n = self.matrix.shape[0]
         x = self._particular(right[:n])
         if refined:
+            # refined once: the pivots of sparse factors need not be the largest, see _PIVOT
             x += self._particular(right[:n] - self.matrix @ x)
         if rows is None or not len(rows):
             return x
@@ -182,6 +187,7 @@ class Factors:
         side must be orthogonal to the null vectors."""
         weights = np.empty(0)
         if rows is not None and len(rows):
+            # A^T y + C^T w = b, and A N = 0: (C N)^T w = N^T b
             weights = _small((rows @ self.null).T, self.null.T @ right)
             right = right - weights @ rows
         y = self._lu.transposed(right[self._inside]) * self._rows
@@ -189,6 +195,7 @@ class Factors:
 
     def least(self, right: Array, *, refined: bool = True) -> Array:
         """The shortest of all solutions."""
+        # less its part in the null space
         x = self.solve(right, refined=refined)
         return np.asarray(x - self.basis @ (self.basis.T @ x))
 
@@ -229,6 +236,7 @@ class _Sparse:
 
     def sign(self) -> int:
         lu, turns = self._lu, 0
+        # P_r A P_c = L U with ones on the diagonal of L
         if (lu.perm_r != lu.perm_c).any():
             turns = _odd(lu.perm_r) + _odd(lu.perm_c)
         return -1 if (np.count_nonzero(lu.U.diagonal() < 0) + turns) % 2 else 1
@@ -289,6 +297,7 @@ def _most_moving(null: Array) -> NDArray[Any]:
     """For each null vector an unknown that it moves most, and no other does."""
     from scipy.linalg import qr
 
+    # each pivot is the column with most in it that those before do not span
     order = qr(null.T, mode="r", pivoting=True)[1]
     return np.sort(order[: null.shape[1]])
 
@@ -299,6 +308,7 @@ def _odd(permutation: NDArray[np.intp]) -> bool:
     from scipy.sparse.csgraph import connected_components
 
     n = permutation.size
+    # a permutation of n with c cycles is a product of n - c interchanges
     links: Any = csr_array((np.ones(n), permutation, np.arange(n + 1)), shape=(n, n))
     cycles, _ = connected_components(links, directed=False)
     return bool((n - cycles) % 2)
@@ -312,6 +322,9 @@ def correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array
     if factors.exact:
         return factors.solve(full, below), False
     n, width = factors.matrix.shape
+    # | A    a |  regular for almost any a and b where A has lost one rank: a is not in its range,
+    # | b^T  0 |  and b with the row tells its null vectors apart
+    # | row  0 |
     wider = Factors(beside(factors.matrix, any_vector(n)[:, None]))
     rows = np.zeros((width + 1 - n, width + 1))
     rows[0, :width] = any_vector(width)
@@ -336,8 +349,8 @@ def shifted(matrix: Matrix, value: complex) -> Matrix:
         return matrix + value * np.eye(len(matrix))
     from scipy.sparse import eye_array
 
-    one: Matrix = eye_array(matrix.shape[0], format="csc")
-    return matrix + value * one
+    identity: Matrix = eye_array(matrix.shape[0], format="csc")
+    return matrix + value * identity
 
 
 def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -352,6 +365,7 @@ def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
         lu = factorised(_shifted(matrix))
     q = p = any_vector(matrix.shape[0]).astype(matrix.dtype)
     for _ in range(_TURNS):
+        # inverse iteration: the null vector grows by the inverse of what M has left of a zero
         q, p = lu.solve(q), lu.solve(p, "H")
         q, p = q / np.linalg.norm(q), p / np.linalg.norm(p)
     return q, p
@@ -367,8 +381,8 @@ class Pattern:
     J. Inst. Maths Applics 13, 117, 1974).
     """
 
-    def __init__(self, given: Any) -> None:
-        matrix = canonical(given)
+    def __init__(self, pattern: Any) -> None:
+        matrix = canonical(pattern)
         self.matrix = matrix = _with(matrix, np.ones(matrix.nnz))  # what was given stays as it is
         self.columns = columns_of(matrix)
 
@@ -378,6 +392,7 @@ class Pattern:
         shared = (self.matrix.T @ self.matrix).tocsr()
         colours = np.full(self.matrix.shape[1], -1)
         for j in range(colours.size):
+            # greedily: the first colour that no neighbour has
             taken = {*colours[shared.indices[shared.indptr[j] : shared.indptr[j + 1]]].tolist()}
             colours[j] = next(c for c in range(len(taken) + 1) if c not in taken)
         return colours
@@ -385,9 +400,9 @@ class Pattern:
     def derivative(self, slope: Callable[[Array], Array], steps: Array) -> Matrix:
         """The derivative, by ``slope(direction)`` for each colour; unknowns move by their steps."""
         data = np.empty(self.columns.size)
-        own = self.colours[self.columns]
+        colours = self.colours[self.columns]
         for colour in range(self.colours.max() + 1):
             changes = slope(np.where(self.colours == colour, steps, 0.0))
-            entries = own == colour
+            entries = colours == colour
             data[entries] = changes[self.matrix.indices[entries]] / steps[self.columns[entries]]
         return _with(self.matrix, data)

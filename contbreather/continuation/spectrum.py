@@ -62,8 +62,8 @@ class NearestEigenvalues:
 
 def near_axis(curve: Curve, z: Array) -> NearestEigenvalues:
     """The eigenvalues of a sparse derivative in the unknowns next to the imaginary axis."""
-    found: NearestEigenvalues = curve.once("near axis", z, lambda z: _near(flow(curve, z)))
-    return found
+    nearest: NearestEigenvalues = curve.once("near axis", z, lambda z: _near(flow(curve, z)))
+    return nearest
 
 
 def flow(curve: Curve, z: Array) -> Matrix:
@@ -74,7 +74,9 @@ def flow(curve: Curve, z: Array) -> Matrix:
 
 def _near(matrix: Matrix) -> NearestEigenvalues:
     norm = float(abs(matrix).sum(axis=0).max())
+    # |Im lambda| <= |A - A^T|_2 / 2, and that no more than its 1-norm, being skew
     highest = float(abs(matrix - matrix.T).sum(axis=0).max()) / 2
+    # a perturbation e moves a double eigenvalue by its root
     rounding = _SPLIT * math.sqrt(np.finfo(float).eps * norm)
     values, reach = np.empty(0, dtype=complex), 0.0
     for _ in range(_DISKS):
@@ -145,8 +147,8 @@ def _squared(matrix: Matrix, square: float) -> Factors:
     """``A v = u, A u + square v``: its solutions are those of ``(A^2 + square) v``."""
     from scipy.sparse import block_array, eye_array
 
-    one = eye_array(matrix.shape[0], format="csc")
-    return Factors(block_array([[matrix, -one], [square * one, matrix]], format="csc"))
+    identity = eye_array(matrix.shape[0], format="csc")
+    return Factors(block_array([[matrix, -identity], [square * identity, matrix]], format="csc"))
 
 
 def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) -> Array:
@@ -154,9 +156,11 @@ def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) ->
     n = matrix.shape[0]
     vectors = [np.roll(any_vector(n), k * n // _TOGETHER) for k in range(min(_TOGETHER, n))]
     noise = 4 * np.finfo(float).eps * float(abs(matrix).sum(axis=0).max())
+    # trace and determinant do not depend on the basis of the plane, as its vectors do
     before = np.full(2, math.inf)
     for _ in range(_TURNS):
         x = np.asarray(np.linalg.qr(np.stack([apply(v) for v in vectors], axis=1))[0])
+        # Rayleigh-Ritz: A within the space of all vectors, and of that the plane wanted
         block, turned = _nearest_two(x.T @ (matrix @ x), square)
         now, size = np.array([np.trace(block), np.linalg.det(block)]), float(np.linalg.norm(block))
         if (abs(now - before) <= (_EXACT * size + noise) * np.array([1.0, size])).all():
@@ -182,12 +186,12 @@ def _nearest_two(small: Array, square: float) -> tuple[Array, Array]:
 
 def square_of_pair(curve: Curve, z: Array) -> float:
     """The squared frequency of the pair nearest the imaginary axis, or of a double zero."""
-    near = near_axis(curve, z)
-    if near.pairs.size:
-        nearest = near.pairs[abs(near.pairs.real).argmin()]
+    around = near_axis(curve, z)
+    if around.pairs.size:
+        nearest = around.pairs[abs(around.pairs.real).argmin()]
         return float(abs(nearest) ** 2)
-    least = near.values[np.argsort(abs(near.values))[:2]]
-    if least.size < 2 or abs(least).max() > _DOUBLE * near.rounding:
+    least = around.values[np.argsort(abs(around.values))[:2]]
+    if least.size < 2 or abs(least).max() > _DOUBLE * around.rounding:
         raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
     return float((least[0] * least[1]).real)
 
@@ -216,7 +220,8 @@ def _slopes(curve: Curve, z: Array, extra: Array) -> Array:
     # left.T A' right, with the derivative of the Jacobian along each vector of the plane
     changes = [curve.along(z, vector * scales) for vector in plane.right.T]
     left = (plane.left / scales[:, None]).T
-    (one, two), (three, four) = zip(*(left @ change for change in changes), strict=True)
+    (d11, d12), (d21, d22) = zip(*(left @ change for change in changes), strict=True)
     (a, b), (c, d) = plane.within
-    rows = np.stack([one + four, d * one + a * four - b * three - c * two])
+    # trace' = d11 + d22, det' = d d11 - c d12 - b d21 + a d22 of the matrix ((a, b), (c, d))
+    rows = np.stack([d11 + d22, d * d11 + a * d22 - b * d21 - c * d12])
     return np.hstack([rows, [[0.0], [-1.0]]])

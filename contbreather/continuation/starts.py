@@ -45,13 +45,13 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
         return curve, float(abs(value).max())
     try:
-        problem, found = problem.solve(tolerance=tolerance)
+        problem, solution = problem.solve(tolerance=tolerance)
     except NotConverged:
         nearest = _nearest(curve, tolerance)
         if nearest is None:
             raise
         return nearest
-    return Curve(problem, (free,)), found.residual
+    return Curve(problem, (free,)), solution.residual
 
 
 def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
@@ -75,17 +75,18 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         z = approach(curve.equations, curve.jacobian, curve.start, curve.metric)
         if z is None:
             return None
+        # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
-        found = curve.newton(z, curve.dual(tangent), tolerance=tolerance)
+        solution = curve.newton(z, curve.dual(tangent), tolerance=tolerance)
     except Undefined:
         return None
-    moved = Point(curve, found.z, tangent, 0.0, found.residual)
-    off = curve.length(found.z - curve.start)
+    moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
+    off = curve.length(solution.z - curve.start)
     domain = ((_size(moved[name]), *bounds) for name, bounds in curve.problem.domain.items())
     inside = all(low <= value <= high for value, low, high in domain)
-    if not found.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
+    if not solution.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
         return None
-    return Curve(moved.problem, curve.free), found.residual
+    return Curve(moved.problem, curve.free), solution.residual
 
 
 def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve, float, Array]:
@@ -129,9 +130,9 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     along = np.eye(1, z.size, z.size - 1)[0]
     if _nearly_singular(curve, z, along):
         try:
-            found = crossing(curve, z)
-            if curve.length(found.solution.z - z) < _GAP * (1 + curve.length(z)):
-                return closest(found.tangents, curve.dual(along)), 0
+            branch_point = crossing(curve, z)
+            if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
+                return closest(branch_point.tangents, curve.dual(along)), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, side = tangent_at(curve, z, along)
@@ -157,6 +158,7 @@ def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
         weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
         return weak.size < 1e-4 * weak.second
+    # with the row of the parameter below: singular at folds as well as where curves cross
     sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
     return bool(sizes[-1] < 1e-7 * sizes[0])
 
@@ -217,6 +219,7 @@ class Bound:
     def row(self, z: Array) -> Array:
         """The derivative of the value."""
         row = np.zeros(z.size)
+        # d|u| = u . du / |u|
         row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
         return row
 
@@ -242,17 +245,17 @@ def _size(value: ArrayLike) -> float:
 def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
-    given = {problem.normed(name) or name: window for name, window in windows(within).items()}
-    for name in given.keys() & problem.record.keys() - {*problem.names}:
+    wanted = {problem.normed(name) or name: window for name, window in windows(within).items()}
+    for name in wanted.keys() & problem.record.keys() - {*problem.names}:
         raise BadInput(
             f"{name!r} is recorded, and has no window; an event ends the branch where it has a "
             f"value: events=[cb.user({name!r}, value, terminal=True)]"
         )
-    problem.check_names(given)
-    bounds, own = [], windows(problem.domain)
-    for name in {**own, **given}:
-        low, high = given.get(name, (-math.inf, math.inf))
-        domain = own.get(name, (-math.inf, math.inf))
+    problem.check_names(wanted)
+    bounds, domains = [], windows(problem.domain)
+    for name in {**domains, **wanted}:
+        low, high = wanted.get(name, (-math.inf, math.inf))
+        domain = domains.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
         value = problem.start.get(name, problem.params.get(name))
         if not low < high:

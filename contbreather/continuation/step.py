@@ -119,8 +119,10 @@ def steps(
         while status < 0 and size >= rules.smallest:
             state[SIZE] = size
             status, residual = try_step(eq, rules, here, state)
+            # the predictor's error, O(s^3), falls to an eighth
             size = 0.5 * size
         if status != TAKEN:
+            # the caller tries the same step, and knows why it fails
             state[SIZE] = wanted if status < 0 else state[SIZE]
             return
         row = count[0]
@@ -137,22 +139,24 @@ def try_step(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[in
     guess = predicted(here, size, here.there)
     if outside(rules, guess):
         return LOOK, 0.0
-    found = newton(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
-    if found.status != TAKEN:
-        return found.status, 0.0
-    if outside(rules, found.z):
+    # pseudo-arclength: with the tangent as its last row the matrix is regular at folds, too
+    # (H. B. Keller, in Applications of Bifurcation Theory, ed. P. H. Rabinowitz, 1977, p. 359)
+    solution = newton(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
+    if solution.status != TAKEN:
+        return solution.status, 0.0
+    if outside(rules, solution.z):
         return LOOK, 0.0
-    end = examined(eq, here, size, found.z)
+    end = examined(eq, here, size, solution.z)
     if end.status != TAKEN:
         return end.status, 0.0
     branches = end.side == 0 or end.side * state[SIDE] < 0
     tiny = end.length < TINY * state[LONGEST]
-    if branches or tiny or leaves(rules, here) or returns(rules, here, found.z):
+    if branches or tiny or leaves(rules, here) or returns(rules, here, solution.z):
         return LOOK, 0.0
-    state[SIZE] = size * next_size(found.iterations, end.turn, rules.growth)
+    state[SIZE] = size * next_size(solution.iterations, end.turn, rules.growth)
     state[SIDE] = end.side
     accept(here, state, end.length)
-    return TAKEN, found.residual
+    return TAKEN, solution.residual
 
 
 def corrected(
@@ -160,9 +164,9 @@ def corrected(
 ) -> None:
     """The point of the curve in the plane across a vector, and its tangent on the side of `slope`,
     from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
-    found = newton(eq, across, here.there, tolerance, ITERATIONS)
-    answer[0], answer[1], answer[2] = found.status, found.iterations, found.residual
-    if found.status == TAKEN and tangent_at(eq, slope, found.z, here.ahead) == 0:
+    solution = newton(eq, across, here.there, tolerance, ITERATIONS)
+    answer[0], answer[1], answer[2] = solution.status, solution.iterations, solution.residual
+    if solution.status == TAKEN and tangent_at(eq, slope, solution.z, here.ahead) == 0:
         answer[0] = LOOK
 
 
@@ -189,6 +193,8 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
         moved = norm(step, eq.metric)
         if not moved < math.inf:
             return Corrected(LOOK, z, iteration, 0.0, moved, regular)
+        # |dz_k| / |dz_k-1| estimates the contraction (P. Deuflhard, Newton Methods for Nonlinear
+        # Problems, section 2.1): from 1/2 on the iteration is not in its quadratic phase
         if 2.0 * moved > previous and moved > bound:
             solved = is_rounding(eq, value, z)
             if solved or moved > 2.0 * previous:
@@ -203,6 +209,7 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
             value, exists = residual(eq, z)
             status = TAKEN if exists else FAILED
             return Corrected(status, z, iteration, largest(eq, value), moved, regular)
+        # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
         lasting = z.size > WIDEST and moved <= min(LASTING * size, SHRUNK * previous)
         previous = moved
     value, exists = residual(eq, z)
@@ -213,10 +220,12 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
 def examined(eq: Any, here: Any, size: float, z: Any) -> Examined:
     """Whether the way to a solution is one smooth piece of curve, short against its features."""
     length = apart(z, here.z, eq.metric)
+    # the corrector moves across the step: this far it has left for another piece of curve
     if not 0.0 < length <= 2.0 * size:
         return Examined(LEFT, 0, length, 0.0)
     side = tangent_at(eq, here.tangent, z, here.ahead)
     turn = angle(here.tangent, here.ahead, eq.metric)
+    # the chord as well: between tangents that are parallel a curve may turn and turn back
     if turn > TURN or angle(here.tangent, chord(here, z, length, here.between), eq.metric) > TURN:
         return Examined(TURNS, side, length, turn)
     # One residual a third of the way along tells how far the curve is off the cubic: halfway,
@@ -229,6 +238,9 @@ def examined(eq: Any, here: Any, size: float, z: Any) -> Examined:
 def next_size(iterations: int, turn: float, growth: float) -> float:
     """The size of the next step, relative to that of one that came off: the turn of the tangent is
     proportional to it, and more iterations than usual ask for less."""
+    # the turn is |t'| s to first order, so that s AIM / turn meets the aim; less than a half would
+    # trust that too far (E. L. Allgower and K. Georg, Introduction to Numerical Continuation
+    # Methods, section 6.1, bound the factor alike)
     effort = 1.0 if iterations == EASY else (0.7 if iterations > EASY else math.inf)
     return max(min(AIM / max(turn, 1e-12), effort, growth), 0.5)
 
@@ -248,6 +260,7 @@ def accept(here: Here, state: Vector, length: float) -> None:
     length = state[ARCLENGTH] - before  # as points of a branch have it, rounded
     state[LONGEST] = max(state[LONGEST], length)
     for i in range(here.z.size):
+        # a backward difference, off by O(s): s^2/2 of it leaves the predictor an error of O(s^3)
         here.bend[i] = (here.ahead[i] - here.tangent[i]) / length
         here.z[i], here.tangent[i] = here.there[i], here.ahead[i]
 
@@ -270,19 +283,21 @@ def leaves(rules: Rules, here: Here) -> bool:
     """Whether the curve may leave the window within the step and come back: what has a bound turned
     round."""
     for i in range(rules.slots.size):
+        # dz_i/ds has a zero in between, where z_i is largest or smallest
         if here.tangent[rules.slots[i]] * here.ahead[rules.slots[i]] < 0.0:
             return True
     return False
 
 
 @inlined
-def returns(rules: Rules, here: Here, there: Any) -> bool:
+def returns(rules: Rules, here: Here, z: Any) -> bool:
     """Whether the step passes the plane of the start in the direction of the walk."""
     before = after = along = 0.0
     for i in range(here.z.size):
         before += rules.across[i] * (here.z[i] - rules.start[i])
-        after += rules.across[i] * (there[i] - rules.start[i])
+        after += rules.across[i] * (z[i] - rules.start[i])
         along += rules.across[i] * here.ahead[i]
+    # the last is the cosine between both tangents: the plane may be passed elsewhere, aslant
     return before < 0.0 and after >= 0.0 and along >= 0.5
 
 
@@ -328,6 +343,7 @@ def tangent_at(eq: Equations, along: Any, z: Any, out: Any) -> int:
             out[i] = along[i]
         return 0
     for i in range(d):
+        # the row asks for t^T W t' = 1: t' is longer than 1 where the curve has turned
         out[i] = eq.right[i] / size
     return side
 
@@ -339,6 +355,7 @@ def off_curve(eq: Equations, here: Here, between: Any, z: Any) -> float:
     value, exists = residual(eq, between)
     if not exists:
         return math.inf
+    # H = J dz + O(dz^2): one correction is the distance to first order
     step, regular = correction(eq, here.tangent, between, value, False)
     return norm(step, eq.metric) if regular else 0.0
 
@@ -362,8 +379,10 @@ def eliminate(A: Matrix, b: Vector) -> int:
             if abs(A[i, k]) > abs(A[best, k]):
                 best = i
         pivot = A[best, k]
+        # 0, or a NaN, which no comparison holds for
         if not abs(pivot) > 0.0:
             return 0
+        # an interchange of rows changes the sign, and so does a negative pivot
         if (best != k) != (pivot < 0.0):
             side = -side
         if best != k:
@@ -388,6 +407,7 @@ def is_rounding(eq: Equations, value: Any, z: Any) -> bool:
     if call(eq.derive, z, eq.data, eq.flat) != 0:
         return False
     for i in range(z.size - 1):
+        # a term c x^k is k c x^k in J z: |J| |z| is no smaller than the terms, constants apart
         terms = 0.0
         for j in range(z.size):
             terms += abs(eq.matrix[i, j]) * abs(z[j])
@@ -423,6 +443,7 @@ def apart(z: Any, other: Any, metric: Any) -> float:
 
 def angle(t: Any, other: Any, metric: Any) -> float:
     """Between unit vectors, from their difference: exact for small angles too."""
+    # |t - t'| = 2 sin(angle / 2): 1 - t . t' would have lost half of the digits
     return 2.0 * math.asin(min(1.0, 0.5 * apart(t, other, metric)))
 
 
@@ -435,6 +456,7 @@ def minus(z: Any, step: Any) -> Any:
 def is_short(step: Any, z: Any, metric: Any, tolerance: float) -> bool:
     """Whether a step is short for each entry: beside one of size 1e6 those of size 1 count."""
     for i in range(z.size):
+        # 1 / sqrt(W_i) is the scale of an entry, times sqrt(m) in an array of m numbers
         if abs(step[i]) > tolerance * (abs(z[i]) + 1.0 / math.sqrt(metric[i])):
             return False
     return True
@@ -456,6 +478,7 @@ def chord(here: Any, z: Any, length: float, out: Any) -> Any:
 def on_cubic(here: Any, z: Any, length: float, out: Any) -> Any:
     """A third of the way along the Hermite cubic through both ends."""
     for i in range(out.size):
+        # Hermite at u = 1/3: h00, h01, h10, h11 = (20, 7, 4, -2) / 27
         bow = (4.0 * here.tangent[i] - 2.0 * here.ahead[i]) * length
         out[i] = (20.0 * here.z[i] + 7.0 * z[i] + bow) / 27.0
     return out

@@ -111,6 +111,7 @@ class Stepper:
             slopes = self.curve.jacobian(z)
         except Undefined:
             return True
+        # J t = 0: what is left of it, relative to the terms that cancel
         off = abs(slopes @ tangent)
         return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
 
@@ -161,6 +162,7 @@ class Stepper:
         """Whether the step passes the start, in the direction in which the curve left it."""
         start, row = self.start, self.curve.dual(self.start.direction)
         before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
+        # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
             return False
         segment = StepInterpolant(point, last, self.steps.tolerance)
@@ -172,9 +174,9 @@ class Stepper:
             off = self.curve.length(gap) / segment.length
             return off <= _PASS and angle(self.curve, slope, start.direction) <= _PASS
         # across the start only: along the curve Newton's linear condition keeps the place
-        near = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
-        gap = near.z - start.z
-        return self.curve.length(gap) <= _FINE * (1 + self.curve.length(near.z))
+        solution = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
+        gap = solution.z - start.z
+        return self.curve.length(gap) <= _FINE * (1 + self.curve.length(solution.z))
 
     def _advance(self, point: Point) -> Step:
         """The next point, with as many halvings of the step as it takes."""
@@ -207,20 +209,23 @@ class Stepper:
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
+        # z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
         landing = self._crossed(point.z, predicted, LEVEL * size)
         if landing is None:
-            found = self.correct(self._within(predicted), curve.dual(point.direction))
-            landing = self._crossed(point.z, found.z, _ALONG * (1 + curve.length(point.z)))
-            found = replace(found, z=self._within(found.z)) if landing is None else found
+            solution = self.correct(self._within(predicted), curve.dual(point.direction))
+            landing = self._crossed(point.z, solution.z, _ALONG * (1 + curve.length(point.z)))
+            solution = (
+                replace(solution, z=self._within(solution.z)) if landing is None else solution
+            )
         if landing is not None:
-            found = self._land(point, predicted, *landing)
+            solution = self._land(point, predicted, *landing)
         here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
-        end = _EXAMINED(curve, here, size, found.z)
+        end = _EXAMINED(curve, here, size, solution.z)
         if end.status != TAKEN:
             raise Failed(Stop.NO_CONVERGENCE, _REASONS[end.status])
         arclength = point.arclength + end.length
-        last = Point(curve, found.z, here.ahead, arclength, found.residual)
+        last = Point(curve, solution.z, here.ahead, arclength, solution.residual)
         branch_point = None
         if end.side * side < 0:
             branch_point = self._branch_point(
@@ -230,9 +235,9 @@ class Stepper:
             raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
         LOG.debug(
             "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
-            end.length, curve.free[0], last.z[-1], found.iterations, found.residual,
+            end.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
-        factor = next_size(found.iterations, end.turn, self.steps.growth)
+        factor = next_size(solution.iterations, end.turn, self.steps.growth)
         stop = None if landing is None else Stop.BOUND
         return Step(last, size * factor, end.side, branch_point, stop)
 
@@ -250,10 +255,10 @@ class Stepper:
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}
-        found = self.curve.newton(predicted, row, **how)
-        if not found.converged:
-            raise Failed(Stop.NO_CONVERGENCE, f"residual {found.residual:.2g}")
-        return found
+        solution = self.curve.newton(predicted, row, **how)
+        if not solution.converged:
+            raise Failed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
+        return solution
 
     def _within(self, z: Array) -> Array:
         """z, which crosses no bound, without what rounding may have put beyond one."""
@@ -282,38 +287,40 @@ class Stepper:
     def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
         """The solution exactly on a bound, instead of a step across it."""
         start, end = bound.value(point.z), bound.value(predicted)
+        # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
-            found = self._on_bound(guess, bound.row(guess), point.direction)
+            solution = self._on_bound(guess, bound.row(guess), point.direction)
             # Newton's linear condition holds to rounding; make it exact
-            z = bound.moved(found.z, value)
-            if self.curve.length(z - found.z) <= EXACT * (1 + self.curve.length(z)):
+            z = bound.moved(solution.z, value)
+            if self.curve.length(z - solution.z) <= EXACT * (1 + self.curve.length(z)):
                 break
             guess = z
         others = (other for other in self.bounds if other is not bound)
         if any(not other.low <= other.value(z) <= other.high for other in others):
             raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
-        return replace(found, z=z)
+        return replace(solution, z=z)
 
     def _branch_point(self, segment: StepInterpolant, size: float, before: int) -> Point | None:
         """The branch point at which the determinant changed sign; without any the step ended on
         another curve, unless it is too short to tell."""
-        found = self._crossing_on(segment, before)
-        if found is None and size > _GAP * (1 + self.curve.length(segment.last.z)):
+        branch_point = self._crossing_on(segment, before)
+        if branch_point is None and size > _GAP * (1 + self.curve.length(segment.last.z)):
             raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
-        return found
+        return branch_point
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Where the determinant changes its sign: by halving, and then by a system of its own."""
         low, high = 0.0, 1.0
+        # from 1/64 of the step on the system of a branch point is solved
         for _ in range(6):
             middle = 0.5 * (low + high)
             _, side = tangent_at(self.curve, *segment.guess(middle))
             low, high = (middle, high) if side == before else (low, middle)
         try:
-            found = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
-            place, point = segment.settled(found.solution, found.tangents)
+            branch_point = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
+            place, point = segment.settled(branch_point.solution, branch_point.tangents)
         except Undefined:
             return None
         return point if -_OUTSIDE < place < 1 + _OUTSIDE else None
@@ -325,10 +332,13 @@ class Stepper:
             slopes = [bound.slope(end.z, end.direction) for end in (point, last)]
             if not slopes[0] * slopes[1] < 0:
                 continue
+            # from the first value the cubic rises by d0 u + (3 rise - 2 d0 - d1) u^2
+            # + (d0 + d1 - 2 rise) u^3, with extrema where the derivative of that is zero
             d0, d1 = length * slopes[0], length * slopes[1]
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
             value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
+            # the extremum is solved for to this tolerance: so far beyond a bound it is on it
             slack = self.steps.tolerance * float(np.max(self.curve.scales[bound.slot]))
             if not bound.low - slack <= value <= bound.high + slack:
                 return True

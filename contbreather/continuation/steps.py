@@ -49,15 +49,15 @@ class Steps:
     growth: float = 1.5
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
-            if value is None and one.default is None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if value is None and entry.default is None:
                 continue
             size = real(value)
             if math.isnan(size) and not isinstance(value, float):
-                raise BadInput(f"{one.name} must be a number, got {shown(value)}")
-            if one.name != "most" and not 0 < size < math.inf:
-                raise BadInput(f"{one.name} must be finite and positive, got {shown(value)}")
+                raise BadInput(f"{entry.name} must be a number, got {shown(value)}")
+            if entry.name != "most" and not 0 < size < math.inf:
+                raise BadInput(f"{entry.name} must be finite and positive, got {shown(value)}")
         if not self.smallest <= min(self.first, self.longest(0.0)):
             raise BadInput(
                 f"no step may be shorter than smallest = {self.smallest:g}, "
@@ -77,10 +77,10 @@ class Steps:
         return max(_LARGEST, _RELATIVE * length) if self.largest is None else self.largest
 
 
-def steps_of(given: object, usual: Steps | None = None) -> Steps:
+def steps_of(steps: object, usual: Steps | None = None) -> Steps:
     """Steps as they were given, the usual ones if none were; anything else is refused."""
-    if given is None:
+    if steps is None:
         return usual or Steps()
-    if not isinstance(given, Steps):
-        raise BadInput(f"steps must be given as Steps(largest=...), got {shown(given)}")
-    return given
+    if not isinstance(steps, Steps):
+        raise BadInput(f"steps must be given as Steps(largest=...), got {shown(steps)}")
+    return steps

@@ -127,6 +127,7 @@ class Lift:
             If there is not a solution at this amplitude: try another one.
         """
         curve = Curve(self.problem, (free or self.free,))
+        # v . (x - x0) = amplitude, and the parameter gives way: regular on the arms of a pitchfork
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
         try:
@@ -162,7 +163,7 @@ def across(point: Point) -> tuple[Seed, ...]:
 def _beside(point: Point, tangent: Array) -> Array:
     """A direction, or that of solutions found beside the point where a curve has a kink there: as
     where two impacts at once come apart, in another order on either side."""
-    curve, near = point.curve, []
+    curve, solutions = point.curve, []
     row = curve.dual(tangent)
     for distance in (_STRIDE, 2 * _STRIDE):
         try:
@@ -171,9 +172,9 @@ def _beside(point: Point, tangent: Array) -> Array:
             return tangent
         if not solution.converged:
             return tangent
-        near.append(solution.z)
+        solutions.append(solution.z)
     # the one-sided difference of second order: (4 z(h) - z(2h) - 3 z(0)) / 2h
-    secant = curve.normalised(4.0 * near[0] - near[1] - 3.0 * point.z)
+    secant = curve.normalised(4.0 * solutions[0] - solutions[1] - 3.0 * point.z)
     off = curve.length(secant - tangent)
     follows = curve.length(secant - float(row @ point.direction) * point.direction) < off
     return tangent if follows or off < _KINK else secant
@@ -259,7 +260,7 @@ def switch(
             f"switch takes a special point of a branch, branch.first('PF') for instance; got "
             f"{kind_of(point)}"
         )
-    given = all_of(events)
+    listed = all_of(events)
     arms: list[Branch] = []
     with checkpoint(save, "arm") as kept, partial_result(lambda: tuple(arms) or None):
         inner = Inner(kept, lambda arm: (*arms, arm))
@@ -270,7 +271,7 @@ def switch(
                 same = seed.problem.residual is point.curve.problem.residual
                 arm = follow(
                     point, seed, within=within, steps=steps, progress=progress, save=inner,
-                    events=point.curve.asked if given is None and same else given,
+                    events=point.curve.asked if listed is None and same else listed,
                 )  # fmt: skip
             _keep_apart(arm, arms)
             arms.append(_with_image(arm, arms))
@@ -329,8 +330,8 @@ def follow(point: Point, seed: Seed, *, save: Checkpoint | None = None, **how: A
     """One arm from a point, which is its first; how is as for `trace`."""
     free, lifted = point.curve.free[0], walls_are_lifted(point.curve.problem)
     start = _start(seed, free)
-    with piece_of(save, lambda arm: _with_parent(arm, point)) as own:
-        arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=own, **how)
+    with piece_of(save, lambda arm: _with_parent(arm, point)) as inner:
+        arm = trace(start, free, along=seed.tangent, inadmissible=lifted, save=inner, **how)
     if len(arm) == 1 and arm.stop.failed:
         raise NotConverged(
             f"no step can be made along an arm of {point!r}: {arm.stop.value}; {arm.reason}",
@@ -352,15 +353,15 @@ def _start(seed: Seed, free: str) -> Problem:
 def _with_parent(arm: Branch, point: Point) -> Branch:
     """The arm with the point as its first; what else was seen there belongs to the point."""
     first = next((p.arclength for p in arm if p.arclength > 0 and not p.kind), arm[-1].arclength)
-    near = _AT_START * first
-    end = arm[-1].arclength - near if arm.stop is Stop.CLOSED else math.inf
+    reach = _AT_START * first
+    end = arm[-1].arclength - reach if arm.stop is Stop.CLOSED else math.inf
     start = replace(arm[0], kind="EP", event=None, bracket=None, detail={}, parent=point)
-    rest = tuple(p for p in arm.points if p.arclength > near)
+    rest = tuple(p for p in arm.points if p.arclength > reach)
     return replace(
         arm,
         points=labelled((start, *rest)),
         began=Stop.EVENT,
-        doubtful=tuple(p for p in arm.doubtful if near < p.arclength < end),
+        doubtful=tuple(p for p in arm.doubtful if reach < p.arclength < end),
         origin=point,
     )
 
@@ -383,9 +384,10 @@ def _leave(arm: Branch, seed: Seed, point: Point) -> None:
         )
 
 
-def _aside(curve: Curve, one: Array, other: Array) -> float:
+def _aside(curve: Curve, direction: Array, line: Array) -> float:
     """Distance of a unit vector from a line."""
-    return curve.length(one - float(one @ curve.dual(other)) * other)
+    # d - (d . W l) l
+    return curve.length(direction - float(direction @ curve.dual(line)) * line)
 
 
 def _keep_apart(arm: Branch, others: Sequence[Branch]) -> None:

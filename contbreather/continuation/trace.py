@@ -154,10 +154,10 @@ def trace(
     halves: list[Half] = []
 
     def so_far() -> Branch | None:
-        found = _so_far(halves)
-        return found and replace(found, settings=settings, origin=origin)
+        branch = _so_far(halves)
+        return branch and replace(branch, settings=settings, origin=origin)
 
-    line = line_of(progress, lambda own: Counter(own, free))
+    line = line_of(progress, lambda progress: Counter(progress, free))
     with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
         finer: Finer | None = start, along
         while finer is not None:
@@ -346,8 +346,8 @@ class ContinuationIterator:
                         # or one step more: at an edge, a branch point, the start
                         step = self.stepper.next(self.point, self.count)
                         # locate
-                        found = self._locate(step)
-                        line, stop = self._line_up(step, found)
+                        located = self._locate(step)
+                        line, stop = self._line_up(step, located)
             except Failed as failed:
                 end = failed
                 break
@@ -363,12 +363,12 @@ class ContinuationIterator:
             # what is singular where an event ends the curve needs no other name: at R1 of a curve
             # of NS its equations are those of a fold, too
             last = line[-1].arclength - self._near(step) if stop is Stop.EVENT else math.inf
-            unverified += [point for point in found.doubtful if point.arclength < last]
+            unverified += [point for point in located.doubtful if point.arclength < last]
             yield line
             if stop is not None:
                 self.end = End(stop, self._edge(line[-1], stop), tuple(unverified))
                 return
-            self.point, self.tests, self.count = step.point, found.after, self.count + 1
+            self.point, self.tests, self.count = step.point, located.after, self.count + 1
             if limit := self.growth.end(self.point.z[None], self.point.direction[None]):
                 self.end = End(Stop.INFINITY, limit[1], tuple(unverified))
                 return
@@ -409,20 +409,20 @@ class ContinuationIterator:
 
     def _looked_ahead(self, end: int) -> bool:
         """The same by tests of all points at once, if all events say these."""
-        buffer, events, earlier, here = self.stepper, self.events, self.earlier, self._taken
-        asked = [event.many for event in events if event.many]
-        if len(asked) < len(events) or earlier is None:
+        buffer, events, earlier, point = self.stepper, self.events, self.earlier, self._taken
+        batched = [event.many for event in events if event.many]
+        if len(batched) < len(events) or earlier is None:
             return False
         points = Points.of(buffer.points[buffer.used : end])
-        found = [said for many in asked if (said := many(points))]
-        if len(found) < len(events):
+        values = [value for many in batched if (value := many(points))]
+        if len(values) < len(events):
             return False
-        places = np.concatenate([[earlier[0], here.arclength], points.arclength])
-        known, ahead = np.array([earlier[1], self.tests]).T, np.array([test for test, _ in found])
-        tests = np.hstack([known, ahead])
+        places = np.concatenate([[earlier[0], point.arclength], points.arclength])
+        past, ahead = np.array([earlier[1], self.tests]).T, np.array([test for test, _ in values])
+        tests = np.hstack([past, ahead])
         counts = [
-            np.append(count_at(event, here), count)
-            for event, (_, count) in zip(events, found, strict=True)
+            np.append(count_at(event, point), count)
+            for event, (_, count) in zip(events, values, strict=True)
             if count is not None
         ]
         n = clear_steps(places, tests, counts)
@@ -480,32 +480,32 @@ class ContinuationIterator:
         try:
             earlier, self.earlier = self.earlier, (self.point.arclength, self.tests)
             crossing = step.crossing
-            both = self.tests, self._tests_at(step.point)
-            return find(segment, self.events, *both, crossing=crossing, ends=ends, earlier=earlier)
+            tests = self.tests, self._tests_at(step.point)
+            return find(segment, self.events, *tests, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 
-    def _line_up(self, step: Step, found: Found) -> tuple[list[Point], Stop | None]:
+    def _line_up(self, step: Step, located: Found) -> tuple[list[Point], Stop | None]:
         """What to yield for this step, in order, and whether the walk ends with it."""
-        point, near = self.point, self._near(step)
+        point, reach = self.point, self._near(step)
         starts, line = list[Point](), list[Point]()
         if self.count == 0:  # later, what the step before ended short of is found
-            starts = [p for p in found.points if p.arclength <= point.arclength + near]
+            starts = [p for p in located.points if p.arclength <= point.arclength + reach]
             line = [*starts] or [point]
         ended = {id(special.event) for special in starts}
         if self.count == 0:  # what is negative there is rounding: more of it is refused
             before = zip(self.events, self.tests, strict=True)
             ended |= {id(event) for event, value in before if value <= 0}
-        if any(id(event) in ended for event in self._broken(found)):
+        if any(id(event) in ended for event in self._broken(located)):
             return line, Stop.EVENT  # it leads out of the meaningful region at once
-        for special in found.points[len(starts) :]:
+        for special in located.points[len(starts) :]:
             LOG.info("found %s: %r", special.kind, special)
             line.append(special)
             if special.event is not None and special.event.ends:
                 return line, Stop.EVENT
-        if self._broken(found):
+        if self._broken(located):
             raise Failed(Stop.NO_CONVERGENCE, "the end of the meaningful region was not located")
-        if not (line and abs(line[-1].arclength - step.point.arclength) <= near):
+        if not (line and abs(line[-1].arclength - step.point.arclength) <= reach):
             line.append(step.point)
         return line, step.stop
 
@@ -513,9 +513,9 @@ class ContinuationIterator:
         """Points of a step that are closer than this are one."""
         return 1e-8 * (step.point.arclength - self.point.arclength)
 
-    def _broken(self, found: Found) -> list[Event]:
+    def _broken(self, located: Found) -> list[Event]:
         """The events on whose negative side the step ends, where only the positive one is meant."""
-        after = zip(self.events, found.after, strict=False)
+        after = zip(self.events, located.after, strict=False)
         return [event for event, value in after if event.ends_domain and value < 0]
 
     # --- what is told of both ends ---
