@@ -25,7 +25,7 @@ from contbreather.simulation.states import ModelParameters, State, check_state
 from contbreather.tables import Sheet
 
 Array = NDArray[Any]
-Found = tuple["Kind", str]
+Finding = tuple["Kind", str]
 Ran = Run | SmoothRun
 
 LEAST = 100  # periods that must be seen before anything can be said
@@ -184,7 +184,7 @@ def _where(run: Ran) -> dict[str, float]:
     return evidence
 
 
-def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
+def _lost(run: Ran, evidence: dict[str, float]) -> Finding | None:
     """No breather any more: nobody hits, all move alike, or impacts (on smooth walls, which do not
     count them, the energy) are all over the lattice."""
     sites, impacting = run.sites, evidence.get("impacting")
@@ -203,7 +203,7 @@ def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
     return None
 
 
-def _kicked(run: Run, evidence: dict[str, float]) -> Found:
+def _kicked(run: Run, evidence: dict[str, float]) -> Finding:
     """Under noise any site may hit now and then: a breather's few hit regularly, and have most of
     the energy."""
     late, sites = run.since(run.periods // 2), run.sites
@@ -220,7 +220,7 @@ def _kicked(run: Run, evidence: dict[str, float]) -> Found:
     return Kind.DELOCALISED, words
 
 
-def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, PeriodicMotion | None]:
+def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Finding | None, PeriodicMotion | None]:
     """Periodic or locked: Newton's method finds a motion that closes next to the run's end.
 
     Where that motion repels and the run is still beside it, it is given back too: a run returns to
@@ -310,7 +310,7 @@ def _repels(run: Ran, evidence: dict[str, float], motion: PeriodicMotion) -> str
     )
 
 
-def _periodic(run: Ran, evidence: dict[str, float], orbit: PeriodicMotion) -> Found:
+def _periodic(run: Ran, evidence: dict[str, float], orbit: PeriodicMotion) -> Finding:
     u, v = completed(orbit.run()).strobe
     gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
     # it may close after fewer periods than were asked for; Newton's method stops at steps of 1e-9,
@@ -327,7 +327,7 @@ def _periodic(run: Ran, evidence: dict[str, float], orbit: PeriodicMotion) -> Fo
 
 def _open(
     run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None, *, lost: bool
-) -> Found:
+) -> Finding:
     """Not closed: chaos, or a torus, by its turns and its exponents."""
     turn, (values, errors) = rotation(*run.strobe), _exponents(run, lost)
     # an exponent that is zero, as far as can be told
