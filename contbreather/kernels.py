@@ -228,12 +228,9 @@ def _bound(function: Function, names: Any, done: dict[Any, Any]) -> Any:
         values = function.__globals__
         text = "_".join(getattr(value, "__qualname__", str(value)) for _, value in names)
         scope = {name: values[name] for name in function.__code__.co_names if name in values}
-        bound = FunctionType(function.__code__, scope, f"{function.__name__}_{text}")
-        bound.__module__, bound.__qualname__ = (
-            function.__module__,
-            f"{function.__qualname__}_{text}",
-        )
-        done[function] = bound
+        copy = FunctionType(function.__code__, scope, f"{function.__name__}_{text}")
+        copy.__module__, copy.__qualname__ = function.__module__, f"{function.__qualname__}_{text}"
+        done[function] = copy
         for name, value in scope.items():
             if isinstance(value, FunctionType) and value.__module__ == function.__module__:
                 scope[name] = _bound(value, names, done)
@@ -483,11 +480,9 @@ def _key(function: Function, kinds: str) -> str:
 def _content(function: Function) -> tuple[Any, ...]:
     """What is compiled of a function: not its text, which may have been edited since, and with the
     constants that it has from other modules."""
-    code, values = function.__code__, function.__globals__
+    code, scope = function.__code__, function.__globals__
     plain = float | int | tuple
-    numbers = [
-        (name, values[name]) for name in code.co_names if isinstance(values.get(name), plain)
-    ]
+    numbers = [(name, scope[name]) for name in code.co_names if isinstance(scope.get(name), plain)]
     named = function.__qualname__, code.co_names, code.co_varnames, code in INLINED
     return (*named, code.co_code, code.co_consts, numbers)
 
