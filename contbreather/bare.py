@@ -16,8 +16,8 @@ PACKAGE = Path(__file__).resolve().parent
 
 def main() -> None:
     # this folder's `files` or `errors` are not everybody's
-    sys.path[:] = [one for one in sys.path if Path(one or ".").resolve() != PACKAGE]
-    for folder in [PACKAGE, *(one for one in PACKAGE.iterdir() if one.is_dir())]:
+    sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != PACKAGE]
+    for folder in [PACKAGE, *(path for path in PACKAGE.iterdir() if path.is_dir())]:
         package = ModuleType(".".join(folder.relative_to(PACKAGE.parent).parts))
         package.__path__ = [str(folder)]
         sys.modules[package.__name__] = package

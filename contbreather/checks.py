@@ -57,9 +57,9 @@ def real(value: object) -> float:
 
 def number(name: str, value: object, low: float, high: float, wanted: str) -> float:
     """The value as a finite float within its range, or a sentence."""
-    found = real(value)
-    if low <= found <= high and math.isfinite(found):
-        return found
+    x = real(value)
+    if low <= x <= high and math.isfinite(x):
+        return x
     raise BadInput(f"{name} = {shown(value)}: {wanted}, a finite number, was expected.")
 
 
@@ -98,22 +98,22 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
     array([1. , 2.5])
     """
     try:
-        found = np.asarray(value)
+        array = np.asarray(value)
         # objects may be Fractions, or numbers of mpmath
-        found = found.astype(float) if found.dtype.kind in "iufO" else np.array(math.nan)
+        array = array.astype(float) if array.dtype.kind in "iufO" else np.array(math.nan)
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, for instance
-        found = np.array(math.nan)
-    if not np.isfinite(found).all():
+        array = np.array(math.nan)
+    if not np.isfinite(array).all():
         raise BadInput(f"{name} = {shown(value)}: finite real numbers were expected.")
-    return found
+    return array
 
 
 def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     """A row of finite floats, at least one, or a sentence; a number is a row of one."""
-    found = np.atleast_1d(numbers(name, value))
-    if found.ndim != 1 or not found.size:
+    entries = np.atleast_1d(numbers(name, value))
+    if entries.ndim != 1 or not entries.size:
         raise BadInput(f"{name} = {shown(value)}: {wanted}, a row of finite numbers, was expected.")
-    return found
+    return entries
 
 
 def spread(name: str, low: object, high: object, count: object) -> list[float]:
@@ -126,20 +126,20 @@ def spread(name: str, low: object, high: object, count: object) -> list[float]:
     [0.3, 0.35, 0.4]
     """
     ends = [number(name, end, -1e300, 1e300, "a value") for end in (low, high)]
-    known = isinstance(count, int | np.integer) and not isinstance(count, bool)
-    if not known or not 1 <= count <= MANY:  # type: ignore[operator]
+    integer = isinstance(count, int | np.integer) and not isinstance(count, bool)
+    if not integer or not 1 <= count <= MANY:  # type: ignore[operator]
         raise BadInput(
             f"{name}: {shown(count)} values from {ends[0]:g} to {ends[1]:g}: a whole number from "
             f"1 to {MANY} was expected."
         )
-    found = [float(f"{one:.12g}") for one in np.linspace(*ends, count)]  # type: ignore[call-overload]
-    found[-1], found[0] = reversed(ends)
-    steps = np.diff(found) * math.copysign(1.0, ends[1] - ends[0])
+    values = [float(f"{x:.12g}") for x in np.linspace(*ends, count)]  # type: ignore[call-overload]
+    values[-1], values[0] = reversed(ends)
+    steps = np.diff(values) * math.copysign(1.0, ends[1] - ends[0])
     if not (steps > 0.0).all():
         raise BadInput(
             f"{name}: there are no {count} different values from {ends[0]:g} to {ends[1]:g}."
         )
-    return found
+    return values
 
 
 def values_by(name: str, typed: str) -> list[float]:
@@ -150,7 +150,7 @@ def values_by(name: str, typed: str) -> list[float]:
     >>> values_by("k", "0.8,0.3:0.4:3")
     [0.8, 0.3, 0.35, 0.4]
     """
-    found: list[float] = []
+    values: list[float] = []
     for text in typed.split(","):
         try:
             low, high, count = text.split(":") if ":" in text else (text, text, "1")
@@ -160,8 +160,8 @@ def values_by(name: str, typed: str) -> list[float]:
                 f"{name}: {shown(text)} is neither a number nor LOW:HIGH:COUNT, 0.5:0.9:5 for "
                 "instance"
             ) from None
-        found += spread(name, *asked)
-    return found
+        values += spread(name, *asked)
+    return values
 
 
 def combinations(grid: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:
@@ -174,42 +174,42 @@ def combinations(grid: Mapping[str, Sequence[float]]) -> Iterator[dict[str, floa
     return (dict(zip(grid, values, strict=True)) for values in product(*grid.values()))
 
 
-def state_rows(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def state_rows(state: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Displacements and velocities as two rows of finite floats of equal length, or a sentence."""
     try:
-        one, other = given
-        u, v = np.array(one, dtype=float), np.array(other, dtype=float)
+        displacements, velocities = state
+        u, v = np.array(displacements, dtype=float), np.array(velocities, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        if callable(getattr(given, "state", None)):
+        if callable(getattr(state, "state", None)):
             raise BadInput(
                 f"a state is a pair (u, v) of rows of numbers, as an object of type "
-                f"{type(given).__name__} has: give its state(), on the infinite chain state(sites)."
+                f"{type(state).__name__} has: give its state(), on the infinite chain state(sites)."
             ) from error
         raise BadInput(
-            f"a state is a pair (u, v) of rows of numbers, got {shown(given)}."
+            f"a state is a pair (u, v) of rows of numbers, got {shown(state)}."
         ) from error
     if u.ndim != 1 or u.shape != v.shape or not u.size:
         raise BadInput(
             f"a state is a pair (u, v) of rows of equal length; shapes "
             f"{u.shape} and {v.shape} were given."
         )
-    for name, found in (("u", u), ("v", v)):
-        bad = np.flatnonzero(~np.isfinite(found))
+    for name, entries in (("u", u), ("v", v)):
+        bad = np.flatnonzero(~np.isfinite(entries))
         if bad.size:
-            raise BadInput(f"{name}[{bad[0]}] = {found[bad[0]]} of the state is not finite.")
+            raise BadInput(f"{name}[{bad[0]}] = {entries[bad[0]]} of the state is not finite.")
     return u, v
 
 
 def check_kind(
-    given: object, kinds: type | tuple[type, ...], wanted: str, remedy: str = ""
+    value: object, kinds: type | tuple[type, ...], wanted: str, remedy: str = ""
 ) -> None:
     """Refuse what is of another type than was wanted."""
-    if not isinstance(given, kinds):
-        what = f"{wanted} was expected, got {kind_of(given)}"
-        raise BadInput(f"{what}; {remedy}" if remedy else what)
+    if not isinstance(value, kinds):
+        sentence = f"{wanted} was expected, got {kind_of(value)}"
+        raise BadInput(f"{sentence}; {remedy}" if remedy else sentence)
 
 
-def kind_of(given: object) -> str:
+def kind_of(value: object) -> str:
     """What kind of thing was given, with its article."""
-    kind = type(given).__name__
-    return "None" if given is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
+    kind = type(value).__name__
+    return "None" if value is None else f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

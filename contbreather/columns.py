@@ -68,7 +68,7 @@ class Columns:
         """
         from xarray import Dataset
 
-        table = {name: (self.along, one) for name, one in _flat(self.tabulated()).items()}
+        table = {name: (self.along, column) for name, column in _flat(self.tabulated()).items()}
         return Dataset(table).to_dataframe()[list(table)]
 
     def to_csv(self, path: str | Path) -> Path:
@@ -85,37 +85,37 @@ class Columns:
         """
         table = _flat(self.tabulated())
         return write_csv(
-            path, list(table), zip(*(one.tolist() for one in table.values()), strict=True)
+            path, list(table), zip(*(column.tolist() for column in table.values()), strict=True)
         )
 
 
 def _flat(columns: Mapping[str, Array]) -> dict[str, Array]:
     """Columns of single real numbers, or words."""
-    found: dict[str, Array] = {}
+    flat: dict[str, Array] = {}
     for name, column in columns.items():
         parts = {name: column}
         if column.dtype.kind == "c":
             parts = {f"{name}.real": column.real, f"{name}.imag": column.imag}
-        for own, part in parts.items():
+        for label, part in parts.items():
             if part.ndim == 1:
-                found[own] = part
+                flat[label] = part
             for i, place in enumerate(np.ndindex(part.shape[1:]) if part.ndim > 1 else ()):
                 index = ",".join(map(str, place))
-                found[f"{own}[{index}]"] = part.reshape(len(part), -1)[:, i]
-    return found
+                flat[f"{label}[{index}]"] = part.reshape(len(part), -1)[:, i]
+    return flat
 
 
 def stacked(tables: Iterable[tuple[Mapping[str, Any], Mapping[str, Array]]]) -> dict[str, Array]:
     """Tables one below the other, each with what is the same in all its rows; a column that a table
     lacks is NaN there."""
-    heads, every = [], []
-    for same, columns in tables:
+    heads, full = [], []
+    for head, columns in tables:
         length = len(next(iter(columns.values())))
-        heads.append({name: np.full(length, value) for name, value in same.items()})
-        every.append({**heads[-1], **{n: c for n, c in columns.items() if c.ndim == 1}})
-    names = dict.fromkeys(name for one in every for name in one)
-    empty = [np.full(len(next(iter(one.values()))), math.nan) for one in every]
+        heads.append({name: np.full(length, value) for name, value in head.items()})
+        full.append({**heads[-1], **{n: c for n, c in columns.items() if c.ndim == 1}})
+    names = dict.fromkeys(name for table in full for name in table)
+    empty = [np.full(len(next(iter(table.values()))), math.nan) for table in full]
     return {
-        name: np.concatenate([one.get(name, nan) for one, nan in zip(every, empty, strict=True)])
+        name: np.concatenate([table.get(name, nan) for table, nan in zip(full, empty, strict=True)])
         for name in names
     }

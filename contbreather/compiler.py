@@ -50,8 +50,8 @@ def address(function: Callable[..., Any], kinds: str) -> int:
             pass
     if (function, kinds) not in _made:
         _made[function, kinds] = jitted(kernels.kernel_of(function, kinds))
-    found: int = _made[function, kinds].address
-    return found
+    pointer: int = _made[function, kinds].address
+    return pointer
 
 
 def jitted(kernel: Kernel) -> Any:
@@ -85,11 +85,11 @@ def object_of(kernel: Kernel) -> bytes:
     text = code.inspect_llvm()
     needs = set(_NEEDED.findall(text))
     # memory has nobody to give it, and to give it back: what asks for it is refused here
-    strange = sorted(one for one in needs if not _KNOWN.fullmatch(one) and one not in NEVER)
+    strange = sorted(name for name in needs if not _KNOWN.fullmatch(name) and name not in NEVER)
     if strange:
         raise NotCompiled(f"{kernel.function.__name__} needs {strange} of numba")
-    named = " ".join(sorted(one for one in needs if not one.startswith("llvm.")))
-    return f"{code.native_name}\n{named}\n".encode() + _object(text)
+    symbols = " ".join(sorted(name for name in needs if not name.startswith("llvm.")))
+    return f"{code.native_name}\n{symbols}\n".encode() + _object(text)
 
 
 def _object(text: str) -> bytes:
@@ -99,8 +99,8 @@ def _object(text: str) -> bytes:
     machine = kernels.target(
         cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault"
     )
-    done: bytes = machine.emit_object(llvm.parse_assembly(text))
-    return done
+    code: bytes = machine.emit_object(llvm.parse_assembly(text))
+    return code
 
 
 _TWINS: dict[Any, Any] = {}
@@ -111,9 +111,9 @@ def _twin(function: Callable[..., Any]) -> Any:
     from numba import njit
 
     if function not in _TWINS:
-        known = function.__globals__
-        names = [name for name in function.__code__.co_names if name in known]
-        scope = {name: known[name] for name in names}
+        values = function.__globals__
+        names = [name for name in function.__code__.co_names if name in values]
+        scope = {name: values[name] for name in names}
         copy = FunctionType(function.__code__, scope, function.__name__)
         # nobody gives memory, or counts who has an array: with that left out tuples of arrays cost
         # nothing to hand over, and compile sooner
@@ -121,10 +121,10 @@ def _twin(function: Callable[..., Any]) -> Any:
         how |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         _TWINS[function] = njit(error_model="numpy", **how)(copy)
         for name in names:
-            if known[name] is call:
+            if values[name] is call:
                 scope[name] = _by_address()
-            elif isinstance(known[name], FunctionType):
-                scope[name] = _twin(known[name])
+            elif isinstance(values[name], FunctionType):
+                scope[name] = _twin(values[name])
     return _TWINS[function]
 
 
@@ -138,7 +138,7 @@ def _by_address() -> Any:
     def by_address(context: Any, where: Any, z: Any, data: Any, out: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             arrays = zip(signature.args[1:], args[1:], strict=True)
-            at = [context.make_array(kind)(context, builder, one).data for kind, one in arrays]
+            at = [context.make_array(kind)(context, builder, value).data for kind, value in arrays]
             kind = ir.FunctionType(ir.IntType(64), [pointer.type for pointer in at])
             return builder.call(builder.inttoptr(args[0], kind.as_pointer()), at)
 
@@ -156,10 +156,10 @@ def _entry(kernel: Kernel) -> tuple[Any, Any]:
     carray: Any = numba.carray  # type: ignore[attr-defined]
     scope: dict[str, Any] = {"carray": carray, "function": _twin(kernel.function)}
     words = count()
-    given = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
-    exec(f"def entry(i8, f8, f8s, i8s, i1s):\n    function({given})\n    return 0\n", scope)
+    arguments = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
+    exec(f"def entry(i8, f8, f8s, i8s, i1s):\n    function({arguments})\n    return 0\n", scope)
     kinds: list[Any] = [types.int64, types.float64]
-    kinds += [types.CPointer(one) for one in (types.float64, types.int64, types.int8)]
+    kinds += [types.CPointer(element) for element in (types.float64, types.int64, types.int8)]
     return types.int64(*map(types.CPointer, kinds)), scope["entry"]
 
 
@@ -196,8 +196,8 @@ def compile_into(folder: Path, *, processes: int = 1) -> dict[str, str]:
         try:
             _work(folder, Path(claims))
         finally:
-            for one in others:
-                one.wait()
+            for process in others:
+                process.wait()
     return {name: folder.joinpath(f"{name}.failed").read_text() for name in _missing(folder)[1]}
 
 
@@ -207,11 +207,11 @@ def _missing(folder: Path) -> tuple[dict[str, Kernel], list[str]]:
         import_module(text)
     names = {kernels.file_name(kernel): kernel for kernel in kernels.KERNELS}
     # what was installed serves a session, but is not what an installation looks for
-    known = kernels.at_hand().files if folder == kernels.place() else {}
+    stored = kernels.at_hand().files if folder == kernels.place() else {}
     lacks = {
         name: kernel
         for name, kernel in names.items()
-        if name not in known and not (folder / name).exists()
+        if name not in stored and not (folder / name).exists()
     }
     return lacks, [name for name in lacks if (folder / f"{name}.failed").exists()]
 
@@ -234,12 +234,12 @@ def _claimed(path: Path) -> bool:
 def _groups(lacking: Mapping[str, Kernel]) -> list[tuple[str, dict[str, Kernel]]]:
     """By modules, those with most code first."""
 
-    def module(one: tuple[str, Kernel]) -> str:
-        return one[1].function.__module__
+    def module(item: tuple[str, Kernel]) -> str:
+        return item[1].function.__module__
 
     def size(group: tuple[str, dict[str, Kernel]]) -> int:
-        every = {one for kernel in group[1].values() for one in kernels.called(kernel.function)}
-        return -sum(len(one.__code__.co_code) for one in every)
+        parts = {part for kernel in group[1].values() for part in kernels.called(kernel.function)}
+        return -sum(len(part.__code__.co_code) for part in parts)
 
     rows = groupby(sorted(lacking.items(), key=module), key=module)
     return sorted(((name, dict(group)) for name, group in rows), key=size)

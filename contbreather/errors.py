@@ -49,10 +49,10 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, message: str = "", *, partial: object = None) -> None:
-        done = (
+        state = (
             "nothing is done yet" if partial is None else f".partial is what was done: {partial!r}"
         )
-        super().__init__(message or f"interrupted; {done}")
+        super().__init__(message or f"interrupted; {state}")
         self.partial = partial
 
 

@@ -132,11 +132,11 @@ def stream_of(path: str | Path) -> int | None:
 def identity(path: str | Path | int) -> Any:
     """Equal for two names, or numbers of open streams, of the same place; nowhere is no place."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):  # nothing is there yet, or ever
         return object() if isinstance(path, int) else os.path.realpath(path)
-    nowhere = os.path.exists(os.devnull) and os.path.samestat(found, os.stat(os.devnull))
-    return object() if nowhere else (found.st_dev, found.st_ino)
+    nowhere = os.path.exists(os.devnull) and os.path.samestat(status, os.stat(os.devnull))
+    return object() if nowhere else (status.st_dev, status.st_ino)
 
 
 @contextmanager
@@ -151,8 +151,8 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     source = named("read", path)
     mode = _mode("read", source)
     if mode and not stat.S_ISREG(mode):
-        what = "a directory" if stat.S_ISDIR(mode) else "not an ordinary file"
-        raise BadInput(f"cannot read {source}: it is {what}")
+        obstacle = "a directory" if stat.S_ISDIR(mode) else "not an ordinary file"
+        raise BadInput(f"cannot read {source}: it is {obstacle}")
     try:
         with source.open("rb") as stream:
             yield stream

@@ -225,12 +225,12 @@ def bound(function: Function, **names: Any) -> Function:
 
 def _bound(function: Function, names: Any, done: dict[Any, Any]) -> Any:
     if function not in done:
-        known = function.__globals__
+        values = function.__globals__
         text = "_".join(getattr(value, "__qualname__", str(value)) for _, value in names)
-        scope = {name: known[name] for name in function.__code__.co_names if name in known}
-        made = FunctionType(function.__code__, scope, f"{function.__name__}_{text}")
-        made.__module__, made.__qualname__ = function.__module__, f"{function.__qualname__}_{text}"
-        done[function] = made
+        scope = {name: values[name] for name in function.__code__.co_names if name in values}
+        copy = FunctionType(function.__code__, scope, f"{function.__name__}_{text}")
+        copy.__module__, copy.__qualname__ = function.__module__, f"{function.__qualname__}_{text}"
+        done[function] = copy
         for name, value in scope.items():
             if isinstance(value, FunctionType) and value.__module__ == function.__module__:
                 scope[name] = _bound(value, names, done)
@@ -418,21 +418,21 @@ def place() -> Path | None:
 def distrust(path: Path) -> str:
     """Why machine code in a folder, or a file, may be another user's; empty if it is not."""
     try:
-        told = path.lstat()
+        inode = path.lstat()
     except OSError as error:
         return f"{path} cannot be looked at: {error.strerror}"
-    return _distrust(path, told)
+    return _distrust(path, inode)
 
 
-def _distrust(path: Path, told: os.stat_result) -> str:
+def _distrust(path: Path, inode: os.stat_result) -> str:
     if not hasattr(os, "geteuid"):  # Windows: homes and installations are their owners'
         return ""
-    if stat.S_ISLNK(told.st_mode):
+    if stat.S_ISLNK(inode.st_mode):
         return f"{path} is a link; machine code is taken from where it is only"
-    if told.st_uid not in (0, os.geteuid()):
-        return f"{path} belongs to another user (number {told.st_uid}); remove it"
-    open_to = told.st_mode & _OTHERS
-    if open_to and not (open_to == stat.S_IWGRP and _own_group(told.st_uid, told.st_gid)):
+    if inode.st_uid not in (0, os.geteuid()):
+        return f"{path} belongs to another user (number {inode.st_uid}); remove it"
+    open_to = inode.st_mode & _OTHERS
+    if open_to and not (open_to == stat.S_IWGRP and _own_group(inode.st_uid, inode.st_gid)):
         return f"others may write to {path}; chmod go-w it, or remove it"
     return ""
 
@@ -443,13 +443,13 @@ def _own_group(user: int, group: int) -> bool:
     import pwd
 
     try:
-        who, known = pwd.getpwuid(user), grp.getgrgid(group)
+        who, group_entry = pwd.getpwuid(user), grp.getgrgid(group)
     except KeyError:
         return False
     return (
         who.pw_gid == group
-        and who.pw_name == known.gr_name
-        and not set(known.gr_mem) - {who.pw_name}
+        and who.pw_name == group_entry.gr_name
+        and not set(group_entry.gr_mem) - {who.pw_name}
     )
 
 
@@ -465,24 +465,24 @@ def machine() -> tuple[Any, ...]:
 
 def file_name(kernel: Kernel) -> str:
     """Of its object file: of all texts on one machine it begins alike."""
-    own = hashlib.sha256(repr(machine()).encode()).hexdigest()[:8]
-    begin = f"{kernel.function.__name__}.{sys.implementation.cache_tag}.{own}"
+    digest = hashlib.sha256(repr(machine()).encode()).hexdigest()[:8]
+    begin = f"{kernel.function.__name__}.{sys.implementation.cache_tag}.{digest}"
     return f"{begin}-{_key(kernel.function, kernel.signature)[:24]}.o"
 
 
 @lru_cache(maxsize=256)
 def _key(function: Function, kinds: str) -> str:
     """A name for a function as it is in memory and for all else that its code depends on."""
-    made = [_content(one) for one in called(function)]
-    return hashlib.sha256(repr((_FORMAT, made, kinds, machine())).encode()).hexdigest()
+    contents = [_content(part) for part in called(function)]
+    return hashlib.sha256(repr((_FORMAT, contents, kinds, machine())).encode()).hexdigest()
 
 
 def _content(function: Function) -> tuple[Any, ...]:
     """What is compiled of a function: not its text, which may have been edited since, and with the
     constants that it has from other modules."""
-    code, known = function.__code__, function.__globals__
+    code, scope = function.__code__, function.__globals__
     plain = float | int | tuple
-    numbers = [(name, known[name]) for name in code.co_names if isinstance(known.get(name), plain)]
+    numbers = [(name, scope[name]) for name in code.co_names if isinstance(scope.get(name), plain)]
     named = function.__qualname__, code.co_names, code.co_varnames, code in INLINED
     return (*named, code.co_code, code.co_consts, numbers)
 
@@ -491,8 +491,8 @@ def is_foreign(function: Function) -> bool:
     """Whether it was decorated with `numba.njit`, or calls what was."""
     if hasattr(function, "py_func"):
         return True
-    names = ((one, name) for one in called(function) for name in one.__code__.co_names)
-    return any(hasattr(one.__globals__.get(name), "py_func") for one, name in names)
+    names = ((part, name) for part in called(function) for name in part.__code__.co_names)
+    return any(hasattr(part.__globals__.get(name), "py_func") for part, name in names)
 
 
 def called(function: Function, done: dict[Function, None] | None = None) -> list[Function]:
@@ -537,8 +537,8 @@ def target(**options: Any) -> Any:
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    own = llvm.Target.from_triple(llvm.get_process_triple())
-    return own.create_target_machine(jit=True, **options)
+    native = llvm.Target.from_triple(llvm.get_process_triple())
+    return native.create_target_machine(jit=True, **options)
 
 
 def load(code: bytes) -> tuple[int, Any]:
@@ -563,8 +563,8 @@ def load(code: bytes) -> tuple[int, Any]:
 
 def workers_process() -> bool:
     """Whether this process works for another one."""
-    known = sys.modules.get("multiprocessing.process")  # by then a worker has it
-    return known is not None and known.parent_process() is not None
+    module = sys.modules.get("multiprocessing.process")  # by then a worker has it
+    return module is not None and module.parent_process() is not None
 
 
 def _missing(kernel: Kernel, name: str) -> str:
@@ -574,8 +574,8 @@ def _missing(kernel: Kernel, name: str) -> str:
     folder = place()
     if folder is not None and not distrust(folder):
         with suppress(OSError):
-            told = folder / f"{name}.failed"
-            return f"the compiler failed: {told.read_text()}; remove {told} to have it try again"
+            note = folder / f"{name}.failed"
+            return f"the compiler failed: {note.read_text()}; remove {note} to have it try again"
     refused = "".join(f"{reason}; " for reason in at_hand().refused)
     return f"{refused}no machine code for this processor, Python and text; {_begun()}"
 
@@ -625,15 +625,15 @@ def status() -> str:
     for text in TEXTS:
         import_module(text)
     try:
-        wanted = [file_name(kernel) for kernel in KERNELS]
+        names = [file_name(kernel) for kernel in KERNELS]
     except ImportError as error:
         return f"nothing is compiled: {error}; pip install numba"
     files = at_hand().files
-    have = [files[name] for name in wanted if name in files]
+    have = [files[name] for name in names if name in files]
     folders = ", ".join(sorted({str(path.parent) for path in have}))
-    told = f"{len(have)} of {len(wanted)} loops are compiled" + (f", in {folders}" if have else "")
-    lines = [told, *(reason for path in have for reason in [_unusable(path)] if reason)]
-    if len(have) < len(wanted):
+    head = f"{len(have)} of {len(names)} loops are compiled" + (f", in {folders}" if have else "")
+    lines = [head, *(reason for path in have for reason in [_unusable(path)] if reason)]
+    if len(have) < len(names):
         note = OBJECTS / "reason.txt"  # which the installation left
         lines += [f"when it was installed: {note.read_text().strip()}"] if note.exists() else []
         lacks = next(kernel for kernel in KERNELS if file_name(kernel) not in files)

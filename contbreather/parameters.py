@@ -125,11 +125,11 @@ _CHOICES = (
               "LOW,HIGH of all sites, or SITE:LOW,HIGH of one, once for each; a wall that is not "
               "there is none. -1,1 unless given."),
 )  # fmt: skip
-NUMBERS = {one.name: one for one in _MODEL}
-SMOOTH = {one.name: one for one in _WALLS}
-CHOICES = {one.name: one for one in _CHOICES}
+NUMBERS = {entry.name: entry for entry in _MODEL}
+SMOOTH = {entry.name: entry for entry in _WALLS}
+CHOICES = {entry.name: entry for entry in _CHOICES}
 NAMES = tuple(NUMBERS)  # a, gamma, k, damping, spring
-NEEDED = tuple(name for name, one in NUMBERS.items() if one.default is None)
+NEEDED = tuple(name for name, entry in NUMBERS.items() if entry.default is None)
 OPTIONAL = tuple(name for name in NAMES if name not in NEEDED)
 
 
@@ -167,8 +167,8 @@ def window_of(name: str) -> tuple[float, float]:
 
 def table() -> Iterator[tuple[str, str, str, str, str]]:
     """Name, meaning, range or how it is typed, dimension and default of each."""
-    for one in (*_MODEL, *_WALLS):
-        default = "" if one.default is None else f"{one.default:g}"
-        yield one.name, one.meaning, one.span, one.dimension, default
-    for other in _CHOICES:
-        yield other.name, other.meaning, other.typed, "", str(other.default)
+    for entry in (*_MODEL, *_WALLS):
+        default = "" if entry.default is None else f"{entry.default:g}"
+        yield entry.name, entry.meaning, entry.span, entry.dimension, default
+    for choice in _CHOICES:
+        yield choice.name, choice.meaning, choice.typed, "", str(choice.default)

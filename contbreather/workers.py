@@ -149,21 +149,21 @@ def each(
 
 
 def _shown(
-    asked: _Work,
+    queue: _Work,
     executor: Executor | int | None,
     progress: bool | None,
     unit: str,
     ended: Callable[[Any, Any], object] | None,
 ) -> Iterator[Any]:
-    told = 0
-    with Bar(progress, len(asked.items), unit) as bar, partial_result(asked.so_far):
-        for _ in asked.done(executor):
-            bar.advance(len(asked.results))
+    reported = 0
+    with Bar(progress, len(queue.items), unit) as bar, partial_result(queue.so_far):
+        for _ in queue.done(executor):
+            bar.advance(len(queue.results))
             if ended is not None:
-                for number in list(asked.results)[told:]:  # in the order in which they came
-                    ended(asked.items[number], asked.results[number])
-                told = len(asked.results)
-            yield from asked.next()
+                for number in list(queue.results)[reported:]:  # in the order in which they came
+                    ended(queue.items[number], queue.results[number])
+                reported = len(queue.results)
+            yield from queue.next()
 
 
 @dataclass

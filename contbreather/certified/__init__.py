@@ -71,9 +71,9 @@ def _certify_place(point: Point, within: float) -> Certificate:
     if kind not in DEFINING:
         return certify(orbit, within=within)
     free = point.curve.free[0]
-    given = parameters(orbit.conditions)
-    unknowns = {"p": orbit.p, "phi": orbit.phi, free: given.pop(free)}
-    return certify_point(given, unknowns, kind, within)
+    params = parameters(orbit.conditions)
+    unknowns = {"p": orbit.p, "phi": orbit.phi, free: params.pop(free)}
+    return certify_point(params, unknowns, kind, within)
 
 
 def _certify_branch(branch: Branch) -> Covering:
@@ -81,6 +81,6 @@ def _certify_branch(branch: Branch) -> Covering:
         raise BadInput(
             "certify() takes branches in one parameter; of a boundary take its points, line[3]."
         )
-    given = parameters(checked(branch[0].solution).conditions)
+    params = parameters(checked(branch[0].solution).conditions)
     places = [tuple(float(x) for x in point.z) for point in branch]
-    return certify_curve(given, branch.free, places)
+    return certify_curve(params, branch.free, places)

@@ -134,8 +134,8 @@ def flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
         term.
     """
     moments = [comb(2 * j, j + n) * (-1) ** n * gamma**j for j in range(J + 1)]
-    found = _weights() * arb_mat([[m] for m in moments])
-    powers = [x for i in range(POWERS) for x in (arb(0), found[i, 0])]
+    coefficients = _weights() * arb_mat([[m] for m in moments])
+    powers = [x for i in range(POWERS) for x in (arb(0), coefficients[i, 0])]
     size = 4 / arb.pi() / (1 - 4 * gamma).sqrt()
     first = 2 * POWERS + 1
     errors = [
@@ -156,5 +156,5 @@ def reach(gamma: Ball, n: int) -> Ball:
     beyond the first are at most ``|xi_3|^n/4``.
     """
     r = (1 - 4 * gamma).sqrt()
-    own, third = 4 * gamma / (1 + r) ** 2, 4 * gamma / (3 + (9 - 4 * gamma).sqrt()) ** 2
-    return (4 / arb.pi() * (own**n / r + third**n / 4)).upper()
+    first, third = 4 * gamma / (1 + r) ** 2, 4 * gamma / (3 + (9 - 4 * gamma).sqrt()) ** 2
+    return (4 / arb.pi() * (first**n / r + third**n / 4)).upper()

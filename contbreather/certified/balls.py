@@ -46,7 +46,7 @@ class Interval(NamedTuple):
     def shown(self) -> str:
         """In words, with as many digits as tell its ends apart."""
         ends = ((f"{self.low:.{n}g}", f"{self.high:.{n}g}") for n in range(9, 18))
-        low, high = next((own for own in ends if own[0] != own[1]), (repr(self.low),) * 2)
+        low, high = next((pair for pair in ends if pair[0] != pair[1]), (repr(self.low),) * 2)
         return f"[{low}, {high}]"
 
 
@@ -140,13 +140,13 @@ def krawczyk(
     except ZeroDivisionError:
         return None
     image = arb_mat([[middle[i]] for i in unknown]) - inverse * arb_mat([[f] for f in value])
-    one = arb_mat([[int(i == j) for j in unknown] for i in unknown])
-    image += (one - inverse * slopes) * arb_mat([[box[i] - middle[i]] for i in unknown])
+    identity = arb_mat([[int(i == j) for j in unknown] for i in unknown])
+    image += (identity - inverse * slopes) * arb_mat([[box[i] - middle[i]] for i in unknown])
     if along is not None:
         image -= inverse * arb_mat([[row[along]] for row in rows]) * (box[along] - middle[along])
-    found = dict(zip(unknown, image.entries(), strict=True))
-    inside = all(box[i].contains_interior(x) for i, x in found.items())
-    return [found.get(i, x) for i, x in enumerate(box)] if inside else None
+    refined = dict(zip(unknown, image.entries(), strict=True))
+    inside = all(box[i].contains_interior(x) for i, x in refined.items())
+    return [refined.get(i, x) for i, x in enumerate(box)] if inside else None
 
 
 def newton_step(equations: Equations, point: Sequence[Ball]) -> list[float] | None:

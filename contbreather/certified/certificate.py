@@ -155,10 +155,10 @@ class Covering:
 
     def _joined(self, which: Callable[[Tile], bool]) -> tuple[Interval, ...]:
         runs = [[t.covers for t in run] for yes, run in groupby(self.tiles, which) if yes]
-        return tuple(Interval(min(own)[0], max(one.high for one in own)) for own in runs)
+        return tuple(Interval(min(run)[0], max(interval.high for interval in run)) for run in runs)
 
     def describe(self) -> str:
-        parts = ", ".join(one.shown for one in self.covered) or "nowhere"
+        parts = ", ".join(interval.shown for interval in self.covered) or "nowhere"
         whole = "one smooth curve" if self.connected else "not proved to be one curve"
         lines = [
             f"Proved over {self.free} in {parts} by {len(self.tiles)} tiles ({whole}): breathers "

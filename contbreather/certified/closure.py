@@ -27,12 +27,12 @@ def check_forcing(forcing: Forcing) -> None:
 def response(values: Values) -> list[tuple[int, Value, Value]]:
     """``(m, A, B)`` of ``f = sum of A cos(m t) + B sin(m t)``, at unit amplitude: those of the
     force, divided by -m^2; without coefficients the force is -cos t."""
-    found: dict[int, list[Value]] = {}
+    harmonics: dict[int, list[Value]] = {}
     for name, value in values.items():
         if name[0] in "cs" and name[1:].isdigit():
             m = int(name[1:])
-            found.setdefault(m, [0, 0])[name[0] == "s"] = -value / m**2
-    return [(m, *pair) for m, pair in sorted(found.items())] or [(1, 1, 0)]
+            harmonics.setdefault(m, [0, 0])[name[0] == "s"] = -value / m**2
+    return [(m, *pair) for m, pair in sorted(harmonics.items())] or [(1, 1, 0)]
 
 
 def driven(values: Values, order: int) -> Value:
@@ -85,7 +85,7 @@ def equations(
 
     def at(point: Sequence[Value]) -> list[Value]:
         values = {**fixed, **dict(zip(names, point, strict=True))}
-        own = closure(values)
-        return own if more is None else [*own, more(values)]
+        residuals = closure(values)
+        return residuals if more is None else [*residuals, more(values)]
 
     return at

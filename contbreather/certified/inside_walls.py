@@ -52,8 +52,8 @@ class Motion:
         total = self.polynomials[order](y) + self.errors[order]
         for m, cosine, sine in self.harmonics:
             s, c = (m * y).sin_cos()
-            own = (cosine * c + sine * s, sine * c - cosine * s, -cosine * c - sine * s)[order]
-            total += own * m**order
+            value = (cosine * c + sine * s, sine * c - cosine * s, -cosine * c - sine * s)[order]
+            total += value * m**order
         return total
 
     def over(self, middle: float, radius: float) -> Ball:
@@ -77,10 +77,10 @@ def far_field(values: Mapping[str, Ball]) -> Motion:
 def motion(values: Mapping[str, Ball], n: int) -> Motion:
     """Site n of the breather."""
     drive, p = far_field(values), values["p"]
-    own, powers, errors = averages.flight(values["gamma"], n)
+    amplitude, powers, errors = averages.flight(values["gamma"], n)
     harmonics = {m: (c, s) for m, c, s in drive.harmonics}
     cosine, sine = harmonics.get(1, (arb(0), arb(0)))
-    harmonics[1] = (cosine, sine - p * own)
+    harmonics[1] = (cosine, sine - p * amplitude)
     path = p * powers
     return Motion(
         tuple((m, *pair) for m, pair in harmonics.items()),
@@ -130,11 +130,11 @@ def inside(path: Motion, pieces: int) -> tuple[bool | None, float]:
     ``u' = -k w <= 0``, ``u'' < 0``. So it is off the wall of that end, and off the other because
     the next ball, which has times in common with this one, says so.
     """
-    one = arb(1)
+    wall = arb(1)
 
     def settled(middle: float, radius: float) -> bool | None:
         if abs(middle) + radius < HALF:
-            return _under(path, one, middle, radius)
+            return _under(path, wall, middle, radius)
         y = about(middle, radius)
         return path.at(y, 1) < 0 or (middle < 0 and path.at(y, 2) < 0) or None
 
@@ -154,9 +154,9 @@ def admissible(values: Mapping[str, Ball]) -> Verdict:
         return Verdict(None, "that the impact has p > 0 is not proved")
     drive = far_field(values)
     pieces = PIECES * drive.highest
-    found, when = inside(motion(values, 0), pieces)
-    if found is not True:
-        return _verdict(found, "site 0 between its impacts", when)
+    holds, when = inside(motion(values, 0), pieces)
+    if holds is not True:
+        return _verdict(holds, "site 0 between its impacts", when)
     far, when = below(drive, arb(1), pieces)
     if far is not True:  # sites far out come as close to it as you like
         return _verdict(far, "the far field", when)
@@ -165,9 +165,9 @@ def admissible(values: Mapping[str, Ball]) -> Verdict:
         room = 1 - values["p"] * averages.reach(values["gamma"], n)
         if room > ceiling and below(drive, room, pieces)[0]:
             return Verdict(True)
-        found, when = below(motion(values, n), arb(1), pieces)
-        if found is not True:
-            return _verdict(found, f"site {n}", when)
+        holds, when = below(motion(values, n), arb(1), pieces)
+        if holds is not True:
+            return _verdict(holds, f"site {n}", when)
     return Verdict(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
 
 
@@ -179,7 +179,7 @@ def _ceiling(drive: Motion) -> float:
     return 0.5 * (1.0 + top)
 
 
-def _verdict(found: bool | None, what: str, when: float) -> Verdict:
-    if found is False:
+def _verdict(holds: bool | None, what: str, when: float) -> Verdict:
+    if holds is False:
         return Verdict(False, f"{what} goes through a wall, {when + HALF:.9g} after an impact")
     return Verdict(None, f"{what} comes too close to a wall, {when + HALF:.9g} after an impact")

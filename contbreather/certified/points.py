@@ -74,9 +74,9 @@ def zero_near(equations: Equations, point: Sequence[float], within: float) -> li
         return None
     radius = min(within, 4.0 * max(step) + 1e-30)
     while radius <= within:
-        found = krawczyk(equations, box_around(point, radius))
-        if found is not None:
-            return krawczyk(equations, found) or found
+        box = krawczyk(equations, box_around(point, radius))
+        if box is not None:
+            return krawczyk(equations, box) or box
         radius *= 16.0
     return None
 
@@ -100,22 +100,22 @@ def excluded(equations: Equations, point: Sequence[float], within: float) -> boo
 
 
 def certify_point(
-    given: Mapping[str, float], unknowns: Mapping[str, float], kind: str, within: float
+    params: Mapping[str, float], unknowns: Mapping[str, float], kind: str, within: float
 ) -> Certificate:
     """The proof for a breather (kind "") or a special point: parameters, a guess at unknowns."""
     names, point = tuple(unknowns), tuple(unknowns.values())
-    found = Certificate(dict(given), within, kind)
+    certificate = Certificate(dict(params), within, kind)
     with working():
-        fixed = {name: arb(x) for name, x in given.items()}
+        fixed = {name: arb(x) for name, x in params.items()}
         system = equations(fixed, names, DEFINING.get(kind))
         zero = zero_near(system, point, within)
         if zero is None:
             none = excluded(system, point, within)
             why = () if none else (f"that there is a breather within {within:g} of this point",)
-            return replace(found, exists=False if none else None, unproved=why)
+            return replace(certificate, exists=False if none else None, unproved=why)
         values = {**fixed, **dict(zip(names, zero, strict=True))}
         return replace(
-            found,
+            certificate,
             exists=True,
             unique=True,
             alone=alone_within(system, zero),
@@ -126,17 +126,17 @@ def certify_point(
 
 def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
     """Whether it keeps off the walls; if it may, its multipliers."""
-    own = admissible(values)
-    found: dict[str, Any] = {"admissible": own.holds}
-    if own.holds is False:
-        return {**found, "reason": own.reason}
-    missing = [] if own.holds else [f"whether it is admissible: {own.reason}"]
+    verdict = admissible(values)
+    entries: dict[str, Any] = {"admissible": verdict.holds}
+    if verdict.holds is False:
+        return {**entries, "reason": verdict.reason}
+    missing = [] if verdict.holds else [f"whether it is admissible: {verdict.reason}"]
     if kind:
         missing.append("how many multipliers are outside the circle: one is on it")
     else:
-        found["unstable"], why = unstable_count(values)
+        entries["unstable"], why = unstable_count(values)
         missing += [f"how many multipliers are outside the circle: {why}"] if why else []
-    return {**found, "unproved": tuple(missing)}
+    return {**entries, "unproved": tuple(missing)}
 
 
 def _enclosure(values: Mapping[str, Ball], names: Sequence[str]) -> dict[str, Interval]:

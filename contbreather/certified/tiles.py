@@ -77,18 +77,18 @@ class Sheet:
         for _ in range(4):
             step = arb_mat(jacobian(here, point)).mid().solve(arb_mat([[f] for f in here(point)]))
             point = [arb((x - step[i, 0]).mid()) for i, x in enumerate(point)]
-        found = [float(x) for x in point]
-        found.insert(along, guess[along])
-        return tuple(found)
+        place = [float(x) for x in point]
+        place.insert(along, guess[along])
+        return tuple(place)
 
     def tangent(self, at: Place) -> list[float]:
         """Its direction, by size only: the cross product of both gradients, of length 1."""
         (x, y, z), (u, v, w) = (
-            [float(one.mid()) for one in row]
-            for row in jacobian(self.system, [arb(one) for one in at])
+            [float(ball.mid()) for ball in row]
+            for row in jacobian(self.system, [arb(coordinate) for coordinate in at])
         )
-        found = (y * w - z * v, z * u - x * w, x * v - y * u)
-        return [abs(one) / math.hypot(*found) for one in found]
+        cross = (y * w - z * v, z * u - x * w, x * v - y * u)
+        return [abs(component) / math.hypot(*cross) for component in cross]
 
     def coordinate(self, ends: tuple[Place, Place], outer: bool) -> int:
         """The one to cut along: that in which the curve is steepest at both ends. At an end of the
@@ -138,9 +138,9 @@ def _proved(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -
     for wider in (1.0, 2.0, 4.0):
         alone = [about(here, wider * size) for here, size in zip(middle, sizes, strict=True)]
         alone[along] = x
-        found = krawczyk(sheet.system, alone, along)
-        if found is not None:
-            return _judged(sheet, replace(piece, alone=tuple(alone), box=tuple(found), why=""))
+        box = krawczyk(sheet.system, alone, along)
+        if box is not None:
+            return _judged(sheet, replace(piece, alone=tuple(alone), box=tuple(box), why=""))
     return piece
 
 
@@ -168,7 +168,7 @@ def _cover(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) ->
     """Pieces from one point to the other: the widest that is not done is halved, until all are or
     there are too many."""
     pieces = [(_proved(sheet, ends, outer), outer)]
-    while len(pieces) < MOST and (left := [i for i, (one, _) in enumerate(pieces) if not one.done]):
+    while len(pieces) < MOST and (left := [i for i, (p, _) in enumerate(pieces) if not p.done]):
         i = max(left, key=lambda i: pieces[i][0].width)
         piece, outer = pieces[i]
         middle = sheet.on_curve(piece.along, _halfway(*piece.ends))
@@ -176,18 +176,18 @@ def _cover(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) ->
             ((piece.ends[0], middle), (outer[0], False)),
             ((middle, piece.ends[1]), (False, outer[1])),
         )
-        pieces[i : i + 1] = [(_proved(sheet, own, edge), edge) for own, edge in halves]
+        pieces[i : i + 1] = [(_proved(sheet, half, edge), edge) for half, edge in halves]
     return [piece for piece, _ in pieces]
 
 
-def _halfway(one: Place, other: Place) -> Place:
-    return tuple(0.5 * (x + y) for x, y in zip(one, other, strict=True))
+def _halfway(begin: Place, end: Place) -> Place:
+    return tuple(0.5 * (x + y) for x, y in zip(begin, end, strict=True))
 
 
-def _joined(sheet: Sheet, one: Piece, other: Piece) -> bool:
+def _joined(sheet: Sheet, first: Piece, second: Piece) -> bool:
     """Whether the point that two tiles share is proved to be in both."""
-    place, along = one.ends[1], one.along
-    if not (one.box and other.box):
+    place, along = first.ends[1], first.along
+    if not (first.box and second.box):
         return False
     rest = [x for i, x in enumerate(place) if i != along]
     zero = zero_near(sheet.cut(along, arb(place[along])), rest, OVERLAP)
@@ -195,7 +195,7 @@ def _joined(sheet: Sheet, one: Piece, other: Piece) -> bool:
         return False
     zero.insert(along, arb(place[along]))
     return all(
-        x.contains(z) for piece in (one, other) for x, z in zip(piece.alone, zero, strict=True)
+        x.contains(z) for piece in (first, second) for x, z in zip(piece.alone, zero, strict=True)
     )
 
 
@@ -210,15 +210,15 @@ def _tile(sheet: Sheet, piece: Piece) -> Tile:
     return Tile(along, boxes, covers, piece.admissible, piece.unstable, piece.why)
 
 
-def certify_curve(given: Mapping[str, float], free: str, places: Sequence[Place]) -> Covering:
-    """The proof of a branch through these points; `given` are its other parameters."""
+def certify_curve(params: Mapping[str, float], free: str, places: Sequence[Place]) -> Covering:
+    """The proof of a branch through these points; `params` are its other parameters."""
     with working():
-        sheet = Sheet({name: arb(x) for name, x in given.items() if name != free}, free)
+        sheet = Sheet({name: arb(x) for name, x in params.items() if name != free}, free)
         pieces: list[Piece] = []
         last = len(places) - 2
         for i, ends in enumerate(pairwise(places)):
             pieces += _cover(sheet, ends, (i == 0, i == last))
-        joined = all(_joined(sheet, one, other) for one, other in pairwise(pieces))
+        joined = all(_joined(sheet, first, second) for first, second in pairwise(pieces))
         tiles = tuple(_tile(sheet, piece) for piece in pieces)
     return Covering(free, tiles, joined, tuple(_missing(free, tiles)))
 
@@ -227,6 +227,6 @@ def _missing(free: str, tiles: Sequence[Tile]) -> Iterator[str]:
     """One sentence for each run of tiles that lack the same."""
     for what, run in groupby(tiles, lambda tile: tile.why.split(":")[0]):
         if what:
-            own = list(run)
-            low, high = min(one.covers.low for one in own), max(one.covers.high for one in own)
-            yield f"for {free} in {Interval(low, high).shown}, {own[0].why}"
+            stretch = list(run)
+            low, high = min(t.covers.low for t in stretch), max(t.covers.high for t in stretch)
+            yield f"for {free} in {Interval(low, high).shown}, {stretch[0].why}"

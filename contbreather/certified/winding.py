@@ -77,7 +77,7 @@ class Rectangle(NamedTuple):
 
     def meeting(self, other: Rectangle) -> complex:
         """A point of both."""
-        real, imag = (one.intersection(two) for one, two in zip(self, other, strict=True))
+        real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
         return complex(nearest(real), nearest(imag))
 
 
@@ -117,8 +117,8 @@ class Circle:
     @classmethod
     def of(cls, gamma: Ball, k: Ball, b: Ball) -> Circle:
         powers = arb_mat([[gamma**j] for j in _POWERS])
-        found = [(weights * powers).entries() for weights in _weights()]
-        return cls(gamma, k, b, tuple(arb_poly(list(one)) for one in found))
+        series = [(weights * powers).entries() for weights in _weights()]
+        return cls(gamma, k, b, tuple(arb_poly(list(coefficients)) for coefficients in series))
 
     def aliases(self, nu: Ball) -> tuple[Ball, Ball, Ball]:
         """R, B and C: the sums over all aliases but nu itself."""
@@ -136,11 +136,11 @@ class Circle:
         R, B, C = self.aliases(nu)
         beta, turn = self.b - c * c * C, c * R
         real, imag = d * d - turn * turn + B * beta, 2 * d * turn
-        own = (2 * c * nu * turn + beta + c * c * nu * nu * B) / arb.pi()  # -Re L/pi
-        other = -2 * c * d * nu / arb.pi()
+        re = (2 * c * nu * turn + beta + c * c * nu * nu * B) / arb.pi()  # -Re L/pi
+        im = -2 * c * d * nu / arb.pi()
         if band:
-            return Rectangle(h * imag + own, other - h * real)
-        return Rectangle(h * real + own, other + h * imag)
+            return Rectangle(h * imag + re, im - h * real)
+        return Rectangle(h * real + re, im + h * imag)
 
     def on_band(self, low: float, high: float) -> Rectangle:
         """``nu = 2 sqrt(gamma) sin(pi x/2)``, x from 0 to 1."""
@@ -164,12 +164,12 @@ def _covered(curve: Callable[[float, float], Rectangle]) -> Iterator[Rectangle]:
     stack = [(i / FIRST, (i + 1) / FIRST, 0) for i in reversed(range(FIRST))]
     while stack:
         low, high, depth = stack.pop()
-        found = curve(low, high)
-        if found.holds_zero and depth < DEEPEST:
+        rectangle = curve(low, high)
+        if rectangle.holds_zero and depth < DEEPEST:
             middle = 0.5 * (low + high)
             stack += [(middle, high, depth + 1), (low, middle, depth + 1)]
             continue
-        yield found
+        yield rectangle
 
 
 def unstable_count(values: Mapping[str, Ball]) -> Count:
@@ -182,12 +182,12 @@ def count(gamma: Ball, k: Ball, b: Ball) -> Count:
     circle = Circle.of(gamma, k, b)
     rectangles: list[Rectangle] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
-        for one in _covered(curve):
-            if one.holds_zero:
+        for rectangle in _covered(curve):
+            if rectangle.holds_zero:
                 return Count(None, f"D may vanish on the circle {name}")
-            rectangles.append(one)
-    points = [one.meeting(two) for one, two in pairwise(rectangles)]
+            rectangles.append(rectangle)
+    points = [first.meeting(second) for first, second in pairwise(rectangles)]
     ends = [math.copysign(1.0, nearest(rectangles[i].real)) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
-    turning = sum(cmath.phase(two / one) for one, two in pairwise(path))
+    turning = sum(cmath.phase(second / first) for first, second in pairwise(path))
     return Count(1 - round(turning / math.pi))

@@ -38,12 +38,12 @@ class Figure2:
 
     @property
     def caption(self) -> str:
-        one = self.lines[0]
+        line = self.lines[0]
         return (
             "Existence (fold LP, grazing GR) and stability (pitchfork PF, Neimark-Sacker NS) of "
             "the symmetric breather, exact for the infinite chain. Dotted: the paper's rule, "
-            f"largest multiplier over 2 pi beyond {one.threshold:g} on a ring of {one.sites} sites "
-            "(its pitchfork line cannot be distinguished from the exact one). "
+            f"largest multiplier over 2 pi beyond {line.threshold:g} on a ring of {line.sites} "
+            "sites (its pitchfork line cannot be distinguished from the exact one). "
             "S and US: no multiplier, some multipliers of QS outside the unit circle (infinite "
             "chain). Arrows: from panel (a) to panel (b) of Figs. 3 and 4."
         )
@@ -162,11 +162,11 @@ def chain_lengths(
     >>> {name: round(gamma, 5) for name, gamma in chain_lengths(sites=(200, 400)).items()}
     {'200': 0.08241, '400': 0.09155, 'rule, N to infinity': 0.09761, 'exact': 0.09697}
     """
-    found = {str(n): rule.neimark_sacker(a, k, sites=n, threshold=threshold).gamma for n in sites}
+    gammas = {str(n): rule.neimark_sacker(a, k, sites=n, threshold=threshold).gamma for n in sites}
     limit = rule.neimark_sacker(a, k, sites=None, threshold=threshold).gamma
-    start = symmetric(a, 0.5 * min(found.values(), default=limit), k)
+    start = symmetric(a, 0.5 * min(gammas.values(), default=limit), k)
     branch = trace(
         start, "gamma", within={"gamma": (0.0, 0.24)}, towards="up",
         events=[exact_event()], progress=False,
     )  # fmt: skip
-    return {**found, "rule, N to infinity": limit, "exact": branch.first("NS")["gamma"]}
+    return {**gammas, "rule, N to infinity": limit, "exact": branch.first("NS")["gamma"]}

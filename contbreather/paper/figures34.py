@@ -59,7 +59,7 @@ class MultiplierFigure:
 
     def _beyond(self, breather: Orbit) -> bool:
         """Whether an isolated multiplier is an arrow, not a cross."""
-        return any(abs(one) ** 2 - 1.0 >= self._top for one in breather.stability().multipliers)
+        return any(abs(mu) ** 2 - 1.0 >= self._top for mu in breather.stability().multipliers)
 
     def verdicts(self) -> tuple[str, str]:
         """For each panel: the paper's rule on the ring, then the exact verdict."""
@@ -121,8 +121,10 @@ def _moduli(ax: Axes, breather: Orbit, sites: int, threshold: float, top: float)
     ax.set_xlabel(r"angle of $\mu$ over $\pi$")
     ax.set_ylabel(r"$10^3\,(|\mu^2| - 1)$")
     alone = breather.stability().multipliers
-    for one in alone[alone.imag >= 0.0]:
-        _isolated(ax, float(np.angle(one) / math.pi), 1e3 * (abs(one) ** 2 - 1.0), top)
+    for multiplier in alone[alone.imag >= 0.0]:
+        _isolated(
+            ax, float(np.angle(multiplier) / math.pi), 1e3 * (abs(multiplier) ** 2 - 1.0), top
+        )
 
 
 def _isolated(ax: Axes, angle: float, excess: float, top: float) -> None:

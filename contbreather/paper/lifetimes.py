@@ -56,11 +56,13 @@ def unlike_a_breather(
     `wall` is the one of the last impact before, if there was any. Impacts are not counted: where
     their phases move, as on a torus, one may slip over the end of a period.
     """
-    period, own = impacts["period"] - first, impacts["site"] == site
-    walls = np.concatenate([[wall], impacts["wall"][own]])
-    missed = period[own][walls[1:] == walls[:-1]]
-    none = np.bincount(period[own], minlength=periods)[:periods] == 0
-    wrong = [np.bincount(one, minlength=periods)[:periods] > 0 for one in (missed, period[~own])]
+    period, at_site = impacts["period"] - first, impacts["site"] == site
+    walls = np.concatenate([[wall], impacts["wall"][at_site]])
+    missed = period[at_site][walls[1:] == walls[:-1]]
+    none = np.bincount(period[at_site], minlength=periods)[:periods] == 0
+    wrong = [
+        np.bincount(hits, minlength=periods)[:periods] > 0 for hits in (missed, period[~at_site])
+    ]
     return np.asarray(none | wrong[0] | wrong[1])
 
 
@@ -87,13 +89,13 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     """
     check_kind(motion, PeriodicMotion, "a motion of periodic")
     whole("periods", periods, 3)
-    here = np.array(motion.state)
-    off = SMALL * np.random.default_rng(0).normal(size=here.shape)
+    state = np.array(motion.state)
+    off = SMALL * np.random.default_rng(0).normal(size=state.shape)
     sizes: list[float] = []
     lost = 0.0  # the logarithm of all factors taken off
     while len(sizes) < periods:
-        there = _after(motion, here + off) - here
-        sizes += [lost + math.log(np.linalg.norm(one)) for one in there[1:]]
+        there = _after(motion, state + off) - state
+        sizes += [lost + math.log(np.linalg.norm(offset)) for offset in there[1:]]
         shrink = SMALL / float(np.linalg.norm(there[-1]))
         off, lost = shrink * there[-1], lost - math.log(shrink)
     size = np.array(sizes[periods // 3 :])

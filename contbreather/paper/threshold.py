@@ -137,13 +137,13 @@ def neimark_sacker_line(
         lambda gamma: upper(smallest_amplitude(gamma, k), gamma, k), FIRST, pairs, threshold
     )
     start = smallest_amplitude(lowest.gamma, k)
-    found = {start: lowest}
+    crossings = {start: lowest}
 
     def at(a: float) -> Crossing:
-        if a not in found:
-            guess = _extrapolated(found, a)
-            found[a] = first_crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
-        return found[a]
+        if a not in crossings:
+            guess = _extrapolated(crossings, a)
+            crossings[a] = first_crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
+        return crossings[a]
 
     end = _upper_end(k, at, start)
     amplitudes = np.linspace(start, end, points)
@@ -169,11 +169,11 @@ def pitchfork_line(
     couplings = row("gamma", gamma, "couplings")
     parameter("k", k)
     amplitudes = []
-    for one in couplings.tolist():
-        at_zero = complex(D(one, nu, k, 0.0, ring)).real
-        b = -at_zero / (complex(D(one, nu, k, 1.0, ring)).real - at_zero)
-        p = 1.0 / (chain.chi(one) - chain.eta(one) - 2.0 * b / (1.0 + k) ** 2)
-        amplitudes.append(math.hypot(1.0 - p * chain.chi(one), p * (1.0 - k) / (1.0 + k)))
+    for coupling in couplings.tolist():
+        at_zero = complex(D(coupling, nu, k, 0.0, ring)).real
+        b = -at_zero / (complex(D(coupling, nu, k, 1.0, ring)).real - at_zero)
+        p = 1.0 / (chain.chi(coupling) - chain.eta(coupling) - 2.0 * b / (1.0 + k) ** 2)
+        amplitudes.append(math.hypot(1.0 - p * chain.chi(coupling), p * (1.0 - k) / (1.0 + k)))
     return ThresholdLine(
         "PF", k, sites, threshold, couplings, np.array(amplitudes), np.zeros(couplings.size)
     )
@@ -253,14 +253,14 @@ def _next(
     return float(reached[first]), float(np.angle(here[first]) / math.pi)
 
 
-def _extrapolated(found: dict[float, Crossing], a: float) -> float:
+def _extrapolated(crossings: dict[float, Crossing], a: float) -> float:
     """The coupling at ``a`` on the straight line through the nearest known points."""
-    near = sorted(found, key=lambda other: abs(other - a))[:2]
-    one, other = near[0], near[-1]
-    if one == other:
-        return found[one].gamma
-    slope = (found[other].gamma - found[one].gamma) / (other - one)
-    return float(np.clip(found[one].gamma + slope * (a - one), FIRST, 0.24))
+    near = sorted(crossings, key=lambda amplitude: abs(amplitude - a))[:2]
+    nearest, second = near[0], near[-1]
+    if nearest == second:
+        return crossings[nearest].gamma
+    slope = (crossings[second].gamma - crossings[nearest].gamma) / (second - nearest)
+    return float(np.clip(crossings[nearest].gamma + slope * (a - nearest), FIRST, 0.24))
 
 
 def _upper_end(k: float, at: Callable[[float], Crossing], start: float) -> float:

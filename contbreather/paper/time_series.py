@@ -136,9 +136,9 @@ class TimeSeries:
 
 def _same_axis(panel: Panel, below: Panel) -> bool:
     """Whether two panels show the same stretch of time, in time series drawn as lines."""
-    one, other = panel.curves[0], below.curves[0]
-    same = panel.labels[0] == below.labels[0] and one.style == other.style == "line"
-    return same and one.t[[0, -1]].tolist() == other.t[[0, -1]].tolist()
+    upper, lower = panel.curves[0], below.curves[0]
+    same = panel.labels[0] == below.labels[0] and upper.style == lower.style == "line"
+    return same and upper.t[[0, -1]].tolist() == lower.t[[0, -1]].tolist()
 
 
 def _explain(ax: Axes) -> None:
@@ -313,10 +313,10 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
         exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
         sample = Sample(CENTRAL, 24)
         run = _run(exact.state(SITES), m, periods=periods, sample=sample, **conditions)
-        found = _lifetimes(exact, m, life(run))
-        panels.append(_traces(run, f"$a = {a}$: {_gone(found['lost'])}", found["lost"]))
-        findings.append(f"({letter}) a = {a}: {_told(found, m)}")
-        numbers |= {f"{name}_{a}": value for name, value in found.items()}
+        stats = _lifetimes(exact, m, life(run))
+        panels.append(_traces(run, f"$a = {a}$: {_gone(stats['lost'])}", stats["lost"]))
+        findings.append(f"({letter}) a = {a}: {_told(stats, m)}")
+        numbers |= {f"{name}_{a}": value for name, value in stats.items()}
     shown = (
         f"Five central sites of the ring of {SITES} with smooth walls (m = {m}), started on the "
         f"exact solution at gamma = {gamma}, k = {RESTITUTION}, damping {DAMPING}; dashed: the "
@@ -367,16 +367,16 @@ def _gone(periods: float) -> str:
     return f"lost after {periods:.0f} periods" if periods else "lost at once"
 
 
-def _told(found: dict[str, float], m: int) -> str:
-    if math.isnan(found["multiplier"]):
-        why = f"there is no breather at m = {m}, it ends in a fold at m = {found['softest']:.2f}"
+def _told(stats: dict[str, float], m: int) -> str:
+    if math.isnan(stats["multiplier"]):
+        why = f"there is no breather at m = {m}, it ends in a fold at m = {stats['softest']:.2f}"
     else:
-        why = f"growth {found['growth']:.4f}, multiplier {found['multiplier']:.4f}"
+        why = f"growth {stats['growth']:.4f}, multiplier {stats['multiplier']:.4f}"
     return (
-        f"{_gone(found['lost'])} ({why}); rigid walls: {_gone(found['rigid_lost'])} (growth "
-        f"{found['rigid_growth']:.4f}, multiplier {found['rigid_multiplier']:.4f}), an attractor "
-        f"from damping {found['enough_damping']:.4f} on; on a ring of {LONG} the multiplier is "
-        f"{found['long_multiplier']:.4f}."
+        f"{_gone(stats['lost'])} ({why}); rigid walls: {_gone(stats['rigid_lost'])} (growth "
+        f"{stats['rigid_growth']:.4f}, multiplier {stats['rigid_multiplier']:.4f}), an attractor "
+        f"from damping {stats['enough_damping']:.4f} on; on a ring of {LONG} the multiplier is "
+        f"{stats['long_multiplier']:.4f}."
     )
 
 
@@ -404,8 +404,8 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     assert settled.record is not None
     mean = settled.record.u.mean(axis=0)
     rigid = _run(exact.state(SITES), periods=3000, **conditions)
-    own = periodic(rigid.final, **conditions)
-    phases, rigid_mean = _impacts_and_mean(own)
+    closed = periodic(rigid.final, **conditions)
+    phases, rigid_mean = _impacts_and_mean(closed)
     alone = periodic(exact.state(SITES), symmetric=True, **conditions).largest
     lopsided, gentle = _asymmetric(phases, rigid_mean, exact), _gently(GENTLE, gamma).largest
     numbers = {
@@ -415,7 +415,7 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
         "exact_c": lopsided.c,
         "phase_1": phases[0],
         "phase_2": phases[1],
-        "rigid_multiplier": own.largest,
+        "rigid_multiplier": closed.largest,
         "symmetric_multiplier": alone,
         f"multiplier_{GENTLE}": gentle,
         "delocalised": float(lost),
@@ -435,7 +435,7 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
         f"Verdict: {fate}; with m = {other} this ramp {end}. Not only m decides, but the ramp: "
         f"with m = {GENTLE} one of 61 steps of 6 periods comes to an asymmetric breather with the "
         f"largest multiplier {gentle:.4f}{', an attractor' if gentle < 1.0 else ''}.",
-        f"With rigid walls an attractor, largest multiplier {own.largest:.5f} (the symmetric "
+        f"With rigid walls an attractor, largest multiplier {closed.largest:.5f} (the symmetric "
         f"breather: {alone:.4f}), impact phases {phases[0]:.6f} and {phases[1]:.6f}, mean of u_0 "
         f"{rigid_mean:.4f} or its opposite; exactly, without damping, {lopsided.c:.4f}.",
     )
@@ -521,7 +521,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     first = max(0, (lost or 250) - 40)
     then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
     window = _run(then, m, periods=6, sample=sample, **conditions)
-    found = _lifetimes(exact, m, lost)
+    stats = _lifetimes(exact, m, lost)
     torus = verdict(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),
         settle=8000, periods=3000, **TORUS,
@@ -533,7 +533,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
         f"smooth walls, m = {m}, {first} periods after its start on the exact solution."
     )
     findings = (
-        f"Verdict: a transient, {_told(found, m)}",
+        f"Verdict: a transient, {_told(stats, m)}",
         f"(d) A genuine quasi-periodic breather, rigid walls, N = {SITES}, damping "
         f"{TORUS['damping']}, gamma = {TORUS['gamma']}, a = {TORUS['a']}: stroboscopic section of "
         f"site 0, rotation number {evidence['rotation']:.8f}, largest Lyapunov exponent zero to "
@@ -546,4 +546,4 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
         ("$u_0$", r"$\dot u_0$"),
     )
     panels = (*_against(exact, window, f"ring, $m = {m}$"), section)
-    return TimeSeries(8, panels, shown, findings, {**found, **evidence})
+    return TimeSeries(8, panels, shown, findings, {**stats, **evidence})

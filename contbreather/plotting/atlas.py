@@ -84,9 +84,9 @@ def plot_atlas(
         raise BadInput(f"this atlas has no curves of {', '.join(kinds)} at {dict(at or {})}")
     with drawing(ax, COLUMN, projection="3d") as drawn:
         panel = drawn.axes
-        values = sorted({value for own in lines.values() for value in own})
-        for kind, own in lines.items():
-            _draw(panel, kind, own, values)
+        values = sorted({value for curves in lines.values() for value in curves})
+        for kind, curves in lines.items():
+            _draw(panel, kind, curves, values)
         for name, axis in zip((plane[0], over, plane[1]), "xyz", strict=True):
             getattr(panel, f"set_{axis}label")(symbol(name), labelpad=PADS[axis])
             panel.locator_params(axis=axis, nbins=5)
@@ -98,11 +98,11 @@ def plot_atlas(
 def _words(atlas: Any, name: str) -> list[str]:
     """Of an attribute."""
     try:
-        found: str = getattr(atlas, "attrs", {})[name]
+        words: str = getattr(atlas, "attrs", {})[name]
     except KeyError as error:
-        what = kind_of(atlas)
-        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {what}") from error
-    return found.split()
+        kind = kind_of(atlas)
+        raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind}") from error
+    return words.split()
 
 
 def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
@@ -125,19 +125,19 @@ def _lines(
     for name, value in at.items():
         if name not in atlas or not np.isclose(atlas[name], value).any():
             raise BadInput(f"at {name} = {value!r}: the atlas has {_values(atlas, name)}")
-    here = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
-    known = _words(atlas.kind, "flag_meanings")
+    rows = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
+    existing = _words(atlas.kind, "flag_meanings")
     for kind in kinds:
-        if kind not in known:
-            raise BadInput(f"no surface {kind!r}; there are {known}")
+        if kind not in existing:
+            raise BadInput(f"no surface {kind!r}; there are {existing}")
     space = np.stack([atlas[name].to_numpy() for name in names], axis=-1)
     curve, drawn = atlas.curve.to_numpy(), np.array(words(atlas, "kind"))
-    found: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}
+    lines: dict[str, dict[float, list[Array]]] = {kind: {} for kind in kinds}
     for kind in kinds:
-        for number in np.unique(curve[(drawn == kind) & here]):
+        for number in np.unique(curve[(drawn == kind) & rows]):
             points = space[curve == number]
-            found[kind].setdefault(float(points[0, 1]), []).append(points)
-    return found
+            lines[kind].setdefault(float(points[0, 1]), []).append(points)
+    return lines
 
 
 def _values(atlas: Dataset, name: str) -> object:
@@ -148,7 +148,7 @@ def _draw(
     ax: Any, kind: str, lines: Mapping[float, Sequence[Array]], values: Sequence[float]
 ) -> None:
     """All curves of a kind, and the surfaces between them."""
-    strips = [_strips(lines.get(one, ()), lines.get(other, ())) for one, other in pairwise(values)]
+    strips = [_strips(lines.get(low, ()), lines.get(high, ())) for low, high in pairwise(values)]
     bare = sum(not strip for strip in strips)
     missing = f", {'partly ' * (bare < len(strips))}curves alone" if bare else ""
     style = {**LINES[kind], "label": f"{LINES[kind]['label']}{missing}"}
@@ -156,9 +156,9 @@ def _draw(
         for points in lines[value]:
             ax.plot(*points.T, linewidth=0.8, **style)
             style.pop("label", None)  # once
-    for one, other in chain.from_iterable(strips):
+    for curve, partner in chain.from_iterable(strips):
         ax.plot_surface(
-            *np.stack([one, other]).transpose(2, 0, 1),
+            *np.stack([curve, partner]).transpose(2, 0, 1),
             color=style["color"],
             alpha=FAINT,
             linewidth=0,
@@ -170,12 +170,12 @@ def _strips(here: Sequence[Array], there: Sequence[Array]) -> list[tuple[Array, 
     """Curves at two neighbouring values side by side, if there are equally many."""
     if len(here) != len(there):
         return []
-    left, found = [_even(points) for points in there], []
-    for one in map(_even, here):
-        gaps = [min(_apart(one, way), _apart(one, way[::-1])) for way in left]
-        other = left.pop(int(np.argmin(gaps)))
-        found.append((one, min(other, other[::-1], key=lambda way: _apart(one, way))))
-    return found
+    left, pairs = [_even(points) for points in there], []
+    for curve in map(_even, here):
+        gaps = [min(_apart(curve, way), _apart(curve, way[::-1])) for way in left]
+        partner = left.pop(int(np.argmin(gaps)))
+        pairs.append((curve, min(partner, partner[::-1], key=lambda way: _apart(curve, way))))
+    return pairs
 
 
 def _even(points: Array) -> Array:
@@ -184,5 +184,5 @@ def _even(points: Array) -> Array:
     return evenly(points, NODES, np.where(extent > 0, extent, 1.0))
 
 
-def _apart(one: Array, other: Array) -> float:
-    return float(np.abs((one - other)[:, [0, 2]]).sum())
+def _apart(curve: Array, other: Array) -> float:
+    return float(np.abs((curve - other)[:, [0, 2]]).sum())

@@ -121,7 +121,7 @@ def plot(
         members = _members(branches) if colours is None else []
         alike = members or _families(branches)
         key = _key(axes, alike, bool(members))
-        shades = [key[one] for one in alike] if colours is None else _given(colours, marked)
+        shades = [key[family] for family in alike] if colours is None else _given(colours, marked)
         styles: set[str] = set()
         heights = [ordinates(branch, y) for branch in branches]
         for branch, points, colour, names in zip(branches, marked, shades, heights, strict=True):
@@ -170,7 +170,7 @@ def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
     order = list(dict.fromkeys(alike))
     if values and len(order) > len(CYCLE):
-        order = sorted(order, key=lambda one: [value for _, value in one])
+        order = sorted(order, key=lambda member: [value for _, value in member])
     return dict(zip(order, _colours(taken, len(order), values), strict=True))
 
 
@@ -187,20 +187,20 @@ def _colours(taken: int, count: int, values: bool) -> list[str]:
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    return [to_hex(one) for one in colormaps["viridis"](np.linspace(0.0, BRIGHTEST, count))]
+    return [to_hex(shade) for shade in colormaps["viridis"](np.linspace(0.0, BRIGHTEST, count))]
 
 
 def _members(branches: tuple[Branch, ...]) -> list[Values]:
     """The parameters that are fixed along each branch and not the same on all, with what they are
     worth on each, to six digits. None where nothing differs."""
     fixed = [
-        {name: value for name, value in one.problem.params.items() if name not in one.curve.varied}
-        for one in branches
+        {name: x for name, x in branch.problem.params.items() if name not in branch.curve.varied}
+        for branch in branches
     ]
-    common = [name for name in fixed[0] if all(name in one for one in fixed)]
-    differ = [name for name in common if len({one[name] for one in fixed}) > 1]
-    found = [tuple((name, float(f"{one[name]:.6g}")) for name in differ) for one in fixed]
-    return found if differ else []
+    common = [name for name in fixed[0] if all(name in params for params in fixed)]
+    differ = [name for name in common if len({params[name] for params in fixed}) > 1]
+    members = [tuple((name, float(f"{params[name]:.6g}")) for name in differ) for params in fixed]
+    return members if differ else []
 
 
 def _ordinate(branch: Branch) -> str:
@@ -235,11 +235,11 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     from scipy.interpolate import CubicHermiteSpline
 
     tangents = np.stack([point.direction for point in branch])[apart]
-    known = along[apart]
-    at = known[:-1, None] + np.diff(known)[:, None] * np.arange(FINE) / FINE
-    at = np.append(at.ravel(), known[-1])
+    nodes = along[apart]
+    at = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(FINE) / FINE
+    at = np.append(at.ravel(), nodes[-1])
     smooth = [
-        CubicHermiteSpline(known, column[apart], tangents[:, slot])(at)
+        CubicHermiteSpline(nodes, column[apart], tangents[:, slot])(at)
         for column, slot in zip(columns, slots, strict=True)
     ]
     return smooth[0], smooth[1]
@@ -272,8 +272,8 @@ def _gathered(
 
 def _is_one(point: Point, other: Point) -> bool:
     """Whether two points are one thing: the same solution, or where an arm left it."""
-    one, same = (p.parent or p for p in (point, other))
-    return one.z.shape == same.z.shape and np.allclose(one.z, same.z, rtol=1e-6, atol=1e-6)
+    first, second = (p.parent or p for p in (point, other))
+    return first.z.shape == second.z.shape and np.allclose(first.z, second.z, rtol=1e-6, atol=1e-6)
 
 
 def value_of(point: Point, name: str) -> float:
@@ -354,11 +354,11 @@ def _calm(axis: Axis, scale: float) -> None:
 
 def _by_colour(key: dict[Values, str]) -> dict[str, dict[str, Any]]:
     """What colours stand for: of many values some, the others are in between."""
-    few = np.unique(np.linspace(0, len(key) - 1, min(len(key), MOST)).round().astype(int))
-    named = [list(key.items())[i] for i in few]
-    texts = [", ".join(f"{symbol(name)} = {x:g}" for name, x in one) for one, _ in named]
-    entries = {text: {"color": colour} for text, (_, colour) in zip(texts, named, strict=True)}
-    left = len(key) - len(few)
+    indices = np.unique(np.linspace(0, len(key) - 1, min(len(key), MOST)).round().astype(int))
+    members = [list(key.items())[i] for i in indices]
+    texts = [", ".join(f"{symbol(name)} = {x:g}" for name, x in values) for values, _ in members]
+    entries = {text: {"color": colour} for text, (_, colour) in zip(texts, members, strict=True)}
+    left = len(key) - len(indices)
     return {**entries, f"and {left} more": {"linestyle": "none"}} if left else entries
 
 
@@ -432,7 +432,7 @@ def _write(labels: Labels, words: Sequence[Word], x: str) -> None:
         labels.avoid(line.get_xdata(), line.get_ydata())
     for point, y, _, _ in words:
         labels.announce(value_of(point, x), y)
-    for point, y, text, colour in sorted(words, key=lambda one: one[0].kind == "EP"):
+    for point, y, text, colour in sorted(words, key=lambda word: word[0].kind == "EP"):
         style: dict[str, Any] = {"fontsize": "small", "color": colour}
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}

@@ -109,7 +109,7 @@ def new_figure(
     rows, columns = whole("rows", rows, 1), whole("columns", columns, 1)
     one_of("projection", projection or "rectilinear", ("rectilinear", "3d"))
     sizes = {"width": width, "height": 6.5 * rows if height is None else height}
-    wide, high = (number(name, one, 0.1, 1e4, "a size in cm") for name, one in sizes.items())
+    wide, high = (number(name, size, 0.1, 1e4, "a size in cm") for name, size in sizes.items())
     size = (wide * CM, high * CM)
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
@@ -170,7 +170,7 @@ class Drawn(list["Artist"]):
 
     def finish(self) -> None:
         """Take in what has come into the axes."""
-        self[:] = [one for one in self.axes.get_children() if one not in self._before]
+        self[:] = [artist for artist in self.axes.get_children() if artist not in self._before]
 
     def __repr__(self) -> str:
         return f"<Drawn: {len(self)} artists>"
@@ -206,12 +206,12 @@ def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Pa
     kind = target.suffix.lower().removeprefix(".")
     # no date inside: the same figure gives the same file
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    one: Any = figure
-    while isinstance(one, list | tuple) and one:
-        one = one.axes if isinstance(one, Drawn) else one[0]
-    if not hasattr(one, "get_figure"):
+    artist: Any = figure
+    while isinstance(artist, list | tuple) and artist:
+        artist = artist.axes if isinstance(artist, Drawn) else artist[0]
+    if not hasattr(artist, "get_figure"):
         raise BadInput(f"a figure or something drawn in one is expected, got {kind_of(figure)}")
-    whole = one.get_figure(root=True)  # a figure is its own
+    whole = artist.get_figure(root=True)  # a figure is its own
     if whole is None:
         raise BadInput("these axes have no figure any more; draw them anew")
     with style():

@@ -79,9 +79,9 @@ def _sentence(value: Any) -> str:
 def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
     """Its forcing, its impacts and its verdicts."""
     yield "forcing", orbit.forcing.describe()
-    for one in orbit.hits:
-        said = f"wall {one.wall:+d}, t = {one.time:.6g}, velocity {one.before:.6g}"
-        yield f"impact of site {one.site}", said
+    for impact in orbit.hits:
+        values = f"wall {impact.wall:+d}, t = {impact.time:.6g}, velocity {impact.before:.6g}"
+        yield f"impact of site {impact.site}", values
     yield "admissible", repr(orbit.admissibility()).strip("<>").partition(" ")[2]
     if orbit.lattice.sites is None or orbit.lattice.sites <= SMALL:
         yield "stability", repr(orbit.stability()).strip("<>")

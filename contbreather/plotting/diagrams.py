@@ -74,8 +74,8 @@ def plot_diagram(
         name = getattr(y, "__name__", "y")
         branches = [with_columns(branch, **{name: y}) for branch in branches]
         y = name
-    known = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
-    shown = [refined(branch, SMOOTH) for branch in known]
+    drawable = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
+    shown = [refined(branch, SMOOTH) for branch in drawable]
     if not shown:
         there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")
@@ -85,10 +85,10 @@ def plot_diagram(
 def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:
     """What to draw where nothing was said."""
     problems = [branch.problem for branch in branches]
-    unknowns = [[n for n in own.start if n not in own.internals] for own in problems]
-    if all("phi" in own or "t1" in own for own in unknowns):
+    unknowns = [[n for n in problem.start if n not in problem.internals] for problem in problems]
+    if all("phi" in names or "t1" in names for names in unknowns):
         return t1
-    common = [name for name in unknowns[0] if all(name in own for own in unknowns)]
+    common = [name for name in unknowns[0] if all(name in names for names in unknowns)]
     return (common or unknowns[0])[0]
 
 

@@ -63,15 +63,15 @@ def plot_profile(
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('$n$', '$u_n$')
     """
-    known = orbit_of(orbit)
-    chosen = _all_sites(known) if sites is None else chosen_sites(sites)
+    motion = orbit_of(orbit)
+    chosen = _all_sites(motion) if sites is None else chosen_sites(sites)
     if sites is None and shape is None:
-        shape = getattr(known.lattice, "shape", None)
-    u = np.array([known.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
+        shape = getattr(motion.lattice, "shape", None)
+    u = np.array([motion.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
                   for n in chosen])  # fmt: skip
     with drawing(ax) as drawn:
         if shape is None:
-            _stems(drawn.axes, chosen, u, known)
+            _stems(drawn.axes, chosen, u, motion)
         else:
             _tiles(drawn.axes, u, shape)
     return drawn
@@ -124,20 +124,20 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
     if isinstance(motion, Record):
         return None, ""
     if isinstance(motion, Run | SmoothRun):
-        known = range(motion.sites) if motion.record is None else motion.record.sites
-        site = known[int(abs(motion.strobe.u[:, known]).max(axis=0).argmax())]
-        lattice, what = motion.conditions.lattice, "moves most"
+        recorded = range(motion.sites) if motion.record is None else motion.record.sites
+        site = recorded[int(abs(motion.strobe.u[:, recorded]).max(axis=0).argmax())]
+        lattice, role = motion.conditions.lattice, "moves most"
     else:
         orbit = orbit_of(motion)
-        lattice, site, what = orbit.lattice, orbit.section.impacts[0][0], "hits"
+        lattice, site, role = orbit.lattice, orbit.section.impacts[0][0], "hits"
     shape = getattr(lattice, "shape", None)
     if shape is None:
         return None, ""
     row, columns = site // shape[1], shape[1]
     sites = range(row * columns, (row + 1) * columns)
-    if isinstance(motion, Run | SmoothRun) and not {*sites} <= {*known}:
+    if isinstance(motion, Run | SmoothRun) and not {*sites} <= {*recorded}:
         return None, ""  # a few sites that were recorded are no row
-    return sites, f"row {row}, in which site {site} {what}"
+    return sites, f"row {row}, in which site {site} {role}"
 
 
 def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:
@@ -157,10 +157,10 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
         order = sorted((i for i, n in enumerate(motion.sites) if n in wanted),
                        key=lambda i: motion.sites[i])  # fmt: skip
         return motion.times, np.array(motion.sites)[order], motion.u[:, order]
-    known = orbit_of(motion)
-    there = sorted(_all_sites(known) if sites is None else chosen_sites(sites))
-    times = np.linspace(0.0, known.period, MOMENTS * known.section.turns + 1)
-    return times, np.array(there), np.stack([known.displacement(n, times) for n in there], axis=1)
+    orbit = orbit_of(motion)
+    drawn = sorted(_all_sites(orbit) if sites is None else chosen_sites(sites))
+    times = np.linspace(0.0, orbit.period, MOMENTS * orbit.section.turns + 1)
+    return times, np.array(drawn), np.stack([orbit.displacement(n, times) for n in drawn], axis=1)
 
 
 def _all_sites(orbit: Orbit) -> list[int]:
@@ -176,8 +176,8 @@ def _stems(ax: Axes, sites: Sequence[int], u: Array, orbit: Orbit) -> None:
     ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
     ends = np.array([orbit.walls.at(n) for n in sites])
     for wall in np.unique(ends[np.isfinite(ends)]):  # of each site that has one there
-        own = [n for n, pair in zip(sites, ends, strict=True) if wall in pair]
-        ax.plot(own, np.full(len(own), wall), "_", color=GREY, markersize=8)
+        struck = [n for n, pair in zip(sites, ends, strict=True) if wall in pair]
+        ax.plot(struck, np.full(len(struck), wall), "_", color=GREY, markersize=8)
     ax.set(xlabel="$n$", ylabel="$u_n$")
     _whole_numbers(ax.xaxis)
 

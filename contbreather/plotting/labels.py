@@ -103,11 +103,11 @@ class Labels:
     ) -> list[tuple[float, float, Array]]:
         """Cost, radius and shift of the places around the point, up to where the radius alone
         costs more than the best of them."""
-        found: list[tuple[float, float, Array]] = []
+        options: list[tuple[float, float, Array]] = []
         curves = np.concatenate(self.curves) if self.curves else np.empty((0, 2))
         others = [other for other in self.anchors if not np.allclose(other, anchor)]
         for radius in _RADII:
-            if any(cost < radius for cost, *_ in found):
+            if any(cost < radius for cost, *_ in options):
                 break
             for i in range(_DIRECTIONS):
                 angle = math.pi / 4 + 2.0 * math.pi * i / _DIRECTIONS  # first: upper right
@@ -121,14 +121,14 @@ class Labels:
                 cost += 25.0 * int(inside.sum())
                 cost += 200.0 * any(_gap(box, other) == 0.0 for other in others)
                 cost += 60.0 * self._misleads(anchor, box, others, tied=radius > _LEADER)
-                found.append((float(cost), radius, shift))
-        return found
+                options.append((float(cost), radius, shift))
+        return options
 
     def _misleads(self, anchor: Array, box: Array, others: list[Array], *, tied: bool) -> bool:
         """Would a reader take the word for that of another point?"""
         if not tied:
-            own = _gap(box, anchor)
-            return any(_gap(box, other) < 1.5 * own for other in others)
+            distance = _gap(box, anchor)
+            return any(_gap(box, other) < 1.5 * distance for other in others)
         line = _dense(np.stack([anchor, np.clip(anchor, box[:2], box[2:])]), self.pixel)
         close = 4.0 * self.pixel
         return any(np.linalg.norm(line - other, axis=1).min() < close for other in others)
@@ -156,8 +156,8 @@ def _gap(box: Array, point: Array) -> float:
     return float(np.linalg.norm(np.maximum(np.maximum(box[:2] - point, point - box[2:]), 0.0)))
 
 
-def _overlap(one: Array, other: Array) -> bool:
-    return bool(np.all(one[:2] < other[2:]) and np.all(other[:2] < one[2:]))
+def _overlap(box: Array, other: Array) -> bool:
+    return bool(np.all(box[:2] < other[2:]) and np.all(other[:2] < box[2:]))
 
 
 def _dense(nodes: Array, spacing: float) -> Array:

@@ -98,14 +98,14 @@ def plot_multipliers(
         _dots(axes, mu, shown, alone)
         labels = Labels(axes)
         labels.avoid(*_circle())
-        for one in (*waves, *shown):
-            labels.avoid(one.real, one.imag)
-        for one in shown[alone]:
-            labels.announce(one.real, one.imag)
+        for multiplier in (*waves, *shown):
+            labels.avoid(multiplier.real, multiplier.imag)
+        for multiplier in shown[alone]:
+            labels.announce(multiplier.real, multiplier.imag)
         space = "\n" if axes.bbox.width / labels.pixel < NARROW else " "
-        for one, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
-            colour = VERMILLION if abs(one) > 1.0 else "black"
-            text = _number(one, digits, space)
+        for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
+            colour = VERMILLION if abs(multiplier) > 1.0 else "black"
+            text = _number(multiplier, digits, space)
             labels.place(place.real, place.imag, text, fontsize="small", color=colour)
     return drawn
 

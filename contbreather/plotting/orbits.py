@@ -100,33 +100,33 @@ def plot_orbit(
     return drawn
 
 
-def solution_of(given: Any) -> Any:
+def solution_of(value: Any) -> Any:
     """What a point of a branch is to its user; all else itself."""
-    known = isinstance(given, Point) and given.ground.curve.problem.interpret is not None
-    return given.solution if known else given
+    interpreted = isinstance(value, Point) and value.ground.curve.problem.interpret is not None
+    return value.solution if interpreted else value
 
 
-def orbit_of(given: object) -> Orbit:
+def orbit_of(value: object) -> Orbit:
     """An orbit, or that of a point of a branch of orbits."""
-    orbit = solution_of(given)
+    orbit = solution_of(value)
     if not isinstance(orbit, Orbit):
         raise no_orbit(orbit, "an orbit of a lattice")
     return orbit
 
 
-def no_orbit(given: object, wanted: str) -> BadInput:
+def no_orbit(value: object, wanted: str) -> BadInput:
     """What was given in place of an orbit, and where there is one or what draws this."""
-    what, instead = kind_of(given), "symmetric() finds breathers, cycle() cycles of flows"
-    if isinstance(given, Branch):
+    kind, instead = kind_of(value), "symmetric() finds breathers, cycle() cycles of flows"
+    if isinstance(value, Branch):
         instead = "take one of its points, branch[0] for instance, or plot(branch)"
-    elif isinstance(given, Cycle):
-        what, instead = "a cycle of flows", "plot_orbit and plot_multipliers draw it"
-    elif isinstance(given, CycleProblem):
-        what, instead = "the problem of a cycle", "flows.cycle_of(problem) is its orbit"
-    elif isinstance(given, Point | Problem):
-        what = "an equilibrium, or another solution that is no orbit"
+    elif isinstance(value, Cycle):
+        kind, instead = "a cycle of flows", "plot_orbit and plot_multipliers draw it"
+    elif isinstance(value, CycleProblem):
+        kind, instead = "the problem of a cycle", "flows.cycle_of(problem) is its orbit"
+    elif isinstance(value, Point | Problem):
+        kind = "an equilibrium, or another solution that is no orbit"
         instead = "plotting.plot_spectrum(branch) draws the eigenvalues along its branch"
-    return BadInput(f"{wanted} was expected, got {what}: {instead}")
+    return BadInput(f"{wanted} was expected, got {kind}: {instead}")
 
 
 def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:

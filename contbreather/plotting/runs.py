@@ -151,11 +151,11 @@ def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float
 
 def _with_impacts(t: Array, u: Array, run: Run, site: int) -> tuple[Array, Array]:
     """The samples of a site, and its impacts between them, where it is at a wall."""
-    own = run.at_site(site)
-    own = own[(own["time"] >= t[0]) & (own["time"] <= t[-1])]
-    walls = [run.conditions.walls.position(site, int(wall)) for wall in own["wall"]]
-    order = np.argsort(np.concatenate([t, own["time"]]), kind="stable")
-    return np.concatenate([t, own["time"]])[order], np.concatenate([u, walls])[order]
+    impacts = run.at_site(site)
+    impacts = impacts[(impacts["time"] >= t[0]) & (impacts["time"] <= t[-1])]
+    walls = [run.conditions.walls.position(site, int(wall)) for wall in impacts["wall"]]
+    order = np.argsort(np.concatenate([t, impacts["time"]]), kind="stable")
+    return np.concatenate([t, impacts["time"]])[order], np.concatenate([u, walls])[order]
 
 
 def _envelope(t: Array, u: Array) -> tuple[Array, Array, Array]:

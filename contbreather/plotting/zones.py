@@ -99,21 +99,21 @@ def plot_zones(
     """
     alone = isinstance(zones, Zones | Branch) or not np.iterable(zones)
     several: list[Any] = [zones] if alone else list(zones)
-    for one in several:
-        check_kind(one, Zones, "a zone diagram", "plot draws branches")
-    if not several or not all(any(one.curves.values()) for one in several):
+    for diagram in several:
+        check_kind(diagram, Zones, "a zone diagram", "plot draws branches")
+    if not several or not all(any(diagram.curves.values()) for diagram in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
-    given: list[Any] = list(ax) if np.iterable(ax) else [ax]
-    if ax is not None and len(given) != len(several):
-        raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(given)}")
+    axes: list[Any] = list(ax) if np.iterable(ax) else [ax]
+    if ax is not None and len(axes) != len(several):
+        raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(axes)}")
     with style() if ax is None else nullcontext():
-        figure, panels = _sheet(len(several)) if ax is None else (None, given)
+        figure, panels = _sheet(len(several)) if ax is None else (None, axes)
         drawn = [Drawn(panel) for panel in panels]
         draw_panels(several, panels, within)
         if flag("legend", legend):
             explain(panels, figure)
-        for one, panel in zip(several, panels, strict=True):
-            place_words(panel, names_of_meetings(one), fontsize="small")
+        for diagram, panel in zip(several, panels, strict=True):
+            place_words(panel, names_of_meetings(diagram), fontsize="small")
     for panel_drawn in drawn:
         panel_drawn.finish()
     return drawn[0] if isinstance(zones, Zones) else drawn
@@ -134,9 +134,9 @@ def draw_panels(
     several: Sequence[Zones], panels: Sequence[Axes], within: Window | None = None
 ) -> None:
     """Everything but words and legend, which come last, when all else has its place."""
-    for i, (one, panel) in enumerate(zip(several, panels, strict=True)):
+    for i, (diagram, panel) in enumerate(zip(several, panels, strict=True)):
         letter = f"({ascii_lowercase[i % 26]}) " if len(several) > 1 else ""
-        _panel(one, panel, letter, within)
+        _panel(diagram, panel, letter, within)
 
 
 def _chain(zones: Zones) -> str:
@@ -189,11 +189,11 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
     return limits[0], limits[1], limits[2], limits[3]
 
 
-def _shade(ax: Axes, found: Sequence[Region]) -> None:
+def _shade(ax: Axes, regions: Sequence[Region]) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    for region in found:
+    for region in regions:
         if region.verdict:
             rings = [Path(ring, closed=True) for ring in (region.outline, *region.holes)]
             shape = Path.make_compound_path(*rings)
@@ -220,8 +220,8 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
     drawn: dict[str, Any] = {}
     for panel in panels:
         drawn |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    known = [LINES[kind]["label"] for kind in KINDS if LINES[kind]["label"] in drawn]
-    labels = [*known, *(label for label in drawn if label not in known)]
+    first = [LINES[kind]["label"] for kind in KINDS if LINES[kind]["label"] in drawn]
+    labels = [*first, *(label for label in drawn if label not in first)]
     handles = [drawn[label] for label in labels]
     if figure is not None:
         figure.legend(

@@ -128,8 +128,8 @@ class Basin(Columns, HtmlRepr):
         """Starts row by row, with the names of their outcomes."""
         x, y = np.meshgrid(self.x.values, self.y.values)
         outcomes = np.array([Outcome(int(outcome)).name for outcome in self.outcome.flat])
-        found = {self.x.label: x, self.y.label: y, "outcome": outcomes, "distance": self.distance}
-        return {name: np.ravel(column) for name, column in found.items()}
+        table = {self.x.label: x, self.y.label: y, "outcome": outcomes, "distance": self.distance}
+        return {name: np.ravel(column) for name, column in table.items()}
 
     def __repr__(self) -> str:
         counts = [(int(np.sum(self.outcome == outcome)), outcome) for outcome in reversed(Outcome)]
@@ -233,22 +233,22 @@ def attraction(
     distance = np.full(shape, np.nan)
     work = partial(_row, task)
     try:
-        found = [*each(work, range(shape[0]), executor=executor, progress=progress, unit="rows")]
+        rows = [*each(work, range(shape[0]), executor=executor, progress=progress, unit="rows")]
     except Interrupted as stop:
-        found = list(stop.partial or ())  # type: ignore[call-overload]
+        rows = list(stop.partial or ())  # type: ignore[call-overload]
     else:
-        if all(isinstance(one, Failed) for one in found):
-            raise NotConverged(NO_WORKERS) from found[0].error
-    done = [j for j, one in enumerate(found) if not isinstance(one, Failed)]
+        if all(isinstance(row, Failed) for row in rows):
+            raise NotConverged(NO_WORKERS) from rows[0].error
+    done = [j for j, row in enumerate(rows) if not isinstance(row, Failed)]
     for j in done:
-        outcome[j], distance[j] = found[j]
+        outcome[j], distance[j] = rows[j]
     return Basin(x, y, outcome, distance, len(done) == shape[0])
 
 
 def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
     """All starts of one row."""
-    found = [_outcome(task, j, i) for i in range(len(task.x.values))]
-    outcomes, distances = zip(*found, strict=True)
+    ends = [_outcome(task, j, i) for i in range(len(task.x.values))]
+    outcomes, distances = zip(*ends, strict=True)
     return np.array(outcomes, np.int8), np.array(distances)
 
 
@@ -278,5 +278,5 @@ def _elsewhere(task: _Task, run: Any) -> int:
         return Outcome.OTHER
     u, v = run.strobe
     seen = localised(u[-5:], v[-5:], run.times[-5:], task.conditions)
-    here = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
-    return Outcome.OTHER if here else Outcome.SPREAD
+    at_site = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
+    return Outcome.OTHER if at_site else Outcome.SPREAD

@@ -116,7 +116,7 @@ def in_chunks(
     Times of events are counted from t0. Where chunks are cut has no influence on anything.
     """
     count, done = min(4, integrator.most_periods), 0
-    with line_of(progress, lambda own: Bar(own, periods)) as bar:
+    with line_of(progress, lambda shown: Bar(shown, periods)) as bar:
         while done < periods:
             began = time.perf_counter()
             chunk = integrator.advance(min(count, periods - done), first + done)

@@ -25,7 +25,7 @@ from contbreather.simulation.states import ModelParameters, State, check_state
 from contbreather.tables import Sheet
 
 Array = NDArray[Any]
-Found = tuple["Kind", str]
+Finding = tuple["Kind", str]
 Ran = Run | SmoothRun
 
 LEAST = 100  # periods that must be seen before anything can be said
@@ -162,8 +162,8 @@ def judge(run: Run | SmoothRun) -> Verdict:
     long = isinstance(run, SmoothRun) and run.sites > LONG
     if kind is Kind.SYNCHRONISED or (kind is not None and long):
         return Verdict(kind, reason, evidence, run, kind)
-    found, repelling = _closed(run, evidence)
-    motion, why = found or _open(run, evidence, repelling, lost=kind is not None)
+    closed, repelling = _closed(run, evidence)
+    motion, why = closed or _open(run, evidence, repelling, lost=kind is not None)
     if kind is None:
         return Verdict(motion, why, evidence, run, motion)
     return Verdict(kind, f"{reason}; {motion.name.lower()}, {why}", evidence, run, motion)
@@ -184,7 +184,7 @@ def _where(run: Ran) -> dict[str, float]:
     return evidence
 
 
-def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
+def _lost(run: Ran, evidence: dict[str, float]) -> Finding | None:
     """No breather any more: nobody hits, all move alike, or impacts (on smooth walls, which do not
     count them, the energy) are all over the lattice."""
     sites, impacting = run.sites, evidence.get("impacting")
@@ -203,7 +203,7 @@ def _lost(run: Ran, evidence: dict[str, float]) -> Found | None:
     return None
 
 
-def _kicked(run: Run, evidence: dict[str, float]) -> Found:
+def _kicked(run: Run, evidence: dict[str, float]) -> Finding:
     """Under noise any site may hit now and then: a breather's few hit regularly, and have most of
     the energy."""
     late, sites = run.since(run.periods // 2), run.sites
@@ -220,7 +220,7 @@ def _kicked(run: Run, evidence: dict[str, float]) -> Found:
     return Kind.DELOCALISED, words
 
 
-def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, PeriodicMotion | None]:
+def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Finding | None, PeriodicMotion | None]:
     """Periodic or locked: Newton's method finds a motion that closes next to the run's end.
 
     Where that motion repels and the run is still beside it, it is given back too: a run returns to
@@ -237,11 +237,11 @@ def _closed(run: Ran, evidence: dict[str, float]) -> tuple[Found | None, Periodi
     repelling = None
     # a spiral into a fixed point nearly closes after many numbers of periods: ask for 1 first
     for candidate in dict.fromkeys((1, n)):
-        found = _next_to(run, candidate) if gaps[candidate - 1] < NEARBY else None
-        if found is not None and found.largest < 1.0 + _slack(run):
-            return _periodic(run, evidence, found), None
-        if repelling is None and found is not None and _leaving(run, found):
-            repelling = found
+        motion = _next_to(run, candidate) if gaps[candidate - 1] < NEARBY else None
+        if motion is not None and motion.largest < 1.0 + _slack(run):
+            return _periodic(run, evidence, motion), None
+        if repelling is None and motion is not None and _leaving(run, motion):
+            repelling = motion
     if gap > CLOSED:
         return None, repelling
     if repelling is not None:
@@ -270,10 +270,10 @@ def _slack(run: Ran) -> float:
 def _next_to(run: Ran, periods: int) -> PeriodicMotion | None:
     """The motion of that many periods next to the end of the run, attracting or not."""
     try:
-        found = closing(_last(run), run.conditions, periods=periods, t0=float(run.times[0]))
+        motion = closing(_last(run), run.conditions, periods=periods, t0=float(run.times[0]))
     except NotConverged:
         return None
-    return found if _distance(run, found) < 10.0 * NEARBY else None
+    return motion if _distance(run, motion) < 10.0 * NEARBY else None
 
 
 def _last(run: Ran) -> State:
@@ -281,41 +281,43 @@ def _last(run: Ran) -> State:
     return State(run.strobe.u[-1], run.strobe.v[-1])
 
 
-def _distance(run: Ran, found: PeriodicMotion) -> float:
+def _distance(run: Ran, motion: PeriodicMotion) -> float:
     """How far the end of a run is from a motion."""
-    return float(np.abs(np.subtract(_last(run), found.state)).max())
+    return float(np.abs(np.subtract(_last(run), motion.state)).max())
 
 
-def _leaving(run: Ran, found: PeriodicMotion) -> bool:
+def _leaving(run: Ran, motion: PeriodicMotion) -> bool:
     """Whether a run has been beside a motion that repels all the time, and no longer than it can.
 
     A chaotic band passes by such motions again and again, or is narrow and stays beside one for
     ever: neither starts within rounding of it and moves away.
     """
-    n = found.periods
+    n = motion.periods
     states = np.concatenate(run.strobe, axis=1)[-1::-n]
-    away = np.abs(states - np.concatenate(found.state)).max(axis=1)
+    away = np.abs(states - np.concatenate(motion.state)).max(axis=1)
     # from rounding eps on, a distance grows to order 1 within log(1/eps)/log(largest) periods
     beside = bool(away.max() < 10.0 * NEARBY)
-    return beside and len(away) * math.log(found.largest) < -math.log(np.finfo(float).eps)
+    return beside and len(away) * math.log(motion.largest) < -math.log(np.finfo(float).eps)
 
 
-def _repels(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> str:
+def _repels(run: Ran, evidence: dict[str, float], motion: PeriodicMotion) -> str:
     """The sentence on a run next to a motion that repels."""
-    evidence["multiplier"] = found.largest
-    after = "a period" if found.periods == 1 else f"{found.periods} periods"
+    evidence["multiplier"] = motion.largest
+    after = "a period" if motion.periods == 1 else f"{motion.periods} periods"
     return (
-        f"{_distance(run, found):.1g} from a motion that repeats after {after}, largest multiplier "
-        f"{found.largest:.6g}: it repels, and the run has not left it yet"
+        f"{_distance(run, motion):.1g} from a motion that repeats after {after}, largest "
+        f"multiplier {motion.largest:.6g}: it repels, and the run has not left it yet"
     )
 
 
-def _periodic(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> Found:
-    u, v = completed(found.run()).strobe
+def _periodic(run: Ran, evidence: dict[str, float], orbit: PeriodicMotion) -> Finding:
+    u, v = completed(orbit.run()).strobe
     gaps = np.maximum(np.abs(u[1:] - u[0]).max(axis=1), np.abs(v[1:] - v[0]).max(axis=1))
+    # it may close after fewer periods than were asked for; Newton's method stops at steps of 1e-9,
+    # and what is left of it grows along the orbit
     n = 1 + int(np.argmax(gaps < 1e-7))
-    evidence |= {"periods": float(n), "multiplier": found.largest ** (n / found.periods)}
-    reason = f"{_distance(run, found):.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
+    evidence |= {"periods": float(n), "multiplier": orbit.largest ** (n / orbit.periods)}
+    reason = f"{_distance(run, orbit):.1g} from it, largest multiplier {evidence['multiplier']:.6g}"
     if n == 1:
         return Kind.PERIODIC, reason
     p = round(rotation(*run.strobe).number * n)
@@ -325,7 +327,7 @@ def _periodic(run: Ran, evidence: dict[str, float], found: PeriodicMotion) -> Fo
 
 def _open(
     run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None, *, lost: bool
-) -> Found:
+) -> Finding:
     """Not closed: chaos, or a torus, by its turns and its exponents."""
     turn, (values, errors) = rotation(*run.strobe), _exponents(run, lost)
     # an exponent that is zero, as far as can be told
@@ -385,8 +387,8 @@ def _exponents(run: Ran, lost: bool) -> tuple[Array, Array]:
     elif lost:
         count, length, settle = 1, min(length, LOST), LOST // 4
     start, t0 = _last(run), float(run.times[0])
-    found = exponents(start, run.conditions, length, count, settle=settle, t0=t0)
-    return found.exponents, found.error
+    lyapunov = exponents(start, run.conditions, length, count, settle=settle, t0=t0)
+    return lyapunov.exponents, lyapunov.error
 
 
 def rational(number: float) -> bool:

@@ -27,7 +27,7 @@ from contbreather.simulation.states import LatticeParameters, Moved, conditions_
 
 Array = NDArray[Any]
 
-NOISE = 1e-26  # energies below this, relative to the largest, are rounding
+NOISE = 1e-26  # energies below this, relative to the largest, are rounding: of amplitudes, 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,8 +66,8 @@ class Localisation:
         if count < 3:
             return float("nan")
         shells = [
-            _by_shell(self.lattice, *one, count)
-            for one in zip(energy, self.centre.flat, strict=True)
+            _by_shell(self.lattice, *sample, count)
+            for sample in zip(energy, self.centre.flat, strict=True)
         ]
         folded, distance = np.nanmean(shells, axis=0), np.arange(count)
         # the far side of a ring feels both ends of its motion: the outer part is left out
@@ -134,11 +134,12 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Moved) -> Localisation:
     x, y = u - forced(on, t, 0), v - forced(on, t, 1)
     table = stiffness_of(on.lattice)
     # what ties a site to the ground: its spring, and what its row of the stiffness has over
-    held = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * _loose(table)
-    energy = 0.5 * on.lattice.masses * y**2 + held * x**2
+    ground = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * _loose(table)
+    energy = 0.5 * on.lattice.masses * y**2 + ground * x**2
     if on.gamma > 0.0:
         energy += on.gamma * _of_bonds(table, x)
     total, square = energy.sum(axis=-1), (energy**2).sum(axis=-1)
+    # where nothing moves, no site has more of it than another: all N of them
     with np.errstate(invalid="ignore", divide="ignore"):
         participation = np.where(square > 0.0, total**2 / square, x.shape[-1])
     return Localisation(energy, participation, energy.argmax(axis=-1), on.lattice)
@@ -153,16 +154,16 @@ def _loose(table: Any) -> Array:
 def _of_bonds(table: Any, x: Array) -> Array:
     """Half the energy of the bonds of each site, at unit coupling."""
     bonds = table.tocoo()
-    own, other, weight = bonds.row, bonds.col, -0.25 * bonds.data
+    site, neighbour, weight = bonds.row, bonds.col, -0.25 * bonds.data
     # k (x_i - x_j)^2/2 is that of a bond: half of it, at each of its two entries K_ij = -k
-    apart = weight * (x[..., own] - x[..., other]) ** 2  # nothing on the diagonal
+    apart = weight * (x[..., site] - x[..., neighbour]) ** 2  # nothing on the diagonal
     ends = sparse.csr_array(
-        (np.ones(own.size), (np.arange(own.size), own)), (own.size, x.shape[-1])
+        (np.ones(site.size), (np.arange(site.size), site)), (site.size, x.shape[-1])
     )
-    return np.asarray((apart.reshape(-1, own.size) @ ends).reshape(x.shape))
+    return np.asarray((apart.reshape(-1, site.size) @ ends).reshape(x.shape))
 
 
 def forced(on: Moved, t: ArrayLike, order: int) -> Array:
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
-    own = driven(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
-    return on.a * own.everywhere(np.asarray(t, dtype=float), order)
+    motion = driven(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
+    return on.a * motion.everywhere(np.asarray(t, dtype=float), order)

@@ -222,14 +222,14 @@ def expand_near(on: Parameters, work: Workspace, n: int, s: float, h: float) -> 
 @inlined
 def correct(on: Parameters, work: Workspace, t: float, s: float, h: float) -> bool:
     """After an event at the step's time s: new series and next contacts around what changed."""
-    top, known = work.rows.shape[0] - 1, work.many[0]
+    top, count = work.rows.shape[0] - 1, work.many[0]
     reach = top // 2
-    for i in range(known):
+    for i in range(count):
         if work.changed[work.candidates[i]] != 0:
             expand_near(on, work, work.candidates[i], s, h)
     swing = driven_bound(on.motion, 0)
     now, then = driven(on.motion, t + s)[0], driven(on.motion, t + h)[0]
-    for i in range(known):
+    for i in range(count):
         n = work.candidates[i]
         if work.changed[n] == 0:
             continue

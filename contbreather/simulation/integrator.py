@@ -58,6 +58,7 @@ def parameters_of(conditions: Conditions) -> Parameters:
     rate, top = max(math.sqrt(norm), mu, 0.25), float(motion.m.max())
     if bonds.pulls[1:].any():  # the series are those of the forcing as well
         rate = max(rate, top)
+    # (w h)^j/j! is at most 3^3/3! = 4.5, so that a mode's series loses less than a digit
     step = min(STEP, 3.0 / rate)
     # a site that rests on its wall moves, in v, with the forcing: its harmonics must converge too
     rest_step = step * rate / max(rate, top)
@@ -207,15 +208,15 @@ def event_tables(log: EventLog, t0: float) -> tuple[NDArray[np.void], NDArray[np
     _, period, phase, site, kind, wall, before, after, push = (column[:used] for column in log)
 
     def table(rows: NDArray[np.bool_], dtype: np.dtype[Any]) -> NDArray[np.void]:
-        found = np.empty(int(rows.sum()), dtype)
+        events = np.empty(int(rows.sum()), dtype)
         # rebounds that are summed up may go on into the next period
         late = np.where(kind[rows] == BEGINS_REST, push[rows], 0.0)
         when = phase[rows] + late
-        found["time"] = PERIOD * period[rows] + (when - t0)
-        found["period"] = period[rows] + ((late > 0.0) & (when - t0 >= PERIOD))
-        found["phase"] = when % PERIOD
-        found["site"], found["wall"] = site[rows], wall[rows]
-        return found
+        events["time"] = PERIOD * period[rows] + (when - t0)
+        events["period"] = period[rows] + ((late > 0.0) & (when - t0 >= PERIOD))
+        events["phase"] = when % PERIOD
+        events["site"], events["wall"] = site[rows], wall[rows]
+        return events
 
     hits = kind == HIT
     impacts, rests = table(hits, IMPACT), table(~hits, REST)

@@ -76,4 +76,4 @@ class Noisy:
 
 
 def _joined(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
-    return {name: np.concatenate([getattr(one, name) for one in chunks]) for name in names}
+    return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}

@@ -45,7 +45,7 @@ Params = Mapping[str, float]
 KEPT = 8  # flights
 OUTSIDE = 1e-9  # a modulus is above 1 by more than rounding
 INTEGRATED = 1e-7  # and by more than the integration's error
-DOMAIN = {name: (one.low, one.high) for name, one in {**NUMBERS, **SMOOTH}.items()} | {
+DOMAIN = {name: (entry.low, entry.high) for name, entry in {**NUMBERS, **SMOOTH}.items()} | {
     "m": (1.0, 2000.0),
 }
 
@@ -307,7 +307,7 @@ def problem_of_cycle(
 ) -> Problem:
     """A fixed point, or a cycle of that period, of the map of half a period where there is one."""
     back = PoincareMap(on, t0, _mirrored(on))
-    made = maps.FixedPoint(
+    problem = maps.FixedPoint(
         back.image,
         {"u": state.u, "v": state.v},
         on.params,
@@ -317,25 +317,25 @@ def problem_of_cycle(
         | {"gamma": (0.0, on.lattice.highest_gamma)},
         scales={"m": 10.0} if "m" in on.params else {},
     )
-    return _dressed(made, back)
+    return _dressed(problem, back)
 
 
 def _dressed(problem: Problem, back: PoincareMap) -> Problem:
     """Cycles of a map with the events, columns, arms and sentences of motions."""
-    own = MotionProblem(
-        **{one.name: getattr(problem, one.name) for one in fields(Problem)}, back=back
+    motion = MotionProblem(
+        **{entry.name: getattr(problem, entry.name) for entry in fields(Problem)}, back=back
     )
     exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
     return replace(
-        own,
-        sensitivity=partial(_sensitivity, back, own.period) if exact else None,
-        events=_events(back.on, own.breaks),
+        motion,
+        sensitivity=partial(_sensitivity, back, motion.period) if exact else None,
+        events=_events(back.on, motion.breaks),
         record={
             "largest": attrgetter("solution.largest"),
             "unstable": UnstableDimension(attrgetter("solution.unstable")),
         },
         interpret=_motion,
-        label=f"{'symmetric ' if own.symmetric else ''}motion of period {2 * own.periods} pi",
+        label=f"{'symmetric ' if motion.symmetric else ''}motion of period {2 * motion.periods} pi",
     )
 
 
@@ -376,16 +376,16 @@ class MotionProblem(maps.CycleProblem):
         return Lift(_dressed(twice, self.back), point.curve.free[0], both=False)
 
     def simpler(self, point: Point) -> Problem | None:
-        found = shorter(point)
-        return None if found is None else _dressed(found, self.back)
+        problem = shorter(point)
+        return None if problem is None else _dressed(problem, self.back)
 
 
 def _motion(point: Point) -> PeriodicMotion:
     problem: MotionProblem = point.curve.problem
     back, params = problem.back, point.params
     state, on = State(*np.split(point.x.copy(), 2)), back.on.at(params)
-    matrix, left = multiplier_matrix(point), float(np.abs(problem.residual(point.x, params)).max())
-    return PeriodicMotion(state, back.t0, problem.periods, problem.symmetric, on, matrix, left)
+    matrix, gap = multiplier_matrix(point), float(np.abs(problem.residual(point.x, params)).max())
+    return PeriodicMotion(state, back.t0, problem.periods, problem.symmetric, on, matrix, gap)
 
 
 def _sensitivity(back: PoincareMap, period: int, x: Array, params: Params, name: str) -> Array:
@@ -400,8 +400,8 @@ def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:
     """Those of maps. Without losses the pairs of a lattice lie on the circle, or as close to it as
     they are long, and which is outside is no event."""
     fold, crossing, doubling, torus = maps.EVENTS
-    found = (fold, crossing, replace(doubling, kind=flip))
-    return (*found, torus, Event("MX", None, count=_outside)) if on.damping > 0.0 else found
+    events = (fold, crossing, replace(doubling, kind=flip))
+    return (*events, torus, Event("MX", None, count=_outside)) if on.damping > 0.0 else events
 
 
 def _outside(point: Point) -> float | int:

@@ -91,21 +91,21 @@ class States(Columns, HtmlRepr):
 
     def variables(self) -> dict[str, Variable]:
         """Everything: the states at the strobe and at the end, sampled sites."""
-        both = ("strobe", "site")
-        found: dict[str, Variable] = {
+        grid = ("strobe", "site")
+        data: dict[str, Variable] = {
             "time": (("strobe",), self.times),
-            "u": (both, self.strobe.u),
-            "v": (both, self.strobe.v),
+            "u": (grid, self.strobe.u),
+            "v": (grid, self.strobe.v),
             "final_u": (("site",), self.final.u),
             "final_v": (("site",), self.final.v),
             "end": ((), self.end),
         }
         if self.record is not None:
             sampled = ("sample", "sampled_site")
-            found["sample_time"] = ("sample",), self.record.times
-            found["sampled_sites"] = ("sampled_site",), np.array(self.record.sites)
-            found |= {"sample_u": (sampled, self.record.u), "sample_v": (sampled, self.record.v)}
-        return found
+            data["sample_time"] = ("sample",), self.record.times
+            data["sampled_sites"] = ("sampled_site",), np.array(self.record.sites)
+            data |= {"sample_u": (sampled, self.record.u), "sample_v": (sampled, self.record.v)}
+        return data
 
     @property
     def sites(self) -> int:
@@ -174,8 +174,8 @@ class Run(States):
         """Everything: impacts, rests, the states at the strobe, sampled sites."""
         tables = {"impact": self.impacts, "rest": self.rests}
         return super().variables() | {
-            f"{what}_{name}": ((what,), table[name])
-            for what, table in tables.items()
+            f"{kind}_{name}": ((kind,), table[name])
+            for kind, table in tables.items()
             for name in table.dtype.names or ()
         }
 

@@ -64,7 +64,7 @@ def damping_of(k: float) -> float:
     """
     k = parameter("k", k)
     if k == 0.0:
-        return 2.0
+        return 2.0  # the limit of (22) for k -> 0, where it is a quotient of infinities
     loss = -math.log(k)
     return 2.0 * loss / math.hypot(math.pi, loss)
 
@@ -116,8 +116,10 @@ class SmoothConditions:
         values = {name: float(params.get(name, value)) for name, value in self.params.items()}
         if "k" in params:
             values["lam"] = damping_of(params["k"])
-        own: dict[str, Any] = {name: values.pop(name) for name in OWN}
-        return replace(self, **own, forcing=self.forcing.at(**values) if values else self.forcing)
+        numbers: dict[str, Any] = {name: values.pop(name) for name in OWN}
+        return replace(
+            self, **numbers, forcing=self.forcing.at(**values) if values else self.forcing
+        )
 
     @property
     def parameters(self) -> SmoothParameters:
@@ -249,15 +251,16 @@ class _OfScipy:
         with deferred():
             from scipy.integrate import solve_ivp
 
+        # scipy raises a relative tolerance below 100 eps = 2.2e-14 by itself, with a warning
         settings: dict[str, Any] = {"rtol": max(self.tolerance, 3e-14), "atol": self.tolerance}
         if jac is not None:
             settings["jac"] = jac
         solve: Any = solve_ivp  # its stubs know every method by name and shape
         with deferred():
-            found = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
-        if not found.success:
-            raise _stuck(self.method, found.t[-1] if len(found.t) else t0)
-        return np.ascontiguousarray(found.y.T)
+            solution = solve(rhs, (t0, times[-1]), y, self.method, times, max_step=CAP, **settings)
+        if not solution.success:
+            raise _stuck(self.method, solution.t[-1] if len(solution.t) else t0)
+        return np.ascontiguousarray(solution.y.T)
 
 
 @dataclass(frozen=True)
@@ -406,9 +409,9 @@ def flown(
         raise ArithmeticError(str(error)) from error
     if not slopes:
         return end, None, None
-    found = end[x.size :].reshape(x.size, -1)
+    variations = end[x.size :].reshape(x.size, -1)
     wide = first.shape[1]
-    return end[: x.size], found[:, :wide], found[:, wide:]
+    return end[: x.size], variations[:, :wide], variations[:, wide:]
 
 
 @dataclass

@@ -68,6 +68,7 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
     q = size ** (2.0 * m)
     dq = 2.0 * m * q / inside if size > 0.0 else 0.0
     weight = 2.0 * m + 1.0
+    # of lambda q u' and q^2 u = |u|^(4m) u
     in_u = weight * (lam * v * dq + (4.0 * m + 1.0) * q * q)
     in_m = 0.0
     if size > 1e-3:  # below, q is far smaller than rounding for every m >= 6
@@ -100,12 +101,12 @@ def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -
             velocity[i] = dv[i]
             dw[i] = -stiff * du[i] - drag * dv[i]
         if params > 0:
-            own = dw[columns - params :]
-            own[0] += on.drive[n] * push
-            own[2] -= density * v
-            own[3] -= in_m
-            own[4] -= v
-            own[5] -= u
+            in_params = dw[columns - params :]
+            in_params[0] += on.drive[n] * push
+            in_params[2] -= density * v
+            in_params[3] -= in_m
+            in_params[4] -= v
+            in_params[5] -= u
     for i in range(on.entries.shape[0]):
         site, other, weight = int(on.entries[i, 0]), int(on.entries[i, 1]), on.entries[i, 2]
         at, low = begin + other * columns, begin + half + site * columns

@@ -106,15 +106,15 @@ def conditions_of(
                 f"walls of site {site}: there is no such site on the {where.describe()}; sites are "
                 f"0 to {sites - 1}."
             )
-    made = Conditions(forcing=forcing_of(forcing), walls=around, lattice=where, **numbers)
-    return ranged(made).at({})
+    conditions = Conditions(forcing=forcing_of(forcing), walls=around, lattice=where, **numbers)
+    return ranged(conditions).at({})
 
 
-def without_noise(given: Mapping[str, Any]) -> None:
+def without_noise(keywords: Mapping[str, Any]) -> None:
     """Refuse noise; only `simulate`, which takes it out before, has it."""
-    if "noise" in given:
+    if "noise" in keywords:
         raise BadInput(
-            f"noise = {shown(given['noise'])}: noise is for simulate() alone, on rigid walls; "
+            f"noise = {shown(keywords['noise'])}: noise is for simulate() alone, on rigid walls; "
             "leave it out here, or judge() the run that simulate(..., noise=...) returns"
         )
 
@@ -165,9 +165,9 @@ def within(state: State, walls: Walls) -> State:
     beyond = np.maximum(state.u - high, low - state.u)
     n = int(beyond.argmax())
     if beyond[n] > OUTSIDE * max(1.0, abs(state.u[n])):
-        own = " and ".join(f"{x:g}" for x in (low[n], high[n]) if math.isfinite(x))
+        places = " and ".join(f"{x:g}" for x in (low[n], high[n]) if math.isfinite(x))
         raise BadInput(
-            f"u[{n}] = {state.u[n]:.12g} lies outside the walls at {own}; start with all sites "
+            f"u[{n}] = {state.u[n]:.12g} lies outside the walls at {places}; start with all sites "
             "between them."
         )
     return State(np.clip(state.u, low, high), state.v)

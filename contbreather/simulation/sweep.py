@@ -175,9 +175,9 @@ def sweep(
     check_kind(name, str, "the name of a parameter")
     needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
     conditions = rigid_or_smooth(start.u.size, m, **{**on, **needed})
-    known = tuple(conditions.params) + (() if m is None else ("k",))
-    if name not in known:
-        raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(known)}")
+    names = tuple(conditions.params) + (() if m is None else ("k",))
+    if name not in names:
+        raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")
     t0 = number("t0", t0, -1e300, 1e300, "a time")
     how: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
     how |= {} if m is None else {"solver": solver}
@@ -209,23 +209,24 @@ def _seen(run: Any) -> tuple[Any, ...]:
     """What a row says of the run at its value."""
     late = run.since(run.periods // 2)
     u, v = (x[1:] for x in late.strobe)  # the first is the end of the period before
-    found = localised(u, v, late.times[1:], run.conditions)
-    centre = int(np.bincount(found.centre).argmax())
+    energies = localised(u, v, late.times[1:], run.conditions)
+    centre = int(np.bincount(energies.centre).argmax())
     mass = run.conditions.lattice.masses[centre]
-    speed = float(np.sqrt(2.0 * found.energy[:, centre].max() / mass))
+    # what the site would have with that energy, all of it kinetic
+    speed = float(np.sqrt(2.0 * energies.energy[:, centre].max() / mass))
     change = np.abs(np.diff([x[-2:] for x in run.strobe], axis=1))
     hits = _impacts(late, centre) if isinstance(run, Run) else 4 * (math.nan,)
-    return float(found.participation.mean()), centre, speed, *hits, float(change.max())
+    return float(energies.participation.mean()), centre, speed, *hits, float(change.max())
 
 
 def _impacts(run: Run, centre: int) -> tuple[float, ...]:
     """p, tilt, impacts of the centre in a period, impacts of all others."""
-    own = run.at_site(centre)
+    hits = run.at_site(centre)
     # an impact changes the velocity by 2 p
-    p = 0.5 * float(np.abs(own["before"] - own["after"]).mean()) if own.size else 0.0
-    upper, lower = (np.exp(1j * own["phase"][own["wall"] == wall]) for wall in (1, -1))
+    p = 0.5 * float(np.abs(hits["before"] - hits["after"]).mean()) if hits.size else 0.0
+    upper, lower = (np.exp(1j * hits["phase"][hits["wall"] == wall]) for wall in (1, -1))
     both = upper.size and lower.size
     # phases are averaged as directions, for 0 and 2 pi are one; pi is half a period
     tilt = float(np.angle(-lower.mean() / upper.mean())) if both else 0.0
     count = run.periods
-    return p, tilt, len(own) / count, (len(run.impacts) - len(own)) / count
+    return p, tilt, len(hits) / count, (len(run.impacts) - len(hits)) / count

@@ -38,10 +38,10 @@ def driven(drive: Harmonics, t: float) -> tuple[float, float, float]:
     for i in range(drive.m.size):
         m = drive.m[i]
         cosine, sine = math.cos(m * t), math.sin(m * t)
-        own = drive.c[i] * cosine + drive.s[i] * sine
-        value += own
+        wave = drive.c[i] * cosine + drive.s[i] * sine
+        value += wave
         slope += m * (drive.s[i] * cosine - drive.c[i] * sine)
-        bend -= m * m * own
+        bend -= m * m * wave
     return value, slope, bend
 
 
@@ -61,12 +61,12 @@ def driven_terms(drive: Harmonics, t: float, h: float, column: Vector) -> None:
     for i in range(drive.m.size):
         m = drive.m[i]
         cosine, sine = math.cos(m * t), math.sin(m * t)
-        own = drive.c[i] * cosine + drive.s[i] * sine
+        wave = drive.c[i] * cosine + drive.s[i] * sine
         turned = drive.s[i] * cosine - drive.c[i] * sine
         for j in range(column.size):
-            column[j] += own
+            column[j] += wave
             # the next derivative over (j + 1)!, times h^(j + 1): each turns the wave by pi/2
-            own, turned = turned * (m * h / (j + 1)), -own * (m * h / (j + 1))
+            wave, turned = turned * (m * h / (j + 1)), -wave * (m * h / (j + 1))
 
 
 def driven_bound(drive: Harmonics, order: int) -> float:
@@ -148,7 +148,7 @@ def expand_any(
     ``column`` holds the Taylor coefficients of a g; with zeros in it and in ``place`` nothing is
     driven and the sites held do not move at all, which is what perturbations do.
     """
-    own, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
+    stiff, extra, ground = bonds.pulls[0], bonds.pulls[1], bonds.pulls[2]
     for n in range(v.size):
         # u stays at its wall, so that v = u - a g has the powers of -a g
         rows[0, n] = place[n] - column[0] if at_rest[n] != 0 else v[n]
@@ -162,7 +162,7 @@ def expand_any(
             if at_rest[n] != 0:
                 new[n] = -column[j]
                 continue
-            pulled = pull * (own[n] * before[n] - near(bonds, before, n)) + drag * now[n]
+            pulled = pull * (stiff[n] * before[n] - near(bonds, before, n)) + drag * now[n]
             new[n] = pulled + (extra[n] * push + ground[n] * still)
 
 

@@ -76,12 +76,12 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     impacts, rests = run.impacts.copy(), run.rests.copy()
     for table in (impacts, rests):
         table["time"] -= run.times[0]
-    rest = run.end - run.times[-1]  # a fraction of a period, or rounding of times
-    spans = [PERIOD] * run.periods + ([rest] if rest > 1e-12 else [])
+    remainder = run.end - run.times[-1]  # a fraction of a period, or rounding of times
+    spans = [PERIOD] * run.periods + ([remainder] if remainder > 1e-12 else [])
     events = saltations(impacts, rests, run.conditions, t0, range(len(spans)))
     at_rest = sites_at_rest(start, run.conditions, t0)
-    for span, own in zip(spans, events, strict=True):
-        columns = carried(columns, at_rest, span, run.conditions, own)
+    for span, jumps in zip(spans, events, strict=True):
+        columns = carried(columns, at_rest, span, run.conditions, jumps)
     return columns
 
 
@@ -106,9 +106,9 @@ def along(
 
         def turned(columns: Array) -> Array:
             nonlocal state
-            x, found, _ = flown(on, state, t0, 1.0, slopes=True, columns=columns)
+            x, image, _ = flown(on, state, t0, 1.0, slopes=True, columns=columns)
             state = State(*np.split(x, 2))
-            return np.asarray(found)
+            return np.asarray(image)
 
         yield from repeat(turned, periods)
         return
@@ -158,12 +158,12 @@ def _at_impacts(rests: NDArray[np.void], impacts: NDArray[np.void]) -> NDArray[n
     """Rests that begin at the last impact listed: the rebounds after it take what is left away."""
     moved = rests.copy()
     for site in np.unique(rests["site"][rests["begins"]]):
-        own = impacts[impacts["site"] == site]
+        hits = impacts[impacts["site"] == site]
         rows = np.flatnonzero(rests["begins"] & (rests["site"] == site))
-        last = np.searchsorted(own["time"], rests["time"][rows], side="right") - 1
+        last = np.searchsorted(hits["time"], rests["time"][rows], side="right") - 1
         # a site that rests from the start of the run has no impact before
         for name in ("time", "period", "phase"):
-            moved[name][rows[last >= 0]] = own[name][last[last >= 0]]
+            moved[name][rows[last >= 0]] = hits[name][last[last >= 0]]
     return moved
 
 

@@ -27,8 +27,8 @@ def drawn(study: Study, tasks: Sequence[Task], report: Report) -> None:
             path = report.folder / f"{name}{ATLAS}"
             report.written.append(save_atlas(path, shown.atlas(name)))
     for name, figure in study.figure.items():
-        missing = [one for one in figure.draws if not shown.there(one)]
-        lost = [one for one in missing if not shown.absent(one)]
+        missing = [name for name in figure.draws if not shown.there(name)]
+        lost = [name for name in missing if not shown.absent(name)]
         if lost or len(missing) == len(figure.draws):
             why = f"there is nothing of {', '.join(lost or missing)} to draw"
             (report.failed if lost else report.absent)[f"figure {name}"] = why
@@ -51,8 +51,8 @@ class _Shown:
 
     def tasks(self, name: str) -> list[Task]:
         """Those that a figure names."""
-        wanted = part(name)
-        return [task for task in self.families[wanted.family] if wanted.has(task.values)]
+        source = part(name)
+        return [task for task in self.families[source.family] if source.has(task.values)]
 
     def there(self, name: str) -> bool:
         return any(task.name not in self.report.missing for task in self.tasks(name))
@@ -62,14 +62,14 @@ class _Shown:
 
     def results(self, name: str) -> list[Any]:
         """All that is named, as far as it is there; arms one by one."""
-        arm, found = part(name).arm, list[Any]()
+        arm, results = part(name).arm, list[Any]()
         for task in self.tasks(name):
             if task.name in self.report.missing:
                 continue
-            one = load(task.file(self.report.folder))
-            several = one.values() if isinstance(one, Run) else [one]
-            found += [one[arm]] if arm and isinstance(one, Run) else several
-        return found
+            result = load(task.file(self.report.folder))
+            several = result.values() if isinstance(result, Run) else [result]
+            results += [result[arm]] if arm and isinstance(result, Run) else several
+        return results
 
     def atlas(self, name: str) -> Any:
         table, drive = self.study.atlas[name], self.study.chain.drive
@@ -86,9 +86,9 @@ class _Shown:
         first = figure.draws[0]
         if first in self.study.atlas:
             return plot_atlas(self.atlas(first), over=figure.over, at=figure.at)
-        results = [one for name in figure.draws for one in self.results(name)]
+        results = [result for name in figure.draws for result in self.results(name)]
         if not isinstance(results[0], Branch):
             return plot_zones(results)
         axes = {"x": figure.x, "y": figure.y}
-        given: dict[str, Any] = {name: value for name, value in axes.items() if value is not None}
-        return plot(*results, **given)
+        chosen: dict[str, Any] = {name: value for name, value in axes.items() if value is not None}
+        return plot(*results, **chosen)

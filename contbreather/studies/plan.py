@@ -63,7 +63,7 @@ class Plan:
         """A line for each part."""
         headings, parts = ("name", "conditions", "state"), self.parts()
         return Sheet(
-            [Column(heading, [one[heading] for one in parts]) for heading in headings],
+            [Column(heading, [row[heading] for row in parts]) for heading in headings],
             f"{len(self.left)} of {len(self.tasks)} parts to compute, on the {self.on}",
         )
 
@@ -72,8 +72,8 @@ class Plan:
         """What breathers live on, and what drives it."""
         chain = self.study.chain
         names = ("damping", "spring", "site", "walls", "threshold")
-        given = [(name, value) for name in names if (value := getattr(chain, name))]
-        return ", ".join([chain.place.describe(), chain.drive.describe(), *map(_said, given)])
+        settings = [(name, value) for name in names if (value := getattr(chain, name))]
+        return ", ".join([chain.place.describe(), chain.drive.describe(), *map(_said, settings)])
 
     def __rich__(self) -> Sheet:
         return self.table()
@@ -126,25 +126,25 @@ def _check(tasks: Sequence[Task], folder: Path, again: bool) -> None:
 
 def conditions(task: Task) -> str:
     """What is computed, at which values, in which windows, from what."""
-    asked, what = task.asked, [task.kind]
+    asked, words = task.asked, [task.kind]
     if task.needs is not None:
         arm = part(asked["of"]).arm
-        what += [f"of {asked['at']} on {task.needs.name}{'/' if arm else ''}{arm}"]
+        words += [f"of {asked['at']} on {task.needs.name}{'/' if arm else ''}{arm}"]
     elif task.kind == "branch":
-        what += [f"in {asked['free']}"]
+        words += [f"in {asked['free']}"]
     fixed = {} if task.needs else {n: v for n, v in task.values.items() if n != asked.get("free")}
     if fixed:
-        what += [f"at {', '.join(map(_said, fixed.items()))}"]
+        words += [f"at {', '.join(map(_said, fixed.items()))}"]
     if "pair" in asked:
-        what += [f"in ({', '.join(asked['pair'])})"]
+        words += [f"in ({', '.join(asked['pair'])})"]
     windows = dict(asked.get("within", {}))
     if task.kind == "branch":
         windows[asked["free"]] = asked.get("window") or window_of(asked["free"])
-    more = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
-    given = [name for name in ("root", "largest", "past_folds") if asked.get(name)]
-    return ", ".join([" ".join(what), *more, *(_said((name, asked[name])) for name in given)])
+    ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
+    options = [name for name in ("root", "largest", "past_folds") if asked.get(name)]
+    return ", ".join([" ".join(words), *ranges, *(_said((name, asked[name])) for name in options)])
 
 
-def _said(given: tuple[str, Any]) -> str:
-    name, value = given
+def _said(setting: tuple[str, Any]) -> str:
+    name, value = setting
     return f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"

@@ -101,10 +101,10 @@ def _no_event(study: Study, kind: str, name: str) -> Iterator[Fault]:
     if source in study.boundary:  # where two kinds meet there are names of many sorts
         return
     # symmetric breathers have no PD: it is that of an arm that leaves them at a pitchfork
-    known = [one for one in EVENTS[kind] if one != "PD" or source not in study.branch]
-    if at.rstrip("0123456789") not in known:
+    events = [event for event in EVENTS[kind] if event != "PD" or source not in study.branch]
+    if at.rstrip("0123456789") not in events:
         what = f"{kind} of {'a branch' if source in study.branch else 'arms'} start"
-        yield (kind, name, "at"), f"{what} at {', '.join(known)}, 'PF1' for instance; got {at!r}"
+        yield (kind, name, "at"), f"{what} at {', '.join(events)}, 'PF1' for instance; got {at!r}"
 
 
 def _names_there(read: Collection[str], unread: Collection[str]) -> str:
@@ -113,11 +113,11 @@ def _names_there(read: Collection[str], unread: Collection[str]) -> str:
 
 def _origins(study: Study, name: str) -> list[str]:
     """What a result comes from, itself first."""
-    found: list[str] = []
-    while name in study.results and name not in found:
-        found.append(name)
+    origins: list[str] = []
+    while name in study.results and name not in origins:
+        origins.append(name)
         name = study.results[name].source
-    return found
+    return origins
 
 
 def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
@@ -183,28 +183,28 @@ def _of_lower_breathers(study: Study) -> Iterator[Fault]:
 
 
 def _of_the_forcing(study: Study) -> Iterator[Fault]:
-    own = study.chain.drive.params
+    params = study.chain.drive.params
     for kind in ("branch", "zones", "atlas"):
         for name, table in getattr(study, kind).items():
-            for other in set(table.over) - set(own):
-                have = ", ".join(own) or "none"
-                yield (kind, name, "over"), f"the forcing has no {other!r}; it has {have}"
+            for parameter in set(table.over) - set(params):
+                have = ", ".join(params) or "none"
+                yield (kind, name, "over"), f"the forcing has no {parameter!r}; it has {have}"
 
 
 def _parameters(study: Study) -> Iterator[Fault]:
-    own = {"spring"} if study.chain.place.sites is None else {"damping", "spring"}
-    known = sorted({*PAIRS, *own, *study.chain.drive.params})
+    extra = {"spring"} if study.chain.place.sites is None else {"damping", "spring"}
+    names = sorted({*PAIRS, *extra, *study.chain.drive.params})
     for name, branch in study.branch.items():
-        if branch.free not in known:
+        if branch.free not in names:
             yield (
                 ("branch", name, "free"),
-                f"one of {', '.join(known)} was expected, {branch.free!r} is none",
+                f"one of {', '.join(names)} was expected, {branch.free!r} is none",
             )
     for name, line in study.boundary.items():
-        if len({*line.pair} & {*known}) < 2:
+        if len({*line.pair} & {*names}) < 2:
             yield (
                 ("boundary", name, "pair"),
-                f"two of {', '.join(known)} were expected, got {line.pair}",
+                f"two of {', '.join(names)} were expected, got {line.pair}",
             )
 
 
@@ -214,15 +214,15 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
             ("figure", name, "file"),
             f"one of {', '.join(FIGURES)} was expected, got {figure.file!r}",
         )
-    draws = [part(one).family for one in figure.draws]
+    draws = [part(drawing).family for drawing in figure.draws]
     if set(draws) & set(unread):
         return
-    for one in draws:
-        if one not in study.results:
+    for family in draws:
+        if family not in study.results:
             have = _names_there(study.results, unread)
-            yield ("figure", name, "draws"), f"nothing is called {one!r}; there are {have}"
+            yield ("figure", name, "draws"), f"nothing is called {family!r}; there are {have}"
             return
-    kinds = {type(study.results[one]).__name__ for one in draws}
+    kinds = {type(study.results[family]).__name__ for family in draws}
     alone = kinds == {"Atlas"} and len(draws) == 1
     if not (alone or kinds == {"Zones"} or not kinds & {"Zones", "Atlas"}):
         wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
@@ -230,8 +230,8 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
         return
     fit = {"over", "at"} if alone else set() if kinds == {"Zones"} else {"x", "y"}
     if not unread:
-        for one in figure.draws:
-            yield from _no_member(study, ("figure", name, "draws"), one, unread)
+        for drawing in figure.draws:
+            yield from _no_member(study, ("figure", name, "draws"), drawing, unread)
     columns = {*MEASURES, *PAIRS, "damping", "spring", *study.chain.drive.params}
     for key in sorted({"x", "y"} & fit & figure.model_fields_set):
         column = getattr(figure, key)

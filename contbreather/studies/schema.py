@@ -44,48 +44,48 @@ class Part(NamedTuple):
 
 def part(named: str) -> Part:
     """``scan/gamma=0.02,k=0.8/arm1`` taken apart; only the family has to be there."""
-    if found := _PART.fullmatch(named):
-        family, member, arm = found.groups(default="")
-        pairs = (one.partition("=") for one in member.split(",") if one)
+    if match := _PART.fullmatch(named):
+        family, member, arm = match.groups(default="")
+        pairs = (item.partition("=") for item in member.split(",") if item)
         with suppress(ValueError):
             return Part(family, {name.strip(): float(value) for name, _, value in pairs}, arm)
     raise ValueError(f"{named!r}: NAME, NAME/gamma=0.02 or NAME/gamma=0.02/arm1 was expected")
 
 
-def a_part(given: str) -> str:
+def a_part(name: str) -> str:
     """The name of a part, as it was typed."""
-    part(given)
-    return given
+    part(name)
+    return name
 
 
-def values(given: Any) -> list[float]:
+def values(typed: Any) -> list[float]:
     """A number, a list of numbers, or so many from one to another."""
-    if isinstance(given, Mapping):
-        if set(given) != SPREAD:
+    if isinstance(typed, Mapping):
+        if set(typed) != SPREAD:
             raise ValueError(
-                f"{given}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
+                f"{typed}: from, to and count were expected, {{from=0.3, to=0.9, count=7}}"
             )
-        return spread("values", given["from"], given["to"], given["count"])
-    several = given if isinstance(given, list) else [given]
+        return spread("values", typed["from"], typed["to"], typed["count"])
+    several = typed if isinstance(typed, list) else [typed]
     if not several:
         raise ValueError("an empty list: at least one number was expected")
-    return [number("value", one, -1e300, 1e300, WANTED) for one in several]
+    return [number("value", value, -1e300, 1e300, WANTED) for value in several]
 
 
-def window(given: Any) -> list[float]:
+def window(typed: Any) -> list[float]:
     """Two numbers, the smaller first; the second may be inf."""
-    good = isinstance(given, list) and len(given) == 2
-    numbers = [one for one in given if isinstance(one, float | int)] if good else []
+    good = isinstance(typed, list) and len(typed) == 2
+    numbers = [x for x in typed if isinstance(x, float | int)] if good else []
     if len(numbers) < 2 or not numbers[0] < numbers[1] or math.isinf(numbers[0]):
-        raise ValueError(f"{given}: two numbers were expected, the smaller first, [0.0, 0.2]")
-    return [float(one) for one in numbers]
+        raise ValueError(f"{typed}: two numbers were expected, the smaller first, [0.0, 0.2]")
+    return [float(x) for x in numbers]
 
 
-def in_range(given: Any, info: ValidationInfo) -> Any:
+def in_range(typed: Any, info: ValidationInfo) -> Any:
     """A value, or several, in the range of the parameter that has the name of the key."""
-    for one in given if isinstance(given, list) else [given]:
-        parameter(str(info.field_name), one)
-    return given
+    for value in typed if isinstance(typed, list) else [typed]:
+        parameter(str(info.field_name), value)
+    return typed
 
 
 Named = Annotated[str, AfterValidator(a_part)]
@@ -152,9 +152,9 @@ class Chain(Table):
     def on(self) -> dict[str, Any]:
         """As `symmetric` takes it, but for the forcing."""
         walls = walls_by(self.walls, self.place.sites)
-        given = {"site": self.site or None, "damping": self.damping or None, "walls": walls}
-        given["spring"] = self.spring  # one of 0 is a parameter, too
-        return {"lattice": self.place, **{n: v for n, v in given.items() if v is not None}}
+        options = {"site": self.site or None, "damping": self.damping or None, "walls": walls}
+        options["spring"] = self.spring  # one of 0 is a parameter, too
+        return {"lattice": self.place, **{n: v for n, v in options.items() if v is not None}}
 
 
 class Grid(Table):
@@ -224,15 +224,15 @@ class Zones(Grid):
     @model_validator(mode="after")
     def one_fixed(self) -> Zones:
         """Exactly one of the three has values."""
-        given = self.given
-        if len(given) != 1:
+        fixed = self.given
+        if len(fixed) != 1:
             raise ValueError(
-                f"values of exactly one of k, gamma and a are expected, got {given or 'none'}"
+                f"values of exactly one of k, gamma and a are expected, got {fixed or 'none'}"
             )
-        wrong = sorted(set(self.within) - set(PAIRS[given[0]]))
+        wrong = sorted(set(self.within) - set(PAIRS[fixed[0]]))
         if wrong:
             raise ValueError(
-                f"within: the plane is that of {PAIRS[given[0]]}, which has no {wrong[0]}"
+                f"within: the plane is that of {PAIRS[fixed[0]]}, which has no {wrong[0]}"
             )
         return self
 

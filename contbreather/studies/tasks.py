@@ -51,8 +51,8 @@ class Task:
     def fingerprint(self) -> str:
         """Of everything that the result depends on."""
         before = None if self.needs is None else self.needs.fingerprint
-        said = json.dumps([self.kind, self.asked, before], sort_keys=True)
-        return hashlib.sha256(said.encode()).hexdigest()
+        settings = json.dumps([self.kind, self.asked, before], sort_keys=True)
+        return hashlib.sha256(settings.encode()).hexdigest()
 
     def file(self, folder: Path) -> Path:
         return folder / f"{self.name}.nc"
@@ -100,38 +100,40 @@ class Task:
 def tasks_of(study: Study) -> list[Task]:
     """All tasks, those that others start from first."""
     chain = study.chain.plain
-    found: dict[str, list[Task]] = {}
+    families: dict[str, list[Task]] = {}
     for name, branch in study.branch.items():
-        found[name] = _over(name, "branch", branch.grid, {**branch.plain, "chain": chain})
+        families[name] = _over(name, "branch", branch.grid, {**branch.plain, "chain": chain})
     for name, zones in {**study.zones, **study.atlas}.items():
-        found[name] = _over(name, "zones", zones.grid, {**zones.plain, "chain": chain})
-    rest: dict[str, FromPoint] = {**study.arms, **study.boundary}
-    while rest:
-        for name, table in list(rest.items()):
+        families[name] = _over(name, "zones", zones.grid, {**zones.plain, "chain": chain})
+    pending: dict[str, FromPoint] = {**study.arms, **study.boundary}
+    while pending:
+        for name, table in list(pending.items()):
             source = part(table.of)
-            if source.family in found:
+            if source.family in families:
                 kind = "arms" if name in study.arms else "boundary"
                 # a result is the same, be it asked for alone or with the others of its family
                 asked = table.plain | {"of": "/".join(filter(None, (source.family, source.arm)))}
-                found[name] = [
-                    _task(name, one.label, kind, asked, one)
-                    for one in found[source.family]
-                    if source.has(one.values)
+                families[name] = [
+                    _task(name, start.label, kind, asked, start)
+                    for start in families[source.family]
+                    if source.has(start.values)
                 ]
-                del rest[name]
-    return sorted((one for family in found.values() for one in family), key=lambda one: one.level)
+                del pending[name]
+    return sorted(
+        (task for family in families.values() for task in family), key=lambda task: task.level
+    )
 
 
 def _over(
     name: str, kind: str, grid: Mapping[str, list[float]], asked: Mapping[str, Any]
 ) -> list[Task]:
     """A task for each combination of values."""
-    several = [one for one in grid if len(grid[one]) > 1]
+    several = [name for name in grid if len(grid[name]) > 1]
     # a result depends on its own values only, so that more of them may be asked for later
     alike = {key: value for key, value in asked.items() if key not in (*grid, "over")}
     family = []
     for at in combinations(grid):
-        label = ",".join(f"{one}={at[one]!r}" for one in several)
+        label = ",".join(f"{name}={at[name]!r}" for name in several)
         family.append(_task(name, label, kind, {**alike, "at": at}))
     return family
 
@@ -189,8 +191,8 @@ def _chain(asked: Mapping[str, Any]) -> tuple[Chain, Any]:
     """What it lives on, and the forcing with the values of this part."""
     chain = Chain.model_validate(asked["chain"])
     drive = chain.drive
-    own = {name: value for name, value in asked["at"].items() if name in drive.params}
-    return chain, drive.at(**own) if own else drive
+    params = {name: value for name, value in asked["at"].items() if name in drive.params}
+    return chain, drive.at(**params) if params else drive
 
 
 def _branch(task: Task, folder: Path) -> Branch:
@@ -199,9 +201,9 @@ def _branch(task: Task, folder: Path) -> Branch:
     span = tuple(asked.get("window") or window_of(free))
     at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
     near = (at[free], at[free]) if free in at else span
-    given = {**at, **chain.on, "forcing": drive}
+    chosen = {**at, **chain.on, "forcing": drive}
     try:
-        start = find_symmetric(free, near, root=asked.get("root"), **given)
+        start = find_symmetric(free, near, root=asked.get("root"), **chosen)
     except NoSolution as error:
         raise NoStart(str(error)) from error
     problem = problem_with(start, free, threshold=chain.verge)
@@ -213,9 +215,9 @@ def _arms(task: Task, folder: Path) -> tuple[Branch, ...]:
 
 
 def _boundary(task: Task, folder: Path) -> Branch:
-    one, other = task.asked["pair"]
+    first, second = task.asked["pair"]
     steps, point = _steps(task.asked), _source(task, folder)
-    return boundary(point, (one, other), within=_within(task), steps=steps, progress=False)
+    return boundary(point, (first, second), within=_within(task), steps=steps, progress=False)
 
 
 def _zones(task: Task, folder: Path) -> Any:
@@ -245,12 +247,12 @@ def _within(task: Task) -> dict[str, tuple[float, float]]:
 def _source(task: Task, folder: Path) -> Point:
     """The special point that it starts from."""
     assert task.needs is not None
-    found, arm = load(task.needs.file(folder)), part(task.asked["of"]).arm
-    if isinstance(found, Branch):  # also where there is one arm alone
-        found = {"": found, "arm1": found}
-    if arm not in found:
-        raise NoStart(f"{task.needs.name} has no {arm}; it has {', '.join(filter(None, found))}")
-    branch, at = found[arm], task.asked["at"]
+    branches, arm = load(task.needs.file(folder)), part(task.asked["of"]).arm
+    if isinstance(branches, Branch):  # also where there is one arm alone
+        branches = {"": branches, "arm1": branches}
+    if arm not in branches:
+        raise NoStart(f"{task.needs.name} has no {arm}; it has {', '.join(filter(None, branches))}")
+    branch, at = branches[arm], task.asked["at"]
     try:
         return branch.first(at)
     except BadInput as error:

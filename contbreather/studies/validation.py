@@ -56,26 +56,26 @@ def read(path: str | Path) -> Study:
     """
     text = read_text(path)
     try:
-        said = tomllib.loads(text)
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path} is not TOML: {error}") from error
-    _beside(Path(path), said)
-    study, wrong = _checked(said)
+    _beside(Path(path), tables)
+    study, wrong = _checked(tables)
     if wrong:
         lines = dict(_lines(text))
         raise BadInput(_listed(Path(path).name, [(_line(lines, at), at, why) for at, why in wrong]))
     return study
 
 
-def _beside(path: Path, said: dict[str, Any]) -> None:
+def _beside(path: Path, tables: dict[str, Any]) -> None:
     """The file of a lattice is looked for where the study is."""
-    chain = said.get("chain")
+    chain = tables.get("chain")
     lattice = chain.get("lattice") if isinstance(chain, dict) else None
     if isinstance(chain, dict) and str(lattice).lower().endswith((".csv", ".graphml")):
         chain["lattice"] = str(path.resolve().parent / str(lattice))
 
 
-def _checked(said: Mapping[str, Any]) -> tuple[Study, list[tuple[Place, str]]]:
+def _checked(tables: Mapping[str, Any]) -> tuple[Study, list[tuple[Place, str]]]:
     """The study, as far as its tables have no mistakes of their own, and all mistakes."""
     try:
         from pydantic import ValidationError
@@ -88,22 +88,22 @@ def _checked(said: Mapping[str, Any]) -> tuple[Study, list[tuple[Place, str]]]:
     wrong: list[tuple[Place, str]] = []
     while True:
         try:
-            study = Study.model_validate(said)
+            study = Study.model_validate(tables)
         except ValidationError as error:
             wrong += _sentences(error, Study)
-            places = {one["loc"][:2] for one in error.errors()}
+            places = {mistake["loc"][:2] for mistake in error.errors()}
             unread |= {str(place[-1]) for place in places} | {str(place[0]) for place in places}
-            said = _without(said, places)
+            tables = _without(tables, places)
         else:
             return study, [*wrong, *faults(study, unread)]
 
 
-def _without(said: Mapping[str, Any], places: set[Any]) -> dict[str, Any]:
+def _without(tables: Mapping[str, Any], places: set[Any]) -> dict[str, Any]:
     """The rest, so that all of its mistakes are found as well."""
-    left = {name: table for name, table in said.items() if (name,) not in places}
+    left = {name: table for name, table in tables.items() if (name,) not in places}
     for first, *second in places:
         if first in ONE_BY_ONE and second:
-            left[first] = {name: one for name, one in left[first].items() if name not in second}
+            left[first] = {name: value for name, value in left[first].items() if name not in second}
         else:
             left.pop(first, None)
     return left
@@ -111,26 +111,26 @@ def _without(said: Mapping[str, Any], places: set[Any]) -> dict[str, Any]:
 
 def _sentences(error: ValidationError, study: Any) -> Iterator[tuple[Place, str]]:
     """What pydantic found, in our words."""
-    for one in error.errors(include_url=False):
-        place = tuple(str(task) for task in one["loc"])
-        given = one["input"]
-        match one["type"]:
+    for mistake in error.errors(include_url=False):
+        place = tuple(str(task) for task in mistake["loc"])
+        value = mistake["input"]
+        match mistake["type"]:
             case "missing":
                 yield place[:-1], f"{place[-1]} is missing"
             case "extra_forbidden":
                 yield place, f"unknown here{_guess(place, study)}"
             case "value_error":
-                yield place, str(one["ctx"]["error"])
+                yield place, str(mistake["ctx"]["error"])
             case kind:
-                wanted = WANTED[kind.removesuffix("_type")].format(**one.get("ctx", {}))
-                yield place, f"{wanted} was expected, got {_typed(given)}"
+                wanted = WANTED[kind.removesuffix("_type")].format(**mistake.get("ctx", {}))
+                yield place, f"{wanted} was expected, got {_typed(value)}"
 
 
-def _typed(given: Any) -> str:
+def _typed(value: Any) -> str:
     """A value as TOML has it."""
-    if isinstance(given, dict):
+    if isinstance(value, dict):
         return "a table"
-    return str(given).lower() if isinstance(given, bool) else repr(given)
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def _guess(place: Place, study: Any) -> str:
@@ -141,9 +141,9 @@ def _guess(place: Place, study: Any) -> str:
         if field is not None:
             inner = getattr(field.annotation, "__args__", (None, field.annotation))
             model = inner[-1]
-    known = list(getattr(model, "model_fields", {}))
-    near = get_close_matches(place[-1], known, 1)
-    return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}"
+    names = list(getattr(model, "model_fields", {}))
+    near = get_close_matches(place[-1], names, 1)
+    return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(names)}"
 
 
 # --- lines ------------------------------------------------------------------------------------
@@ -177,10 +177,10 @@ def _line(lines: Mapping[Place, int], place: Place) -> int:
 
 
 def _listed(name: str, faults: Sequence[tuple[int, Place, str]]) -> str:
-    found = [
+    mistakes = [
         f"line {line}{', ' + '.'.join(place) if place else ''}: {why}"
         for line, place, why in sorted(faults, key=lambda fault: fault[0])
     ]
-    if len(found) == 1:
-        return f"{name}, {found[0]}"
-    return "\n  ".join([f"{name} has {len(found)} mistakes:", *found])
+    if len(mistakes) == 1:
+        return f"{name}, {mistakes[0]}"
+    return "\n  ".join([f"{name} has {len(mistakes)} mistakes:", *mistakes])
