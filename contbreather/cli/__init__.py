@@ -44,12 +44,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:
         prepare()
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    typed = list(sys.argv[1:] if arguments is None else arguments)
     # the parser takes a lone hyphen for an option
-    tokens = [STDOUT if token == "-" else token for token in given if token != VERBOSE]
+    tokens = [STDOUT if token == "-" else token for token in typed if token != VERBOSE]
     try:
-        with watched(alone=arguments is None), heard(VERBOSE in given):
-            status = _about() if given == ["--version", VERBOSE] else _run(tokens)
+        with watched(alone=arguments is None), heard(VERBOSE in typed):
+            status = _about() if typed == ["--version", VERBOSE] else _run(tokens)
             sys.stdout.flush()
     except BadInput as error:
         return _refused(error, BAD_INPUT)
@@ -112,10 +112,10 @@ def _sentence(error: Exception) -> str:
             f"{way_on}"
         )
     if isinstance(error, MissingArgumentError) and error.argument is not None:
-        count, given = error.argument.token_count()[0], len(error.tokens_so_far)
+        count, so_far = error.argument.token_count()[0], len(error.tokens_so_far)
         wanted = "a value" if count == 1 else f"{count} values, apart by blanks"
-        found = f"{given} was given" if given else "none was given"
-        return f"{error.keyword or error.argument.name} takes {wanted}, and {found}; {way_on}"
+        got = f"{so_far} was given" if so_far else "none was given"
+        return f"{error.keyword or error.argument.name} takes {wanted}, and {got}; {way_on}"
     text = " ".join(str(error).split())
     if isinstance(error, UnknownCommandError):  # its list of commands stops after eight
         text = text.partition(" Available commands")[0]

@@ -60,7 +60,7 @@ def atlas(
     further = once("--over", map(_assigned, over))
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     on = plane.on(*begin, **vars(where))
-    asked: dict[str, Any] = {
+    options: dict[str, Any] = {
         "lattice": on.lattice,
         "threshold": on.threshold,
         "forcing": on.forcing,
@@ -72,16 +72,16 @@ def atlas(
         **fixed,
     }
     for name in further:
-        if name in asked:
+        if name in options:
             raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
-    found, cut = kept(cb.atlas, **{**asked, **further})
+    dataset, cut = kept(cb.atlas, **{**options, **further})
     lost = {name: value for name, value in where.losses.items() if value}
-    made = [] if save is None else [str(save_atlas(save, found))]
+    written = [] if save is None else [str(save_atlas(save, dataset))]
     into.leave(
-        lambda: {**on.entry(), **lost, "atlas": _columns(found), "failed": _failed(found)},
-        [*_lines(found), *(f"Wrote {path}." for path in made)],
-        lambda: table_of(_columns(found)),
-        lambda: cb.plotting.plot_atlas(found),
+        lambda: {**on.entry(), **lost, "atlas": _columns(dataset), "failed": _failed(dataset)},
+        [*_lines(dataset), *(f"Wrote {path}." for path in written)],
+        lambda: table_of(_columns(dataset)),
+        lambda: cb.plotting.plot_atlas(dataset),
         cut=cut,
     )
 
@@ -95,29 +95,29 @@ def _assigned(text: str) -> tuple[str, list[float]]:
     return letter(name), values_by(f"--over {name}", values)
 
 
-def _columns(found: Dataset) -> dict[str, Any]:
+def _columns(dataset: Dataset) -> dict[str, Any]:
     """Those along points, words in place of their numbers."""
     from contbreather.orbits.atlas import words
 
     columns: dict[str, Any] = {
-        str(n): c.to_numpy() for n, c in found.items() if c.dims == ("point",)
+        str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("point",)
     }
-    return {**columns, "kind": words(found, "kind"), "meeting": words(found, "meeting")}
+    return {**columns, "kind": words(dataset, "kind"), "meeting": words(dataset, "meeting")}
 
 
-def _failed(found: Dataset) -> list[dict[str, Any]]:
-    columns = {str(n): c.to_numpy() for n, c in found.items() if c.dims == ("failed",)}
+def _failed(dataset: Dataset) -> list[dict[str, Any]]:
+    columns = {str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("failed",)}
     return [dict(row) for row in table_of(columns)[0]]
 
 
-def _lines(found: Dataset) -> Iterator[object]:
+def _lines(dataset: Dataset) -> Iterator[object]:
     """How many there are, and what is missing."""
-    kinds = _columns(found)["kind"]
+    kinds = _columns(dataset)["kind"]
     counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
-    count = len({*found.slice.values.tolist()})
+    count = len({*dataset.slice.values.tolist()})
     yield f"{count} diagram{'s' if count > 1 else ''}: {counts}."
-    for one in _failed(found):
+    for row in _failed(dataset):
         at = ", ".join(
-            f"{n.removeprefix('failed_')} = {v:g}" for n, v in one.items() if n != "reason"
+            f"{n.removeprefix('failed_')} = {v:g}" for n, v in row.items() if n != "reason"
         )
-        yield f"No diagram at {at}: {one['reason'].rstrip('.')}."
+        yield f"No diagram at {at}: {row['reason'].rstrip('.')}."

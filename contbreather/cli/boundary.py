@@ -44,21 +44,21 @@ def boundary(
     first, second = pair
     if first == second:
         raise BadInput(f"--pair {first} {second}: two different parameters are expected")
-    given = where.need(*(name for name in NEEDED if name not in pair))
+    params = where.need(*(name for name in NEEDED if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
-    like = {**given, **on.given, "within": within, "threshold": on.threshold}
+    options = {**params, **on.given, "within": within, "threshold": on.threshold}
     steps = sizes.steps(largest=0.02)
-    seed = cb.orbits.find_event(wanted, pair, **like)
+    seed = cb.orbits.find_event(wanted, pair, **options)
     locus = seed.event.locus if seed.event else None
     axes.check(into.output, seed.curve.problem, *(locus(seed).extra if locus else ()))
-    found, cut = kept(
+    curve, cut = kept(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
-    leave(found, "curve", {"curve": wanted, "pair": pair, **on.entry()}, into, cut, axes)
+    leave(curve, "curve", {"curve": wanted, "pair": pair, **on.entry()}, into, cut, axes)
 
 
 def _kind(kind: str | None) -> str:
     if kind is None or kind.upper() not in KINDS:
-        given = "none was given" if kind is None else f"{kind!r} is not one of them"
-        raise BadInput(f"a boundary is of a kind LP, PF, PD, NS or GR; {given}")
+        got = "none was given" if kind is None else f"{kind!r} is not one of them"
+        raise BadInput(f"a boundary is of a kind LP, PF, PD, NS or GR; {got}")
     return kind.upper()

@@ -45,13 +45,13 @@ def branch(
     into.check(where.read)
     steps, start = sizes.steps(), along.start(where, root)
     axes.check(into.output, start.problem)
-    asked: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
-    found, cut = kept(cb.continuation.trace, start.problem, start.free, steps=steps, **asked)
-    leave(found, "branch", start.entry(), into, cut, axes)
+    options: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
+    traced, cut = kept(cb.continuation.trace, start.problem, start.free, steps=steps, **options)
+    leave(traced, "branch", start.entry(), into, cut, axes)
 
 
 def leave(
-    found: cb.Branch,
+    branch: cb.Branch,
     what: str,
     about: Mapping[str, Any],
     into: Output,
@@ -60,10 +60,10 @@ def leave(
 ) -> None:
     """All that is wanted of one branch or boundary; raise if it broke off."""
     into.leave(
-        lambda: {**about, **branch_entry(found)},
-        lines_of(found),
-        lambda: branch_table([found]),
-        lambda: axes.plot(found),
+        lambda: {**about, **branch_entry(branch)},
+        lines_of(branch),
+        lambda: branch_table([branch]),
+        lambda: axes.plot(branch),
         cut=cut,
     )
-    check_ends(found, what)
+    check_ends(branch, what)

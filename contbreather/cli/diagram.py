@@ -33,8 +33,8 @@ def diagram(
     """
     into.check(where.read)
     start = along.start(where)
-    asked: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
-    tree, cut = kept(cb.diagram, start.shot, start.free, **asked, save=into.save)
+    options: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
+    tree, cut = kept(cb.diagram, start.shot, start.free, **options, save=into.save)
     into.leave(
         lambda: {**start.entry(), **content(tree)},
         _lines(tree, depth),
@@ -42,7 +42,7 @@ def diagram(
         lambda: cb.plotting.plot_diagram(tree),
         cut=cut or tree.interrupted,
     )
-    ended = [(i, stop) for i, one in enumerate(tree) for stop in (one.began, one.stop)]
+    ended = [(i, stop) for i, branch in enumerate(tree) for stop in (branch.began, branch.stop)]
     broken = [i for i, stop in ended if stop is not None and stop.failed]
     if broken or tree.failed:
         lost = [f"branch {i} broke off" for i in broken] + [str(failure) for failure in tree.failed]

@@ -43,32 +43,32 @@ def extend(
     """
     from contbreather.continuation.checkpoint import Checkpoint, Inner
 
-    found = opened(run)
-    branch, place, own = _chosen(found, name)
-    here = into.save is None or identity(into.save) == identity(place)
-    into = replace(into, save=str(place) if here else into.save)
-    into.check({} if here else {"RUN": str(place)})
+    results = opened(run)
+    branch, place, key = _chosen(results, name)
+    in_place = into.save is None or identity(into.save) == identity(place)
+    into = replace(into, save=str(place) if in_place else into.save)
+    into.check({} if in_place else {"RUN": str(place)})
     settings = branch.settings or cb.continuation.branch.Settings()
     within = settings.within if window is None else {**settings.within, branch.free: window}
     steps = settings.steps if most is None else replace(settings.steps, most=most)
-    others = dict(cb.Run(place)) if here else {}
-    file = Checkpoint(into.save or place, own)
-    inner = Inner(file, lambda longer: {**others, own: longer})
+    others = dict(cb.Run(place)) if in_place else {}
+    file = Checkpoint(into.save or place, key)
+    inner = Inner(file, lambda longer: {**others, key: longer})
     longer, cut = kept(cb.extend, branch, end=end, within=within, steps=steps, save=inner)
-    file.finish({**others, own: longer})
+    file.finish({**others, key: longer})
     leave(longer, "branch", {"free": branch.free}, into, cut)
 
 
-def _chosen(found: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
+def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     """The branch, the file it is in, and its name there."""
-    branches = [own for own, result in found.items() if isinstance(result, cb.Branch)]
+    branches = [key for key, result in run.items() if isinstance(result, cb.Branch)]
     if not branches:
-        raise BadInput(f"{found.path} has no branch or boundary to extend, only {', '.join(found)}")
+        raise BadInput(f"{run.path} has no branch or boundary to extend, only {', '.join(run)}")
     if name is None and len(branches) > 1:
         there = ", ".join(branches)
-        raise BadInput(f"which branch of {found.path}? There are {there}; give the name of one")
+        raise BadInput(f"which branch of {run.path}? There are {there}; give the name of one")
     name = name or branches[0]
-    branch = found[name]
+    branch = run[name]
     if name not in branches:
         raise BadInput(f"{name!r} is not a branch or a boundary; there are {', '.join(branches)}")
-    return branch, *found.place(name)
+    return branch, *run.place(name)

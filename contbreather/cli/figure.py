@@ -30,9 +30,9 @@ def figure(number: str | None = None, *, into: Output = Output()) -> None:
         into = replace(into, output=f"figure{number}.png")
     into.check()
     with computing():
-        found = FIGURES[int(number)]()
-    rows = list(found.rows())
-    content: dict[str, Any] = {"figure": int(number), "caption": found.caption, "rows": rows}
-    if hasattr(found, "numbers"):  # what the caption's verdict is made of
-        content["numbers"] = found.numbers
-    into.leave(lambda: content, [found.caption], lambda: (rows, list(rows[0])), found.draw)
+        drawing = FIGURES[int(number)]()
+    rows = list(drawing.rows())
+    content: dict[str, Any] = {"figure": int(number), "caption": drawing.caption, "rows": rows}
+    if hasattr(drawing, "numbers"):  # what the caption's verdict is made of
+        content["numbers"] = drawing.numbers
+    into.leave(lambda: content, [drawing.caption], lambda: (rows, list(rows[0])), drawing.draw)

@@ -133,7 +133,7 @@ def computing() -> Iterator[None]:
         _watch.act = _watch.rest
 
 
-def kept(work: Callable[P, T], *args: P.args, **asked: P.kwargs) -> tuple[T, bool]:
+def kept(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:
     """What a computation gives, and whether Ctrl-C has cut it short.
 
     Raises
@@ -143,7 +143,7 @@ def kept(work: Callable[P, T], *args: P.args, **asked: P.kwargs) -> tuple[T, boo
     """
     try:
         with computing():
-            return work(*args, **asked), False
+            return work(*args, **kwargs), False
     except Interrupted as stop:
         if stop.partial is None:
             raise

@@ -231,7 +231,7 @@ class ModelParameters(NamedTuple):
     @property
     def reach(self) -> dict[str, Span]:
         """The domain of each parameter that has one."""
-        reach = {name: one.domain for name, one in NUMBERS.items()}
+        reach = {name: number.domain for name, number in NUMBERS.items()}
         if getattr(self.lattice, "highest_gamma", 0.0) == math.inf:
             reach["gamma"] = (0.0, math.inf)
         return reach
@@ -274,14 +274,14 @@ def letter(name: str) -> str:
 
 def once(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
     """Names with what was given of each."""
-    found: dict[str, T] = {}
+    values: dict[str, T] = {}
     for name, value in pairs:
-        if name in found:
+        if name in values:
             raise BadInput(
-                f"{option}: {name} is given twice, {found[name]} and {value}; leave one of them"
+                f"{option}: {name} is given twice, {values[name]} and {value}; leave one of them"
             )
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def _check_name(name: str, forcing: cb.lattice.Forcing) -> None:
@@ -335,15 +335,15 @@ class BranchWindow:
         if self.free is None:
             raise BadInput("--free is missing: which parameter is to vary, a for instance?")
         free, on = self.free, where.on(self.free)
-        given = where.need(*(name for name in NEEDED if name != free))
+        params = where.need(*(name for name in NEEDED if name != free))
         span = interval(free, self.window, on.reach)
-        near = (given[free], given[free]) if free in given else span
+        near = (params[free], params[free]) if free in params else span
         if not span[0] <= near[0] <= near[1] <= span[1]:
             raise BadInput(
                 f"{free} = {near[0]:g} is outside of the window {span[0]:g} to {span[1]:g}"
             )
-        found = cb.orbits.find_symmetric(free, near, root=root, **{**given, **on.given})
-        return Start(found, on, free, {free: span})
+        breather = cb.orbits.find_symmetric(free, near, root=root, **{**params, **on.given})
+        return Start(breather, on, free, {free: span})
 
 
 @Parameter(name="*")
@@ -487,15 +487,15 @@ class Output:
         cut: bool = False,
     ) -> None:
         """Files first, then one JSON object, or lines for people; each made where it is wanted."""
-        made = [] if self.kept is None else [self.kept]
+        written = [] if self.kept is None else [self.kept]
         if self.csv is not None:
-            made.append(str(to_csv(self.csv, *table(), cut=cut)))
+            written.append(str(to_csv(self.csv, *table(), cut=cut)))
         if self.output is not None:
-            made.append(str(to_figure(self.output, draw, cut=cut)))
+            written.append(str(to_figure(self.output, draw, cut=cut)))
         if self.json:
-            to_json({**content(), "interrupted": cut, "written": made})
+            to_json({**content(), "interrupted": cut, "written": written})
         else:
-            say(*lines, *(f"Wrote {path}." for path in made), aside=printed(self.csv))
+            say(*lines, *(f"Wrote {path}." for path in written), aside=printed(self.csv))
         end(cut)
 
 

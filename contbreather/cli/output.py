@@ -101,11 +101,11 @@ def to_json(content: Mapping[str, Any]) -> None:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(name): _plain(one) for name, one in value.items()}
+        return {str(name): _plain(item) for name, item in value.items()}
     if hasattr(value, "tolist"):  # numpy's arrays and scalars
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     if isinstance(value, complex):
         return [_plain(value.real), _plain(value.imag)]
     if isinstance(value, float) and not math.isfinite(value):
@@ -132,7 +132,7 @@ def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
 
 def table_of(columns: Mapping[str, Any]) -> Table:
     """Columns as rows, for CSV."""
-    plain = [one.tolist() if hasattr(one, "tolist") else one for one in columns.values()]
+    plain = [array.tolist() if hasattr(array, "tolist") else array for array in columns.values()]
     return (dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True)), list(columns)
 
 
@@ -212,11 +212,11 @@ def ends(branch: cb.Branch) -> list[str]:
     for point, stop, reason, word in sides:
         if stop is not None:
             why = reason or _grazed(point)
-            said = stop.value.replace("Steps.most", "--most of contbreather extend")
-            said = said.replace("ended", word)
+            phrase = stop.value.replace("Steps.most", "--most of contbreather extend")
+            phrase = phrase.replace("ended", word)
             if word == "began" and point.parent is not None:
-                said = f"left another branch at its {point.parent.label}"
-            sentences.append(f"{point.label}: {said}{f' ({why})' if why else ''}")
+                phrase = f"left another branch at its {point.parent.label}"
+            sentences.append(f"{point.label}: {phrase}{f' ({why})' if why else ''}")
     return sentences
 
 
@@ -237,8 +237,8 @@ def _grazed(point: cb.continuation.Point) -> str:
     if "impacts" in point.detail:
         return f"impacts {point.detail['impacts']}"
     margins = point.solution.admissibility()
-    known = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only
-    places = [known[name] for name in known if getattr(margins, name) < BOTH]
+    by_margin = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only
+    places = [by_margin[name] for name in by_margin if getattr(margins, name) < BOTH]
     if kinds == ["GR", "GR"] and len(places) > 1:
         *several, last = (
             "the far field" if site is None else f"site {site} at t = {time:.6g}"

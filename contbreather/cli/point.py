@@ -39,16 +39,16 @@ def point(
     values, rule = where.need(*NEEDED), where.on()
     # of a point, --sites asks for a ring besides the infinite chain
     on = rule if where.lattice else replace(where, sites=None, threshold=None).on()
-    found: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**values, **on.given})
-    breather = rooted(found, root)
-    others = [other for other in found if other is not breather]
+    roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**values, **on.given})
+    breather = rooted(roots, root)
+    others = [other for other in roots if other is not breather]
     verdicts = _verdicts(breather, on, rule)
     content = _content(breather, on, verdicts, others, where.sites)
     proof = breather.certify() if certify else None
     if proof is not None:
         content["certificate"] = asdict(proof)
     if json:
-        to_json({**content, "root": found.index(breather) + 1})
+        to_json({**content, "root": roots.index(breather) + 1})
     else:
         say(_table(breather, verdicts[0]))
         say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.describe()]))

@@ -60,11 +60,11 @@ def run(
     if cluster is not None and workers is not None:
         raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
     if dry_run:
-        asked = plan(study, folder=folder, again=again)
+        planned = plan(study, folder=folder, again=again)
         if json:
-            to_json({"folder": str(asked.folder), "on": asked.on, "parts": asked.parts()})
+            to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.parts()})
         else:
-            say(asked)
+            say(planned)
         return
     tell = None if sys.stderr.isatty() else note
     with nullcontext(workers) if cluster is None else dask(cluster) as executor:

@@ -48,9 +48,9 @@ class RunSummary:
             )
             yield Chunk(0, u, v, u[:0], v[:0], **hits)
             return
-        for one in self.stream.chunks():
-            one.impacts["time"] += self.stream.t0
-            yield one
+        for chunk in self.stream.chunks():
+            chunk.impacts["time"] += self.stream.t0
+            yield chunk
 
 
 def summary_of(run: cb.simulation.Run | SmoothRun, site: int = 0) -> RunSummary:
@@ -61,14 +61,14 @@ def summary_of(run: cb.simulation.Run | SmoothRun, site: int = 0) -> RunSummary:
     )
 
 
-def summary_in(kept: cb.simulation.Recording, wanted: int, site: int = 0) -> RunSummary:
+def summary_in(stream: cb.simulation.Recording, wanted: int, site: int = 0) -> RunSummary:
     """A run on disk, not judged yet: it is read piece by piece, only its end is held."""
-    run = kept.last(2 * JUDGED)
-    interrupted = kept.interrupted
+    run = stream.last(2 * JUDGED)
+    interrupted = stream.interrupted
     stop = run.reason or run.stop.value
     if interrupted:
-        stop = f"interrupted after {kept.periods} of {wanted} periods; the same command goes on"
-    return RunSummary(run, kept.periods, interrupted, stop, kept, site)
+        stop = f"interrupted after {stream.periods} of {wanted} periods; the same command goes on"
+    return RunSummary(run, stream.periods, interrupted, stop, stream, site)
 
 
 @computing()
@@ -76,7 +76,7 @@ def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
         if isinstance(summary.run, cb.simulation.Run):
-            by_site = _counted(one.impacts for one in summary.chunks())
+            by_site = _counted(chunk.impacts for chunk in summary.chunks())
             summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
         verdict = _judged(summary.run)
     except KeyboardInterrupt:
@@ -88,11 +88,11 @@ def _counted(tables: Iterable[Any]) -> dict[int, int]:
     """Impacts of each site that has any."""
     import numpy as np
 
-    found: dict[int, int] = {}
+    counts: dict[int, int] = {}
     for table in tables:
         for site, count in zip(*np.unique(table["site"], return_counts=True), strict=True):
-            found[int(site)] = found.get(int(site), 0) + int(count)
-    return dict(sorted(found.items()))
+            counts[int(site)] = counts.get(int(site), 0) + int(count)
+    return dict(sorted(counts.items()))
 
 
 def _lost_in(summary: RunSummary) -> int | None:
@@ -102,12 +102,12 @@ def _lost_in(summary: RunSummary) -> int | None:
     from contbreather.paper.lifetimes import unlike_a_breather
 
     wall = 0
-    for one in summary.chunks():
-        wrong = unlike_a_breather(one.impacts, one.periods, one.first, wall, summary.site)
+    for chunk in summary.chunks():
+        wrong = unlike_a_breather(chunk.impacts, chunk.periods, chunk.first, wall, summary.site)
         gone = np.flatnonzero(wrong)
         if gone.size:
-            return one.first + int(gone[0])
-        wall = int(one.impacts["wall"][-1]) if one.impacts.size else wall
+            return chunk.first + int(gone[0])
+        wall = int(chunk.impacts["wall"][-1]) if chunk.impacts.size else wall
     return None
 
 
@@ -134,10 +134,10 @@ def _judged(run: cb.simulation.Run | SmoothRun) -> dict[str, Any]:
         length = length_of(run)
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
         return {"reason": f"no verdict: {words}, give at least {2 * ENOUGH}"}
-    found: Any
+    verdict: Any
     try:
-        found = judge(run.since(run.periods - half))
+        verdict = judge(run.since(run.periods - half))
     except cb.errors.ContbreatherError as error:
         return {"reason": f"no verdict: {error}"}
-    kinds = {"kind": found.kind.name, "motion": found.motion.name}
-    return {**kinds, "reason": str(found), "evidence": dict(found.evidence)}
+    kinds = {"kind": verdict.kind.name, "motion": verdict.motion.name}
+    return {**kinds, "reason": str(verdict), "evidence": dict(verdict.evidence)}

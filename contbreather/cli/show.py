@@ -41,15 +41,15 @@ def show(
     """
     into.check({"RUN": run})
     axes.check(into.output)
-    found = opened(run)
-    chosen = found if name is None else {"": found[name]}
+    results = opened(run)
+    chosen = results if name is None else {"": results[name]}
     if len(chosen) == 1:
         (result,) = chosen.values()
         lines, about = _lines(result), _entry(result)
     else:
-        lines, about = iter([found.table()]), {}
+        lines, about = iter([results.table()]), {}
     into.leave(
-        lambda: {"path": str(found.path), **about, **_content(chosen)},
+        lambda: {"path": str(results.path), **about, **_content(chosen)},
         lines,
         lambda: _table_of(chosen),
         lambda: _drawn(chosen, axes),
@@ -84,7 +84,7 @@ def _lines(result: Any) -> Iterator[object]:
 def _in_words(point: cb.continuation.Point, value: Any) -> str:
     """A number or a word; a vector by the names of its unknowns, arrays by their largest entry."""
     if isinstance(value, list | tuple):
-        return "; ".join(_in_words(point, one) for one in value)
+        return "; ".join(_in_words(point, item) for item in value)
     if not hasattr(value, "shape") or not value.shape:
         return f"{value:.9g}" if isinstance(value, float) else str(value)
     words = []
@@ -97,14 +97,14 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
-def _what(found: Mapping[str, Any]) -> str:
+def _what(by_name: Mapping[str, Any]) -> str:
     """The command that leaves such results; nothing where several have."""
     from contbreather.continuation.diagram import Diagram
 
-    results = list(found.values())
-    if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
+    results = list(by_name.values())
+    if all(isinstance(result, cb.orbits.Zones) and any(result) for result in results):
         return "zones"
-    if all(re.fullmatch(r"arm\d+", name) and _is_arm(one) for name, one in found.items()):
+    if all(re.fullmatch(r"arm\d+", name) and _is_arm(result) for name, result in by_name.items()):
         return "switch"
     if len(results) > 1:
         return ""
@@ -123,33 +123,37 @@ def _is_arm(result: Any) -> bool:
     return isinstance(result, cb.Branch) and result[0].parent is not None and bool(_model(result))
 
 
-def _content(found: Mapping[str, Any]) -> dict[str, Any]:
+def _content(by_name: Mapping[str, Any]) -> dict[str, Any]:
     """For JSON, as by the command that computed it; of results of several commands each."""
     from contbreather.cli import diagram, simulate, switch, zones
 
-    results = list(found.values())
-    one: Any = results[0]
-    match _what(found):
+    results = list(by_name.values())
+    first: Any = results[0]
+    match _what(by_name):
         case "zones":
             entries = [zones.diagram_entry(diagram) for diagram in results]
-            return {**_model(next(branch for _, branch in one)), "zones": entries}
+            return {**_model(next(branch for _, branch in first)), "zones": entries}
         case "switch":
-            about = {"free": one.free, **_model(one), "at": point_entry(one[0].parent)}
+            about = {"free": first.free, **_model(first), "at": point_entry(first[0].parent)}
             return {**about, "arms": [switch.arm_entry(arm) for arm in results]}
         case "diagram":
-            return {"free": one[0].free, **_model(one[0]), **diagram.content(one)}
+            return {"free": first[0].free, **_model(first[0]), **diagram.content(first)}
         case "branch":
-            return {"free": one.free, **_model(one), **branch_entry(one)}
+            return {"free": first.free, **_model(first), **branch_entry(first)}
         case "boundary":
-            kind, pair = one.problem.label.partition(" ")[0], one.curve.varied
-            return {"curve": kind, "pair": pair, **_model(one), **branch_entry(one)}
+            kind, pair = first.problem.label.partition(" ")[0], first.curve.varied
+            return {"curve": kind, "pair": pair, **_model(first), **branch_entry(first)}
         case "simulate":
-            on = one.conditions
-            given = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
-            return simulate.content(judged(summary_of(one)), given, getattr(on, "m", None))
-    if len(found) > 1:
-        return {"results": {name: _entry(one) | _content({"": one}) for name, one in found.items()}}
-    special = [point_entry(point) for point in getattr(one, "special", ())]
+            on = first.conditions
+            params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
+            return simulate.content(judged(summary_of(first)), params, getattr(on, "m", None))
+    if len(by_name) > 1:
+        return {
+            "results": {
+                name: _entry(result) | _content({"": result}) for name, result in by_name.items()
+            }
+        }
+    special = [point_entry(point) for point in getattr(first, "special", ())]
     return {"special": special} if special else {}
 
 
@@ -172,13 +176,13 @@ def _model(branch: cb.Branch) -> dict[str, Any]:
     return model_entry(on.forcing, on.lattice, problem.threshold, site, on.walls)
 
 
-def _table_of(found: Mapping[str, Any]) -> Table:
+def _table_of(by_name: Mapping[str, Any]) -> Table:
     """Rows and columns for CSV, as by the command that computed them, or all below each other."""
     from contbreather.cli import simulate, zones
     from contbreather.columns import stacked
 
-    results = list(found.values())
-    match _what(found):
+    results = list(by_name.values())
+    match _what(by_name):
         case "zones":
             return zones.curves_table(results)
         case "switch":
@@ -191,16 +195,18 @@ def _table_of(found: Mapping[str, Any]) -> Table:
             return simulate.strobe_table(summary_of(results[0]))
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
-    if len(found) > 1:
-        return table_of(stacked(({"name": name}, one.columns()) for name, one in found.items()))
+    if len(by_name) > 1:
+        return table_of(
+            stacked(({"name": name}, result.columns()) for name, result in by_name.items())
+        )
     columns = results[0].columns().items()
     return table_of({name: column for name, column in columns if column.ndim == 1})
 
 
-def _drawn(found: Mapping[str, Any], axes: Axes) -> Any:
+def _drawn(by_name: Mapping[str, Any], axes: Axes) -> Any:
     from contbreather.continuation.diagram import Diagram
 
-    values = list(found.values())
+    values = list(by_name.values())
     if all(isinstance(value, cb.orbits.Zones) for value in values):
         return cb.plotting.plot_zones(values)[0]
     if len(values) == 1 and isinstance(values[0], Diagram):

@@ -91,9 +91,9 @@ class RunOptions:
         read = where.read | {"--start": self.start if self.start != self.final else None}
         into.check(read, impacts=self.impacts, final=self.final)
         rigid = {"--impacts": self.impacts, "--stream": self.stream, "--noise": self.noise}
-        for which, given in rigid.items():
-            if self.smooth is not None and given:
-                raise BadInput(f"{which} goes with rigid walls only: leave out --smooth")
+        for option, value in rigid.items():
+            if self.smooth is not None and value:
+                raise BadInput(f"{option} goes with rigid walls only: leave out --smooth")
         if self.noise and self.stream is not None:
             raise BadInput(
                 "--noise: a stream is without noise; leave --stream out, --save keeps it"
@@ -136,10 +136,10 @@ class RunOptions:
             )
         shared |= {"walls": on.more["walls"]}
         if self.stream is not None:
-            kept = cb.simulation.record(
+            recording = cb.simulation.record(
                 self.stream, self._pushed(state), periods=int(self.periods), **shared
             )
-            return summary_in(kept, int(self.periods), where.site)
+            return summary_in(recording, int(self.periods), where.site)
         shared |= {"noise": self.noise, "seed": self.seed}
         run = cb.simulate(self._pushed(state), periods=self.periods, **shared)
         return summary_of(run, where.site)
@@ -170,18 +170,18 @@ def _breather(where: ModelOptions, on: ModelParameters, lattice: Any) -> tuple[A
     """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
     a ring is the one without damping, as in the paper; that of --lattice has all."""
     values = where.given | ({} if where.lattice else {"damping": 0.0})
-    found = cb.symmetric(**{**values, **on.given, "lattice": lattice or cb.Ring(SITES)})
-    margins = found.admissibility()
+    breather = cb.symmetric(**{**values, **on.given, "lattice": lattice or cb.Ring(SITES)})
+    margins = breather.admissibility()
     if not margins.ok:
         raise BadInput(f"{margins.reason.rstrip('.')}; give a state with --start instead")
     # a period should not begin at an impact: it might be counted there or not
-    t0 = 0.0 if abs(math.remainder(found.phi, math.pi)) > CLOSE else 0.5 * math.pi
-    return found.state(t=t0), t0
+    t0 = 0.0 if abs(math.remainder(breather.phi, math.pi)) > CLOSE else 0.5 * math.pi
+    return breather.state(t=t0), t0
 
 
 def simulate(
     where: ModelOptions = ModelOptions(),
-    asked: RunOptions = RunOptions(),
+    options: RunOptions = RunOptions(),
     into: SavedRun = SavedRun(),
 ) -> None:
     """A lattice in motion, impact by impact, and a verdict on it.
@@ -191,44 +191,44 @@ def simulate(
     writes it, or two columns u and v. --csv takes the states once in a period. After Ctrl-C all
     that was simulated until then is written, then judged; a second one leaves the verdict out.
     """
-    asked.check(where, into)
-    summary = asked.simulate(where)
+    options.check(where, into)
+    summary = options.simulate(where)
     if summary.interrupted:
         note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
-    made = [str(path) for path in _files(summary, asked, into)]
+    written = [str(path) for path in _files(summary, options, into)]
     summary = judged(summary)
-    aside = printed(into.csv, asked.impacts, asked.final)
+    aside = printed(into.csv, options.impacts, options.final)
     if into.json:
-        given = where.need(*NEEDED)
-        begun = asked.start is None and summary.by_site is not None  # as a breather that impacts
+        params = where.need(*NEEDED)
+        begun = options.start is None and summary.by_site is not None  # as a breather that impacts
         lost = {"lost_after": summary.lost} if begun else {}
-        to_json({**content(summary, given, asked.smooth), **lost, "written": made})
+        to_json({**content(summary, params, options.smooth), **lost, "written": written})
     else:
-        rigid = asked.smooth is None
-        walls = "rigid walls" if rigid else f"smooth walls, m = {asked.smooth:g}"
+        rigid = options.smooth is None
+        walls = "rigid walls" if rigid else f"smooth walls, m = {options.smooth:g}"
         length = summary.periods if summary.stream else length_of(summary.run)
         lattice = summary.run.conditions.lattice.describe()
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
-        if rows := list(_rows(summary, asked)):
+        if rows := list(_rows(summary, options)):
             say(Sheet.of(rows), aside=aside)
-        say(*_sentences(summary), *(f"Wrote {path}." for path in made), aside=aside)
+        say(*_sentences(summary), *(f"Wrote {path}." for path in written), aside=aside)
     end(summary.interrupted)
 
 
 # --- what is left ---------------------------------------------------------------------------------
 
 
-def _files(summary: RunSummary, asked: RunOptions, into: SavedRun) -> Iterator[Any]:
+def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
-    if asked.final is not None:
-        yield write_state(asked.final, summary.run.final, summary.run.end)
+    if options.final is not None:
+        yield write_state(options.final, summary.run.final, summary.run.end)
     if into.save is not None:
         cb.save(into.save, run=summary.run)
         yield into.save
     if into.csv is not None:
         yield to_csv(into.csv, *strobe_table(summary))
-    if asked.impacts is not None:
-        yield to_csv(asked.impacts, _impacts(summary), IMPACTS)
+    if options.impacts is not None:
+        yield to_csv(options.impacts, _impacts(summary), IMPACTS)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
 
@@ -245,10 +245,10 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
 
     from contbreather.simulation.states import PERIOD
 
-    kept, run = summary.stream, summary.run
-    t0, begin = (float(run.times[0]), run.strobe) if kept is None else (kept.t0, kept.start)
+    stream, run = summary.stream, summary.run
+    t0, begin = (float(run.times[0]), run.strobe) if stream is None else (stream.t0, stream.start)
     start: Any = (0, *(np.atleast_2d(row)[:1] for row in begin))
-    later = ((one.first + 1, one.u, one.v) for one in summary.chunks())
+    later = ((chunk.first + 1, chunk.u, chunk.v) for chunk in summary.chunks())
     for first_period, u, v in chain([start], later):
         for i in range(len(u)):
             period = first_period + i
@@ -259,8 +259,8 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
 
 
 def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
-    for one in summary.chunks():
-        for row in one.impacts.tolist():
+    for chunk in summary.chunks():
+        for row in chunk.impacts.tolist():
             yield dict(zip(IMPACTS, row, strict=True))
 
 
@@ -295,11 +295,11 @@ def _window(run: Any, site: int) -> Any:
     return completed(let_go(state, run.conditions, **window)).record
 
 
-def content(summary: RunSummary, given: Mapping[str, Any], m: float | None) -> dict[str, Any]:
+def content(summary: RunSummary, params: Mapping[str, Any], m: float | None) -> dict[str, Any]:
     """A run for JSON: its parameters, how it ended, and the verdict."""
     run, c = summary.run, summary.run.conditions
-    found: dict[str, Any] = {
-        **given,
+    entry: dict[str, Any] = {
+        **params,
         "damping": c.damping,
         "forcing": c.forcing.describe(),
         "m": m,
@@ -313,8 +313,8 @@ def content(summary: RunSummary, given: Mapping[str, Any], m: float | None) -> d
         "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
     }
     if summary.by_site is not None:
-        found["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
-    return found
+        entry["impacts"] = {"total": sum(summary.by_site.values()), "by_site": summary.by_site}
+    return entry
 
 
 WORDS = {
@@ -327,11 +327,11 @@ WORDS = {
 }
 
 
-def _rows(summary: RunSummary, asked: RunOptions) -> Iterator[tuple[str, str]]:
+def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]:
     if summary.by_site is not None:
         yield "impacts", str(sum(summary.by_site.values()))
         yield f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))
-        if asked.start is None:
+        if options.start is None:
             lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
             yield "breather kept for", lost
     if "return" in summary.evidence:

@@ -102,13 +102,13 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     free, there = arms[0].free, columns_of(arms[0])
     names = [free, *(name for name in SHOWN if name in there)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
-    own = [
+    columns = [
         Column(name, [point.shown(name) for _, point in lines], spare=name in TIMES)
         for name in names
     ]
     first = Column("arm", [i for i, _ in lines])
     labels = Column("label", [_name(point) for _, point in lines])
-    return Sheet([first, labels, *own], title=f"{arms[0].problem.label} in {free}")
+    return Sheet([first, labels, *columns], title=f"{arms[0].problem.label} in {free}")
 
 
 def _name(point: cb.continuation.Point) -> str:
@@ -130,8 +130,8 @@ def _stretches(arm: cb.Branch) -> Iterator[str]:
         inside = arm.points[i + 1 : j] or (between(arm[i], arm[j]),)
         counts = {point["unstable"] for point in inside if point is not None}
         if counts:
-            found = ", ".join(str(count) for count in sorted(counts))
-            word = "stable" if counts == {0} else f"unstable, multipliers outside: {found},"
+            numbers = ", ".join(str(count) for count in sorted(counts))
+            word = "stable" if counts == {0} else f"unstable, multipliers outside: {numbers},"
             yield f"{_name(arm[i])} to {_name(arm[j])}: {word} on {on}"
 
 

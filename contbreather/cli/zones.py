@@ -47,33 +47,33 @@ def zones(
         into = SavedOutput(csv=TABLE, output=FIGURE)
     into.check({"--lattice": where.lattice})
     on, windows = plane.on(**vars(where)), plane.within
-    asked: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
-    asked |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
-    asked |= {"past_folds": plane.past_folds, **on.more, **where.losses}
-    found, cut = kept(_computed, asked, into.save)
-    if not any(branches for one in found for branches in one.curves.values()):
+    options: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
+    options |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
+    options |= {"past_folds": plane.past_folds, **on.more, **where.losses}
+    diagrams, cut = kept(_computed, options, into.save)
+    if not any(branches for diagram in diagrams for branches in diagram.curves.values()):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
     into.leave(
-        lambda: {**on.entry(), "zones": [diagram_entry(one) for one in found]},
-        _lines(found),
-        lambda: curves_table(found),
-        lambda: cb.plotting.plot_zones(found, within=windows)[0],
+        lambda: {**on.entry(), "zones": [diagram_entry(diagram) for diagram in diagrams]},
+        _lines(diagrams),
+        lambda: curves_table(diagrams),
+        lambda: cb.plotting.plot_zones(diagrams, within=windows)[0],
         cut=cut,
     )
 
 
-def _computed(asked: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]:
+def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]:
     """All diagrams, over the cores where that pays."""
     from contbreather.continuation.checkpoint import checkpoint
     from contbreather.workers import Failed
 
     done: list[cb.orbits.Zones] = []
     with checkpoint(save, "zones") as file:
-        for one in cb.zones_many(**asked):
-            if isinstance(one, Failed):
-                raise one.error
-            done.append(one)
+        for result in cb.zones_many(**options):
+            if isinstance(result, Failed):
+                raise result.error
+            done.append(result)
             file.look(True, lambda: tuple(done))
         file.finish(tuple(done))
     return tuple(done)
@@ -83,29 +83,29 @@ def _fixed(
     k: tuple[float, ...], gamma: tuple[float, ...], a: tuple[float, ...]
 ) -> tuple[str, tuple[float, ...]]:
     """The parameter that is fixed, and its values."""
-    given = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
-    if not given:
+    typed = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
+    if not typed:
         return "k", RESTITUTIONS
-    if len(given) > 1:
+    if len(typed) > 1:
         raise BadInput(
-            f"zones are drawn with one parameter fixed, but {' and '.join(given)} were given; "
+            f"zones are drawn with one parameter fixed, but {' and '.join(typed)} were given; "
             "leave one"
         )
-    return next(iter(given.items()))
+    return next(iter(typed.items()))
 
 
-def curves_table(found: Sequence[cb.orbits.Zones]) -> Table:
+def curves_table(diagrams: Sequence[cb.orbits.Zones]) -> Table:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
     from contbreather.columns import stacked
 
-    there = (one for one in found if any(one.curves.values()))
-    return table_of(stacked(({}, one.columns()) for one in there))
+    nonempty = (diagram for diagram in diagrams if any(diagram.curves.values()))
+    return table_of(stacked(({}, diagram.columns()) for diagram in nonempty))
 
 
 def _columns(branch: cb.Branch) -> dict[str, Any]:
     names = ("gamma", "a", "k", "p", "nu", "t")
-    found = {name: branch[name] for name in names if name in branch.curve.slots}
-    return {**found, "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch)}
+    columns = {name: branch[name] for name in names if name in branch.curve.slots}
+    return {**columns, "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch)}
 
 
 def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
@@ -115,8 +115,13 @@ def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
         for branch in branches
     ]
     regions = [
-        {"verdict": one.verdict, "unstable": one.counts, "lower": one.lower, "outline": one.outline}
-        for one in diagram.regions
+        {
+            "verdict": region.verdict,
+            "unstable": region.counts,
+            "lower": region.lower,
+            "outline": region.outline,
+        }
+        for region in diagram.regions
     ]
     losses = {name: diagram.model.get(name) for name in ("damping", "spring")}
     fixed = dict([diagram.fixed]) | {n: value for n, value in losses.items() if value is not None}
@@ -131,13 +136,13 @@ def _points(diagram: cb.orbits.Zones) -> Iterator[dict[str, Any]]:
     return (dict(zip(names, row, strict=True)) for row in table.rows)
 
 
-def _lines(found: Sequence[cb.orbits.Zones]) -> Iterator[object]:
+def _lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
-    table = found[0].table().further(*(row for one in found[1:] for row in one.table().rows))
+    table = planes[0].table().further(*(row for plane in planes[1:] for row in plane.table().rows))
     yield table if table.rows else "No two curves meet there."
-    for one in found:
-        sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in one.curves.items() if c)
-        cut = "; interrupted, curves may be missing" if one.interrupted else ""
-        yield f"Points on the curves at {one.fixed[0]} = {one.fixed[1]:g}: {sizes}{cut}."
-        for told in one.told():
-            yield f"{told}." if "damping" in one.model else f"{told}; --past-folds draws them."
+    for plane in planes:
+        sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in plane.curves.items() if c)
+        cut = "; interrupted, curves may be missing" if plane.interrupted else ""
+        yield f"Points on the curves at {plane.fixed[0]} = {plane.fixed[1]:g}: {sizes}{cut}."
+        for told in plane.told():
+            yield f"{told}." if "damping" in plane.model else f"{told}; --past-folds draws them."

@@ -48,12 +48,12 @@ def some_sites(text: str) -> tuple[int, ...]:
     """Numbers of sites, apart by commas or blanks; at most eight."""
     words = text.replace(",", " ").split()
     try:
-        found = tuple(dict.fromkeys(int(word) for word in words))
+        sites = tuple(dict.fromkeys(int(word) for word in words))
     except ValueError:
-        found = ()
-    if not 0 < len(found) <= 8:
+        sites = ()
+    if not 0 < len(sites) <= 8:
         raise BadInput(f"sites = {text}: one to eight whole numbers were expected, as in 0, 1, 2.")
-    return found
+    return sites
 
 
 def a_lattice(text: str) -> str:
@@ -150,8 +150,8 @@ class ErrorLabel(Words):
 
     def say(self, sentence: str) -> None:
         """Another sentence, or none."""
-        said = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
-        self.show(said if sentence else "")
+        html = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
+        self.show(html if sentence else "")
 
 
 def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
@@ -166,13 +166,13 @@ def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
 
 def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
     """All fields by name; None if any was refused, each of which says so."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, field in fields.items():
         try:
-            found[name] = field.get()
+            values[name] = field.get()
         except BadInput:
             continue
-    return found if len(found) == len(fields) else None
+    return values if len(values) == len(fields) else None
 
 
 def in_rows(fields: Iterable[Field], across: int) -> Any:

@@ -82,9 +82,9 @@ class Forms:
                     self.breather_trouble.view)  # fmt: skip
 
     def _show(self) -> None:
-        found = read_all(self.breather)
-        if found is not None:
-            self.explorer.choose_typed(**found)
+        typed = read_all(self.breather)
+        if typed is not None:
+            self.explorer.choose_typed(**typed)
 
     def _lattice(self, text: str) -> str:
         """As it was typed; of a lattice that a curve brought its description."""
@@ -110,9 +110,9 @@ class Forms:
             field.input.value = f"{end:g}"
 
     def _walk(self) -> None:
-        chosen, found = self.explorer.chosen, read_all(self.window)
-        if found is not None:
-            window = found["low"], found["high"]
+        chosen, typed = self.explorer.chosen, read_all(self.window)
+        if typed is not None:
+            window = typed["low"], typed["high"]
             self.explorer.begin(work.traced(chosen, self.free.value, window))
 
     # --- special points ---------------------------------------------------------------------------
@@ -149,9 +149,9 @@ class Forms:
         return card("Simulation", in_rows(self.length.values(), 3), button, self.run_trouble.view)
 
     def _simulate(self) -> None:
-        chosen, found = self.explorer.chosen, read_all(self.length)
-        if found is not None:
-            self.explorer.begin(work.simulated(chosen, **found, watched=self.explorer.state.sites))
+        chosen, typed = self.explorer.chosen, read_all(self.length)
+        if typed is not None:
+            self.explorer.begin(work.simulated(chosen, **typed, watched=self.explorer.state.sites))
 
     # --- what is kept -----------------------------------------------------------------------------
 
@@ -228,8 +228,8 @@ class Forms:
         if orbit is None or orbit is self.orbit:
             return
         self.orbit = orbit
-        here = {name: getattr(orbit, name) for name in NEEDED} | self.explorer.lives_on(chosen)
-        for name, value in here.items():
+        entries = {name: getattr(orbit, name) for name in NEEDED} | self.explorer.lives_on(chosen)
+        for name, value in entries.items():
             text = f"{value:.10g}" if isinstance(value, float) else str(value)
             self.breather[name].input.value = "" if value is None else text
 

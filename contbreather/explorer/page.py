@@ -149,7 +149,7 @@ class Page:
         which = pn.FlexBox(
             self.x, self.y, self.curve, self.label, self.point, sizing_mode="stretch_width"
         )
-        asked = pn.Row(*(field.view for field in self.asked.values()), margin=0)
+        fields = pn.Row(*(field.view for field in self.asked.values()), margin=0)
         parts: dict[str, tuple[Any, ...]] = {
             "zones": (
                 "Zones", pn.Row(self.plane, self.slider, margin=0, sizing_mode="stretch_width"),
@@ -160,11 +160,11 @@ class Page:
                 pn.Row(self.remove, self.undo, margin=0),
             ),
             "profile": ("Profile", self.profile.figure),
-            "motion": ("Motion over a period", asked, self.motion.figure),
+            "motion": ("Motion over a period", fields, self.motion.figure),
             "multipliers": ("Multipliers", self.multipliers.figure),
             "words": ("What it is", self.words.view),
         }  # fmt: skip
-        figures = [card(title, *own, css=[name]) for name, (title, *own) in parts.items()]
+        figures = [card(title, *content, css=[name]) for name, (title, *content) in parts.items()]
         self.run_card = card("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
             self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
@@ -221,22 +221,22 @@ class Page:
 
     def _branch_tapped(self, event: Any) -> None:
         state = self.explorer.state
-        found = self.branches.nearest(state.shown, *state.columns, (event.x, event.y))
-        if found is not None:
-            tried(lambda: self.explorer.choose_point(*found), self._tell)
+        nearest = self.branches.nearest(state.shown, *state.columns, (event.x, event.y))
+        if nearest is not None:
+            tried(lambda: self.explorer.choose_point(*nearest), self._tell)
 
     def _pick(self, index: int) -> None:
         if self.curve.value and index != NOWHERE:
             self.explorer.choose_point(self.curve.value, index)
 
     def _hide(self, shown: list[str]) -> None:
-        curves = {one.code for one in self.explorer.state.curves}
+        curves = {curve.code for curve in self.explorer.state.curves}
         self.explorer.change(hidden=frozenset(curves - set(shown)))
 
     def _asked(self) -> None:
-        found = read_all(self.asked)
-        if found is not None:
-            self.explorer.watch(**found)
+        typed = read_all(self.asked)
+        if typed is not None:
+            self.explorer.watch(**typed)
 
     # -------------------------------------------------------------------------------- what is seen
 
@@ -295,8 +295,8 @@ class Page:
         explorer, chosen = self.explorer, self.explorer.state.chosen
         words = explorer.progress or explorer.message
         if not words and chosen is not None:
-            known = "" if chosen.orbit is None else f": {summary.verdict(chosen.orbit)}"
-            words = f"{chosen.title}{known}"
+            verdict = "" if chosen.orbit is None else f": {summary.verdict(chosen.orbit)}"
+            words = f"{chosen.title}{verdict}"
         if explorer.drawing:
             words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
@@ -321,7 +321,7 @@ class Page:
 
     def _render_branches(self, new: State, old: State) -> None:
         x, y = new.columns
-        codes = [one.code for one in new.curves]
+        codes = [curve.code for curve in new.curves]
         if new.curves != old.curves:
             self.curve.options = summary.names(new.curves)
         self.curve.value = new.listed or next(iter(codes), None)
@@ -334,7 +334,7 @@ class Page:
         offered(self.y, names, y)
         if (new.shown, new.columns) != (old.shown, old.columns):
             self.branches.show(new.shown, x, y)
-        seen = new.chosen is not None and new.chosen.curve in (one.code for one in new.shown)
+        seen = new.chosen is not None and new.chosen.curve in (curve.code for curve in new.shown)
         self.branches.choose(new.chosen if seen else None, x, y)
         self._render_place(new)
 
@@ -379,11 +379,12 @@ def _put(slider: Any, value: float, **more: Any) -> None:
 
 def _common(state: State) -> list[str]:
     """Columns of numbers that all curves have which are drawn beside the first."""
-    curves = [one.branch for one in state.curves if one.code not in state.hidden]
+    curves = [curve.branch for curve in state.curves if curve.code not in state.hidden]
     if not curves:
         return ["a", "p"]
-    alike = [one for one in curves if curves[0].free in one.names]  # not of another problem
-    others = [numbers(one) for one in alike]
+    # not of another problem
+    alike = [branch for branch in curves if curves[0].free in branch.names]
+    others = [numbers(branch) for branch in alike]
     return [name for name in numbers(curves[0]) if all(name in other for other in others)]
 
 
@@ -398,8 +399,8 @@ def _described(state: State) -> str:
         sentences = [("equations", "this curve has none here: only its numbers are known")]
     else:
         sentences = list(summary.verdicts(chosen.orbit, state.ring))
-    said = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
-    return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{said}</dl>"
+    items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
+    return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{items}</dl>"
 
 
 def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:

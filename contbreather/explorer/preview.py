@@ -54,7 +54,7 @@ def preview_of(zones: Zones) -> Preview:
     )
 
 
-def between(one: Zones, other: Zones, k: float) -> Preview | None:
+def between(left: Zones, right: Zones, k: float) -> Preview | None:
     """The diagram at k by those at two values beside it; None where these have not the same curves
     and meetings, for then something happens between them.
 
@@ -65,26 +65,26 @@ def between(one: Zones, other: Zones, k: float) -> Preview | None:
     >>> between(left, right, 0.78).exact
     False
     """
-    if _shape(one) != _shape(other):
+    if _shape(left) != _shape(right):
         return None
-    share = (k - one.fixed[1]) / (other.fixed[1] - one.fixed[1])
+    share = (k - left.fixed[1]) / (right.fixed[1] - left.fixed[1])
     curves = {
         kind: tuple(
-            _mixed(_line(one, a), _line(other, b), share)
-            for a, b in zip(one[kind], other[kind], strict=True)
+            _mixed(_line(left, a), _line(right, b), share)
+            for a, b in zip(left[kind], right[kind], strict=True)
         )
         for kind in KINDS
     }
     meetings = tuple(
         (x0 + share * (x1 - x0), y0 + share * (y1 - y0), name)
-        for (x0, y0, name), (x1, y1, _) in zip(_sorted(one), _sorted(other), strict=True)
+        for (x0, y0, name), (x1, y1, _) in zip(_sorted(left), _sorted(right), strict=True)
     )
-    there = replace(one, fixed=("k", k))
+    at_k = replace(left, fixed=("k", k))
     lines = [line for kind in KINDS for line in curves[kind]]
     places = np.vstack(lines)
     box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
-    judged = regions(lines, box, there.unstable, there.lower)
-    return Preview(("k", k), _about(one), False, curves, judged, meetings)
+    judged = regions(lines, box, at_k.unstable, at_k.lower)
+    return Preview(("k", k), _about(left), False, curves, judged, meetings)
 
 
 def _about(zones: Zones) -> str:
@@ -101,10 +101,10 @@ def is_of(drawn: Preview, orbit: Orbit) -> bool:
 def about(orbit: Orbit) -> str:
     """What a breather is on, in words; zones are of one such."""
     on, site = orbit.conditions, orbit.section.hit[0]
-    said = [on.lattice.describe(), f"site {site}" if site else ""]
-    said += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
-    said += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
-    return ", ".join(filter(None, said))
+    words = [on.lattice.describe(), f"site {site}" if site else ""]
+    words += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
+    words += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
+    return ", ".join(filter(None, words))
 
 
 def _line(zones: Zones, branch: Any) -> Array:
@@ -120,11 +120,11 @@ def _shape(zones: Zones) -> Any:
     return [len(zones[kind]) for kind in KINDS], [name for *_, name in _sorted(zones)]
 
 
-def _mixed(one: Array, other: Array, share: float) -> Array:
+def _mixed(line: Array, other: Array, share: float) -> Array:
     """Between two curves, point by point at the same part of their lengths."""
-    ends = one[[0, -1]]
+    ends = line[[0, -1]]
     straight, turned = (np.abs(ends - other[way]).sum() for way in ([0, -1], [-1, 0]))
     if turned < straight:  # they were walked in opposite directions
         other = other[::-1]
-    first, last = evenly(one, FINE), evenly(other, FINE)
+    first, last = evenly(line, FINE), evenly(other, FINE)
     return first + share * (last - first)

@@ -44,14 +44,14 @@ def server_for(
         )
     port = _free(address, port)
     _check_origins(origins, port)
-    own = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
+    own_origins = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
     from contbreather.explorer.template import in_template
 
     # that a page was closed, or loaded again, while something was sent to it is no trouble
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
     server = panel.io.server.get_server(
         {"/": lambda: in_template(explorer)}, port=port, address=address, start=False, show=False,
-        websocket_origin=[*own, *origins], title="contbreather explorer", verbose=False,
+        websocket_origin=[*own_origins, *origins], title="contbreather explorer", verbose=False,
     )  # fmt: skip
     return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
 
@@ -82,11 +82,11 @@ def _panel() -> Any:
 def _free(address: str, port: int) -> int:
     """The port, or a free one for 0; asked before anything is loaded for it."""
     try:
-        found = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(found[0], found[1]) as one:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            one.bind(found[4])
-            return int(one.getsockname()[1])
+        info = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(info[0], info[1]) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(info[4])
+            return int(probe.getsockname()[1])
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise BadInput(

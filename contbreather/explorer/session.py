@@ -123,13 +123,13 @@ class Session:
             self._next_ahead()
 
     def _rough(self, name: str, k: float, *of: str) -> Preview | None:
-        known = [known for which, known, *other in self._planes if (which, *other) == ("k", *of)]
-        below = max((one for one in known if one < k), default=None)
-        above = min((one for one in known if one > k), default=None)
+        values = [value for which, value, *other in self._planes if (which, *other) == ("k", *of)]
+        below = max((value for value in values if value < k), default=None)
+        above = min((value for value in values if value > k), default=None)
         if name != "k" or below is None or above is None or above - below > WIDEST:
             return None
-        one, other = (self._planes["k", end, of[0], of[1]] for end in (below, above))
-        return between(one, other, k)
+        left, right = (self._planes["k", end, of[0], of[1]] for end in (below, above))
+        return between(left, right, k)
 
     def _compute(
         self,
@@ -150,17 +150,17 @@ class Session:
         def job(progress: Progress) -> Zones:
             if progress.stop.wait(after):
                 raise KeyboardInterrupt
-            found: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
-            _ = found.regions  # here, not where pages are drawn
-            return found
+            plane: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
+            _ = plane.regions  # here, not where pages are drawn
+            return plane
 
-        def done(found: Zones | None, cut: bool, trouble: str) -> None:
+        def done(plane: Zones | None, cut: bool, trouble: str) -> None:
             self.drawing = ""
-            if found is not None and not cut:
-                self._planes[wanted] = found
+            if plane is not None and not cut:
+                self._planes[wanted] = plane
                 while len(self._planes) > KEPT:
                     del self._planes[next(iter(self._planes))]
-            then(found, cut, trouble)
+            then(plane, cut, trouble)
             self._next_ahead()
 
         self._quick.begin(job, say=say, done=done)
@@ -188,13 +188,13 @@ class Session:
         """Begin with the nearest diagram that is not known yet, unless another one waits."""
         with self._changing:
             name, k, *of = self._wanted
-            left = [one for one in LADDER if ("k", one, "", "") not in self._planes]
+            left = [value for value in LADDER if ("k", value, "", "") not in self._planes]
             usual = name == "k" and not any(of)
             waits = self.busy or self._quick.waiting
             if not self._looks_ahead or not usual or not left or waits:
                 return
             after, self._ahead = 0.0 if self._ahead else QUIET, True
-            nearest = min(left, key=lambda one: abs(one - k))
+            nearest = min(left, key=lambda value: abs(value - k))
             self._compute(("k", nearest, "", ""), lambda *_: None, after)
 
     # ------------------------------------------------------------------------- what is looked at
@@ -222,13 +222,13 @@ class Session:
         state = self.state
         pair = [name for name in NEEDED if name != state.fixed[0]]
         if {*place} != {*pair}:
-            wanted, given = " and ".join(pair), " and ".join(place)
-            raise BadInput(f"at {state.title} a place has {wanted}; {given} were given")
-        there = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
-        there |= [state.fixed]
-        here: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
-        here |= {name: there[name] for name in NEEDED}
-        self.choose(self._breather(**here))
+            wanted, got = " and ".join(pair), " and ".join(place)
+            raise BadInput(f"at {state.title} a place has {wanted}; {got} were given")
+        params = {name: float(f"{value:.{DIGITS}g}") for name, value in place.items()}
+        params |= [state.fixed]
+        values: dict[str, Any] = {"forcing": state.forcing, **dict(state.conditions)}
+        values |= {name: params[name] for name in NEEDED}
+        self.choose(self._breather(**values))
 
     def _zones_of(self, lattice: str = "", root: int | None = None, **typed: Any) -> str:
         """What zones are wanted of: what is set, but on the infinite chain, where they have no
@@ -236,9 +236,9 @@ class Session:
         if not lattice:
             return ""
         # in one order, and without zeros: what vanishes is not there
-        told = {name: typed[name] for name in sorted(typed) if typed[name]}
-        given, code = arguments(self.lattices[lattice], **told)
-        self._models[code] = given
+        conditions = {name: typed[name] for name in sorted(typed) if typed[name]}
+        params, code = arguments(self.lattices[lattice], **conditions)
+        self._models[code] = params
         return code
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
@@ -264,14 +264,14 @@ class Session:
         """What to type for it besides its parameters in the planes of zones."""
         orbit = chosen.orbit
         losses = {name: getattr(orbit, name) for name in OPTIONAL}
-        told = {
+        entries = {
             **{n: value if value or n in chosen.free else None for n, value in losses.items()},
             "site": orbit.section.hit[0],
             "walls": as_typed(orbit.walls),
             "root": None,
             **{name: value for name, value in chosen.typed if name not in NEEDED},
         }
-        return {**told, "lattice": told.get("lattice") or self.lattice_of(chosen)}
+        return {**entries, "lattice": entries.get("lattice") or self.lattice_of(chosen)}
 
     def choose_point(self, curve: str, index: int) -> None:
         """Look at a point of a curve, and have zones of what it lives on."""
@@ -422,13 +422,13 @@ class Session:
         self._run(
             f"saving {target}",
             lambda _: self.save(target),
-            lambda made, _: self.tell(f"Wrote {made}."),
+            lambda file, _: self.tell(f"Wrote {file}."),
         )
 
     def _results(self) -> dict[str, Any]:
         state = self.state
         results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
-        results |= {one.code.translate(PLAIN): one.branch for one in state.curves}
+        results |= {curve.code.translate(PLAIN): curve.branch for curve in state.curves}
         results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
         return results
 
@@ -457,7 +457,7 @@ class Session:
             return plot_zones(state.plane)
         if what == "branches" and state.shown:
             x, y = state.columns
-            return plot(*(one.branch for one in state.shown), x=x, y=y)
+            return plot(*(curve.branch for curve in state.shown), x=x, y=y)
         if what == "motion" and state.run is not None:
             return plot_motion(state.run[1])
         raise BadInput(f"there is nothing to draw as {what} yet.")

@@ -89,15 +89,15 @@ class State:
         """The curves that are drawn: of those that are not hidden, those with both columns."""
         columns = set(self.columns)
         return tuple(
-            one
-            for one in self.curves
-            if one.code not in self.hidden and columns <= set(one.branch.names)
+            curve
+            for curve in self.curves
+            if curve.code not in self.hidden and columns <= set(curve.branch.names)
         )
 
     @property
     def columns(self) -> tuple[str, str]:
         """What the axes of the bifurcation diagram are."""
-        first = next((one.branch for one in self.curves if one.code not in self.hidden), None)
+        first = next((curve.branch for curve in self.curves if curve.code not in self.hidden), None)
         if first is None:
             return "a", "p"
         start = first.problem.start  # a period before the orbit of a cycle without its equations
@@ -115,20 +115,20 @@ class State:
 
     def curve(self, code: str) -> Branch:
         """The curve that the script calls so."""
-        return next(one.branch for one in self.curves if one.code == code)
+        return next(curve.branch for curve in self.curves if curve.code == code)
 
     def without(self, code: str) -> State:
         """Without a curve; the script goes on making it, for others may come from it, and what is
         looked at."""
-        curves = tuple(one for one in self.curves if one.code != code)
+        curves = tuple(curve for curve in self.curves if curve.code != code)
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
     def with_result(self, name: str, lines: Iterable[str], value: Any) -> State:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(leaves(name, value))
-        curves = [Named(code, one) for code, one in parts.items() if isinstance(one, Branch)]
-        runs = [(c, one) for c, one in parts.items() if isinstance(one, Run) and one.record]
-        planes = [one for one in parts.values() if isinstance(one, Zones)]
+        curves = [Named(code, part) for code, part in parts.items() if isinstance(part, Branch)]
+        runs = [(c, part) for c, part in parts.items() if isinstance(part, Run) and part.record]
+        planes = [part for part in parts.values() if isinstance(part, Zones)]
         plane = planes[-1] if planes else self.plane
         return replace(
             self,
@@ -145,10 +145,10 @@ class State:
     def _axes_for(self, new: Iterable[Named]) -> tuple[str, str]:
         """Those of the diagram when curves join it: of one in two parameters its own plane, until a
         branch comes."""
-        pairs = [one.branch.curve.varied for one in new if len(one.branch.curve.varied) > 1]
+        pairs = [curve.branch.curve.varied for curve in new if len(curve.branch.curve.varied) > 1]
         if pairs:
             return pairs[-1][0], pairs[-1][1]
-        in_plane = any(self.axes == one.branch.curve.varied for one in self.curves)
+        in_plane = any(self.axes == curve.branch.curve.varied for curve in self.curves)
         return ("", "") if in_plane and new else self.axes
 
     def script(self) -> str:
@@ -170,18 +170,18 @@ class State:
         yield f"here = {self.chosen.code}"
         if self.chosen.orbit is not None:
             orbit = self.chosen.orbit
-            asked = [] if orbit.lattice.sites is not None else [f"sites={self.ring}"]
-            asked += ["half=True"] if orbit.symmetric else []
+            options = [] if orbit.lattice.sites is not None else [f"sites={self.ring}"]
+            options += ["half=True"] if orbit.symmetric else []
             yield "print(here.admissibility().reason)"
             yield "print(here.stability())"
-            yield f"mu = here.multipliers({', '.join(asked)})"
+            yield f"mu = here.multipliers({', '.join(options)})"
 
     def _drawn(self) -> Iterator[str]:
         yield ""
         yield 'cb.save_figure(cb.plotting.plot_zones(zones), "zones.pdf")'
         if self.shown:
             x, y = self.columns
-            curves = ", ".join(one.code for one in self.shown)
+            curves = ", ".join(curve.code for curve in self.shown)
             yield f'cb.save_figure(cb.plot({curves}, x="{x}", y="{y}"), "branches.pdf")'
         if self.run is not None:
             yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
@@ -201,10 +201,10 @@ def numbers(branch: Branch) -> list[str]:
 def leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
     """What a result consists of, by what the script calls it."""
     if isinstance(value, Mapping):
-        for key, one in value.items():
-            yield from leaves(f"{code}[{key!r}]", one)
+        for key, item in value.items():
+            yield from leaves(f"{code}[{key!r}]", item)
     elif isinstance(value, tuple | list | Diagram):
-        for i, one in enumerate(value):
-            yield from leaves(f"{code}[{i}]", one)
+        for i, item in enumerate(value):
+            yield from leaves(f"{code}[{i}]", item)
     else:
         yield code, value

@@ -61,10 +61,10 @@ class Multipliers:
 def names(curves: Iterable[Named]) -> dict[str, str]:
     """The codes of curves by their names, which have what not all of them share: the parameters
     that vary, those that do not, and the lattice."""
-    known = {one.code: _facts(one.branch) for one in curves}
-    shared = set.intersection(*map(set, known.values())) if known else set()
-    own = {code: [fact for fact in facts if fact not in shared] for code, facts in known.items()}
-    return {": ".join(filter(None, (code, ", ".join(own[code])))): code for code in own}
+    by_code = {curve.code: _facts(curve.branch) for curve in curves}
+    shared = set.intersection(*map(set, by_code.values())) if by_code else set()
+    rest = {code: [fact for fact in facts if fact not in shared] for code, facts in by_code.items()}
+    return {": ".join(filter(None, (code, ", ".join(rest[code])))): code for code in rest}
 
 
 def _facts(branch: Branch) -> list[str]:
@@ -77,14 +77,14 @@ def _facts(branch: Branch) -> list[str]:
 
 def profile(orbit: Orbit) -> Profile:
     """The sites around the first that impacts, all of a small lattice."""
-    own, middle = orbit.lattice.sites, orbit.section.hit[0]
+    size, middle = orbit.lattice.sites, orbit.section.hit[0]
     near = np.arange(middle - REACH, middle + REACH + 1)
-    if own is not None and (own <= near.size or not isinstance(orbit.lattice, Ring)):
-        near = np.arange(min(own, 4 * REACH + 1))
+    if size is not None and (size <= near.size or not isinstance(orbit.lattice, Ring)):
+        near = np.arange(min(size, 4 * REACH + 1))
     times = _moments(orbit)
     u = orbit.displacement(near[:, None], times)
     first = float(orbit.times[0])
-    walls = np.array([orbit.walls.at(n if own is None else n % own) for n in near.tolist()])
+    walls = np.array([orbit.walls.at(n if size is None else n % size) for n in near.tolist()])
     walls[~np.isfinite(walls)] = math.nan
     at = orbit.displacement(near, first)
     return Profile(near, first, at, u.min(axis=1), u.max(axis=1), walls)
@@ -98,11 +98,11 @@ def _moments(orbit: Orbit) -> Array:
 
 def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
     """The sites that there are among those wanted."""
-    own = orbit.lattice.sites
-    there = [n for n in sites if own is None or -own <= n < own] or [orbit.section.hit[0]]
+    size = orbit.lattice.sites
+    shown = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
     times = _moments(orbit)
-    u = orbit.displacement(np.array(there)[:, None], times)
-    real = {n if own is None else n % own: n for n in there}
+    u = orbit.displacement(np.array(shown)[:, None], times)
+    real = {n if size is None else n % size: n for n in shown}
     hits = tuple(
         (
             real[hit.site],
@@ -113,16 +113,16 @@ def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
         if hit.site in real
     )
     walls = {wall for n in real for wall in orbit.walls.at(n) if math.isfinite(wall)}
-    return Motion(times / math.tau, dict(zip(there, u, strict=True)), hits, tuple(sorted(walls)))
+    return Motion(times / math.tau, dict(zip(shown, u, strict=True)), hits, tuple(sorted(walls)))
 
 
 def multipliers(orbit: Orbit, ring: int) -> Multipliers:
     """On its own lattice if that is finite, otherwise on a ring of so many sites."""
-    own, half = orbit.lattice.sites, orbit.symmetric
-    there = orbit if own is not None else on_ring(orbit, ring)
-    lattice = f"ring of {ring}" if own is None else orbit.lattice.describe()
+    size, half = orbit.lattice.sites, orbit.symmetric
+    finite = orbit if size is not None else on_ring(orbit, ring)
+    lattice = f"ring of {ring}" if size is None else orbit.lattice.describe()
     about = f"over {'half a' if half else 'a'} period, {lattice}"
-    mu, waves, alone = with_band(there, None, half)
+    mu, waves, alone = with_band(finite, None, half)
     return Multipliers(mu, alone, waves, about)
 
 
@@ -157,12 +157,12 @@ def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
 
 
 def _reflection(orbit: Orbit) -> str:
-    found = orbit.stability().over_reflection
-    if not found.over_reflecting:
+    waves = orbit.stability().over_reflection
+    if not waves.over_reflecting:
         return "waves come back no larger than they were: no ring of any size is unstable by them"
     return (
-        f"waves come back up to {math.exp(found.gain):.6g} times as large (at the angle "
-        f"{found.nu:.6g} pi); on long rings |mu| = 1 + {found.growth:.6g}/N over half a period"
+        f"waves come back up to {math.exp(waves.gain):.6g} times as large (at the angle "
+        f"{waves.nu:.6g} pi); on long rings |mu| = 1 + {waves.growth:.6g}/N over half a period"
     )
 
 

@@ -102,10 +102,10 @@ def _legend(fig: Any, theme: Theme, place: str = "top_right") -> None:
 
 def _reach(axis: Range1d, values: Iterable[float], least: float = 0.0) -> None:
     """Let an axis show all values, and a little more."""
-    known = np.array([value for value in values if np.isfinite(value)])
-    if not known.size:
+    finite = np.array([value for value in values if np.isfinite(value)])
+    if not finite.size:
         return
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     room = max(MARGIN * (high - low), least, 1e-9 * max(abs(low), abs(high), 1.0))
     axis.update(start=low - room, end=high + room, reset_start=low - room, reset_end=high + room)
 
@@ -151,25 +151,26 @@ class ZonesView:
 
     def show(self, drawn: Preview) -> None:
         """Another diagram."""
-        shaded = [one for one in drawn.regions if one.verdict]
-        _fill(self.regions, (self._region(one) for one in shaded))
+        shaded = [region for region in drawn.regions if region.verdict]
+        _fill(self.regions, (self._region(region) for region in shaded))
         for kind, source in self.curves.items():
-            _fill(source, (one.T for one in drawn.curves[kind]))
-        _fill(self.letters, ((one.x, one.y, one.verdict) for one in shaded))
+            _fill(source, (line.T for line in drawn.curves[kind]))
+        _fill(self.letters, ((region.x, region.y, region.verdict) for region in shaded))
         x, y = drawn.pair
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
-        met: dict[str, Any] = {
-            name: [one[i] for one in drawn.meetings] for i, name in enumerate(("x", "y", "text"))
+        columns: dict[str, Any] = {
+            name: [meeting[i] for meeting in drawn.meetings]
+            for i, name in enumerate(("x", "y", "text"))
         }
-        self.meetings.data = met | {"what": met["text"]} | _beside(self.figure, **met)
+        self.meetings.data = columns | {"what": columns["text"]} | _beside(self.figure, **columns)
 
-    def _region(self, one: Region) -> tuple[Any, Any, str]:
-        rings = (one.outline, *one.holes)
+    def _region(self, region: Region) -> tuple[Any, Any, str]:
+        rings = (region.outline, *region.holes)
         xs, ys = ([[ring[:, i] for ring in rings]] for i in (0, 1))
-        return xs, ys, self.shades[one.verdict]
+        return xs, ys, self.shades[region.verdict]
 
     def title(self, wanted: State) -> None:
         """Say what is shown, and what is on its way."""
@@ -192,12 +193,13 @@ class ZonesView:
     def boundaries(self, curves: Iterable[Named], drawn: Preview) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
         (x, y), (name, value) = drawn.pair, drawn.fixed
-        there = (
-            one.branch
-            for one in curves
-            if {*one.branch.curve.varied} == {x, y} and one.branch.problem.params.get(name) == value
+        traced = (
+            curve.branch
+            for curve in curves
+            if {*curve.branch.curve.varied} == {x, y}
+            and curve.branch.problem.params.get(name) == value
         )
-        _fill(self.traced, ((one[x], one[y]) for one in there))
+        _fill(self.traced, ((branch[x], branch[y]) for branch in traced))
 
     def choose(self, chosen: Chosen | None, drawn: Preview) -> None:
         """Mark what is looked at, if it lies in this plane and is of this lattice."""
@@ -260,21 +262,21 @@ class BranchView:
     def show(self, curves: Sequence[Named], x: str, y: str) -> None:
         """Other curves, or other columns of them."""
         drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
-        marked = []
-        for i, one in enumerate(curves):
+        marks = []
+        for i, curve in enumerate(curves):
             colour = self.theme.cycle[i % len(self.theme.cycle)]
-            for style, xs, ys in pieces(one.branch, x, y):
+            for style, xs, ys in pieces(curve.branch, x, y):
                 drawn[style].append((xs, ys, colour))
-            marked += [_mark(point, one, x, y, colour) for point in one.branch.special]
+            marks += [_mark(point, curve, x, y, colour) for point in curve.branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
-        codes = [one.code for one in curves]
+        codes = [curve.code for curve in curves]
         many = f"{len(codes)} curves" if len(codes) > MANY else ", ".join(codes)
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
-        data: dict[str, Any] = {name: [one[i] for one in marked] for i, name in enumerate(SPECIAL)}
+        data: dict[str, Any] = {name: [mark[i] for mark in marks] for i, name in enumerate(SPECIAL)}
         self.special.data = data | _beside(self.figure, data["x"], data["y"], data["text"])
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
@@ -287,14 +289,14 @@ class BranchView:
         none. Special points draw a little more."""
         width = self.figure.x_range.end - self.figure.x_range.start
         height = self.figure.y_range.end - self.figure.y_range.start
-        found = []
-        for one in curves:
-            across = (column_of(one.branch, x) - at[0]) / (width or 1.0)
-            up = (column_of(one.branch, y) - at[1]) / (height or 1.0)
+        candidates = []
+        for curve in curves:
+            across = (column_of(curve.branch, x) - at[0]) / (width or 1.0)
+            up = (column_of(curve.branch, y) - at[1]) / (height or 1.0)
             far = np.hypot(across, up)
-            far[[i for i, _ in marked(one.branch)]] *= 0.5
-            found.append((float(far.min()), one.code, int(far.argmin())))
-        return min(found)[1:] if found else None
+            far[[i for i, _ in marked(curve.branch)]] *= 0.5
+            candidates.append((float(far.min()), curve.code, int(far.argmin())))
+        return min(candidates)[1:] if candidates else None
 
 
 def _beside(fig: Any, x: Iterable[float], y: Iterable[float], text: Any) -> dict[str, list[Any]]:
@@ -304,8 +306,8 @@ def _beside(fig: Any, x: Iterable[float], y: Iterable[float], text: Any) -> dict
         for values, axis in ((x, fig.x_range), (y, fig.y_range))
     )
     # as wide and high as it is in the browser, once that has said so
-    said = fig.properties_with_values(include_defaults=False)
-    wide, high = said.get("inner_width", ROOM[0]), said.get("inner_height", ROOM[1])
+    properties = fig.properties_with_values(include_defaults=False)
+    wide, high = properties.get("inner_width", ROOM[0]), properties.get("inner_height", ROOM[1])
     return spread(wide * across, high * (1.0 - up), text, wide)
 
 
@@ -314,7 +316,7 @@ def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> di
     side there is room, in a figure so wide; where there is none, or the same stands there already,
     the mark has to do, which says what it is under the pointer."""
     taken: list[tuple[str, float, float, float, float]] = []
-    found: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
+    columns: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
     for at, word in enumerate(words):
         width = LETTER * len(word)
         sides = [(dx, dy) for dy in (-5.0, 17.0) for dx in (7.0, -7.0 - width)]
@@ -328,14 +330,14 @@ def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> di
             (0.0, 0.0),
         )
         again = any(
-            word == one and np.hypot(x[at] - u, y[at] - v) < LINE for one, u, v, *_ in taken
+            word == other and np.hypot(x[at] - u, y[at] - v) < LINE for other, u, v, *_ in taken
         )
         shown = word if dx and not again else ""
         if shown:
             taken.append((word, x[at], y[at], x[at] + dx, y[at] + dy))
         for name, value in (("text", shown), ("dx", dx), ("dy", dy)):
-            found[name].append(value)
-    return found
+            columns[name].append(value)
+    return columns
 
 
 def _free(
@@ -355,10 +357,10 @@ def _value(point: Any, name: str) -> float:
         return float("nan")
 
 
-def _mark(point: Any, one: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
+def _mark(point: Any, curve: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
     text = point.label if point.located else f"{point.label}?"
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
-    what = f"{point.title} of {one.code}: {values}"
+    what = f"{point.title} of {curve.code}: {values}"
     quiet = point.kind == "EP"
     mark = MARKS.get(point.kind, OTHER)
     return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
@@ -378,15 +380,17 @@ class ProfileView:
         )  # fmt: skip
         fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
-    def show(self, seen: Profile) -> None:
+    def show(self, profile: Profile) -> None:
         """The profile of another orbit."""
-        n = seen.sites.astype(float)
-        both, walls = np.repeat(n, 2), seen.walls.ravel()
-        self.walls.data = {"x0": both - 0.5, "x1": both + 0.5, "y": walls}
-        self.sites.data = {"n": n, "u": seen.at_impact, "low": seen.lowest, "high": seen.highest}
-        self.figure.title.text = f"at the impact, t = {seen.time:.4g}, and over the period"
+        n = profile.sites.astype(float)
+        positions, walls = np.repeat(n, 2), profile.walls.ravel()
+        self.walls.data = {"x0": positions - 0.5, "x1": positions + 0.5, "y": walls}
+        self.sites.data = {
+            "n": n, "u": profile.at_impact, "low": profile.lowest, "high": profile.highest,
+        }  # fmt: skip
+        self.figure.title.text = f"at the impact, t = {profile.time:.4g}, and over the period"
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
-        _reach(self.figure.y_range, [*walls, *seen.lowest, *seen.highest])
+        _reach(self.figure.y_range, [*walls, *profile.lowest, *profile.highest])
 
     def nothing(self) -> None:
         """No orbit is looked at."""
@@ -415,12 +419,12 @@ class MotionView:
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
-    def show(self, seen: Motion, verdict: str) -> None:
+    def show(self, motion: Motion, verdict: str) -> None:
         """The motion of an orbit, with its walls and impacts, and what is said of it."""
         self.figure.title.text = verdict
-        colours = self._draw(seen.times, seen.by_site)
-        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in seen.hits))
-        self._bound(seen.walls)
+        colours = self._draw(motion.times, motion.by_site)
+        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in motion.hits))
+        self._bound(motion.walls)
 
     def nothing(self) -> None:
         """No orbit is looked at."""
@@ -446,11 +450,11 @@ class MotionView:
         return colours
 
     def _bound(self, walls: Iterable[float]) -> None:
-        there = sorted({wall for wall in walls if np.isfinite(wall)})
+        finite = sorted({wall for wall in walls if np.isfinite(wall)})
         ends = [self.figure.x_range.start, self.figure.x_range.end]
-        _fill(self.walls, ((ends, [wall, wall]) for wall in there))
+        _fill(self.walls, ((ends, [wall, wall]) for wall in finite))
         u = [value for line in self.lines.data["ys"] for value in (min(line), max(line))]
-        _reach(self.figure.y_range, [*there, *u])
+        _reach(self.figure.y_range, [*finite, *u])
 
 
 def thinned(times: Array, u: Array) -> tuple[Array, Array]:
@@ -462,8 +466,8 @@ def thinned(times: Array, u: Array) -> tuple[Array, Array]:
     begins = length * np.arange(len(stretches))
     ends = (0, u.size - 1)
     at = [begins + stretches.argmin(axis=1), begins + stretches.argmax(axis=1), ends]
-    seen = np.unique(np.concatenate(at))
-    return times[seen], u[seen]
+    indices = np.unique(np.concatenate(at))
+    return times[indices], u[indices]
 
 
 class MultipliersView:
@@ -482,18 +486,18 @@ class MultipliersView:
         self.dots = _source("x", "y", "colour", "size")
         fig.scatter("x", "y", source=self.dots, color="colour", size="size")
 
-    def show(self, seen: Multipliers) -> None:
+    def show(self, multipliers: Multipliers) -> None:
         """Those of another orbit."""
-        mu, out = seen.mu, seen.alone & (np.abs(seen.mu) > 1.0)
+        mu, out = multipliers.mu, multipliers.alone & (np.abs(multipliers.mu) > 1.0)
         self.dots.data = {
             "x": mu.real, "y": mu.imag,
             "colour": np.where(out, self.theme.vermillion, self.theme.blue).tolist(),
-            "size": np.where(seen.alone, 8.0, 2.5),
+            "size": np.where(multipliers.alone, 8.0, 2.5),
         }  # fmt: skip
-        _fill(self.band, ((part.real, part.imag) for part in seen.waves))
+        _fill(self.band, ((part.real, part.imag) for part in multipliers.waves))
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
-        self.figure.title.text = f"{seen.about}{beyond}"
+        self.figure.title.text = f"{multipliers.about}{beyond}"
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
             axis.update(start=-reach, end=reach, reset_start=-reach, reset_end=reach)

@@ -58,20 +58,20 @@ def breather(on: OnLattice, **values: Any) -> Chosen:
     BadInput
         If there is none, or a value is out of range.
     """
-    given, words = arguments(on, **values)
-    return Chosen(f"cb.symmetric({words})", symmetric(**given), typed=tuple(values.items()))
+    params, words = arguments(on, **values)
+    return Chosen(f"cb.symmetric({words})", symmetric(**params), typed=tuple(values.items()))
 
 
 def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
     """What was typed, as the library takes it and as the script has it."""
-    given = {name: value for name, value in values.items() if value not in (None, "")}
-    codes = {name: repr(value) for name, value in given.items() if (name, value) != ("site", 0)}
+    params = {name: value for name, value in values.items() if value not in (None, "")}
+    codes = {name: repr(value) for name, value in params.items() if (name, value) != ("site", 0)}
     if on.code:
-        given["lattice"], codes["lattice"] = on.lattice, on.code
-    if "walls" in given:
-        given["walls"] = walls_by(given["walls"].split(), on.lattice.sites)
-        codes["walls"] = repr(given["walls"])
-    return given, ", ".join(f"{name}={code}" for name, code in codes.items())
+        params["lattice"], codes["lattice"] = on.lattice, on.code
+    if "walls" in params:
+        params["walls"] = walls_by(params["walls"].split(), on.lattice.sites)
+        codes["walls"] = repr(params["walls"])
+    return params, ", ".join(f"{name}={code}" for name, code in codes.items())
 
 
 def point_of(code: str, branch: Branch, index: int) -> Chosen:
@@ -134,11 +134,11 @@ def simulated(
         raise BadInput("nothing to simulate: choose a breather or a point of its branch first.")
     infinite = chosen.orbit.lattice.sites is None
     orbit = chosen.orbit.on(Ring(sites)) if infinite else chosen.orbit
-    site, there = orbit.section.hit[0], orbit.lattice.sites
-    sample = Sample(tuple(n for n in watched if -there <= n < there) or (site,), MOMENTS)
+    site, size = orbit.section.hit[0], orbit.lattice.sites
+    sample = Sample(tuple(n for n in watched if -size <= n < size) or (site,), MOMENTS)
 
     def job(progress: Progress) -> Any:
-        u, v = (np.array(one) for one in orbit.state())
+        u, v = (np.array(x) for x in orbit.state())
         v[site] += push
         shown = progress.periods(periods)
         run = simulate(
