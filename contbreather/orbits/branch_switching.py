@@ -70,8 +70,8 @@ def lift(point: Point) -> OrbitSwitching:
     """
     problem, free = _orbit_at(point).representation.lifted(), point.curve.free[-1]
     times = [name for name in problem.start if name[0] == "t" and name[1:].isdigit()]
-    found = OrbitSwitching(problem, free, times, both=point.kind == "PF")
-    curve, (tangent, _) = Curve(problem, (free,)), found.tangents
+    switching = OrbitSwitching(problem, free, times, both=point.kind == "PF")
+    curve, (tangent, _) = Curve(problem, (free,)), switching.tangents
     off = max(float(abs(curve.equations(curve.start)).max()), abs(float(tangent[-1])))
     if off > SINGULAR:
         raise NotConverged(
@@ -79,7 +79,7 @@ def lift(point: Point) -> OrbitSwitching:
             f"hold, or are regular, by {off:.2g}",
             residual=off,
         )
-    return found
+    return switching
 
 
 def from_arms(event: Event) -> Event:

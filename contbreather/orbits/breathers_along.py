@@ -46,11 +46,13 @@ class BreathersAlong:
 
 def breathers_along(points: Points) -> BreathersAlong | None:
     """The breathers of points, None where they are no such breathers."""
-    made: BreathersAlong | None = points.curve.once("breathers", points.z, lambda z: _made(points))
-    return made
+    breathers: BreathersAlong | None = points.curve.once(
+        "breathers", points.z, lambda z: _breathers(points)
+    )
+    return breathers
 
 
-def _made(points: Points) -> BreathersAlong | None:
+def _breathers(points: Points) -> BreathersAlong | None:
     curve: Any = points.curve
     if curve.free != ("a",) or curve.problem.beneath is not None:
         return None

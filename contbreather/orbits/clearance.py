@@ -140,9 +140,9 @@ def measure(
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
     if along is None:
         along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
-    found = np.full(len(along[0]), ceiling)
-    MARGINS(motion, *along, wanted, which, time, work, found)
-    return Measured(work[FOUND:, : NEXT + 1], sites, found)
+    lowest = np.full(len(along[0]), ceiling)
+    MARGINS(motion, *along, wanted, which, time, work, lowest)
+    return Measured(work[FOUND:, : NEXT + 1], sites, lowest)
 
 
 def clearance(orbit: SiteMotion) -> Admissibility:
@@ -161,8 +161,8 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     neighbours = least(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
     # those that there are; an impact that vanishes before what comes with it
-    there = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
-    worst, margin = least(there), min(place.margin for place in there)
+    existing = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
+    worst, margin = least(existing), min(place.margin for place in existing)
     heights = [_height(orbit, near) for near in idle if near.site in orbit.beside]
     return Admissibility(
         ok=margin > 0.0,
@@ -209,8 +209,8 @@ def within_a_period(orbit: SiteMotion, when: float) -> float:
 
 def least(of: Sequence[Clearance]) -> Clearance:
     """The first of those that have the least margin but for rounding."""
-    lowest = min(each.margin for each in of)
-    return next(each for each in of if each.margin <= lowest + TIE)
+    lowest = min(gap.margin for gap in of)
+    return next(gap for gap in of if gap.margin <= lowest + TIE)
 
 
 def least_margin(orbit: SiteMotion) -> float:
@@ -224,7 +224,7 @@ def least_margin(orbit: SiteMotion) -> float:
     True
     """
     measured = measure(orbit, orbit.idle, ceiling=_ceiling(orbit, orbit.on.a))
-    lost = [each.margin for each in of_flights(orbit, measured)] if orbit.section.repeats else []
+    lost = [gap.margin for gap in of_flights(orbit, measured)] if orbit.section.repeats else []
     return min([*measured.least.tolist(), *lost])
 
 

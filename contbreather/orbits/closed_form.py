@@ -88,7 +88,7 @@ class ClosedForm(SymmetricBreather):
         return asymmetric_problem(Orbit(self).unfolded())
 
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Representation:
-        times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
+        times, impulses = [hit.time for hit in impacts], [hit.impulse for hit in impacts]
         return orbit_of(self.conditions, section, times, impulses, offsets).representation
 
     def problem(self, threshold: float) -> Problem:
@@ -103,12 +103,12 @@ class ClosedForm(SymmetricBreather):
             return None
         on = self.conditions
         if on.spring and lattice.sites is not None:
-            found = symmetric_orbits(0, replace(on, lattice=lattice))
+            breathers = symmetric_orbits(0, replace(on, lattice=lattice))
         else:
             drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
-            found = closed_forms(on.a, on.gamma, on.k, drive, lattice)
+            breathers = closed_forms(on.a, on.gamma, on.k, drive, lattice)
         return min(
-            found,
+            breathers,
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
         )
 
@@ -119,14 +119,14 @@ def closed_forms(
     """All solutions of (11) with p > 0, by descending p."""
     gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
     restitution_ratio(k)
-    found = roots(a, gamma, float(k), drive, chain)
-    if not all(math.isfinite(p) for p, _ in found):
+    pairs = roots(a, gamma, float(k), drive, chain)
+    if not all(math.isfinite(p) for p, _ in pairs):
         reach = 1.0 / drive.peak()
         raise BadInput(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in found)
+    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in pairs)
 
 
 def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:

@@ -78,8 +78,8 @@ def driven(data: Any, i: int, t: float, order: int) -> float:
     """Derivative of ``a f^(order)(t)`` in freed parameter i."""
     place = int(data[PLACES + 2 * i])
     if place == A:
-        own: float = data[F + order]
-        return own
+        slope: float = data[F + order]
+        return slope
     if place < FIRST:
         return 0.0
     m = data[place - (place - FIRST) % 3]

@@ -222,12 +222,12 @@ def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     breather: SymmetricBreather = orbit.representation
     y, sign = phase(breather, t)
     p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
-    own = breather.lattice, breather.gamma, breather.lattice.distance(site)
+    place = breather.lattice, breather.gamma, breather.lattice.distance(site)
     rows = []
     for name in _names(curve):
         free = {"p": (sign * u, sign * v), "phi": (-p * v, -p * w)}.get(name, (0.0, 0.0))
         if name in ("gamma", "spring"):
-            slope = flight_slope_of(*own, name).at(y)
+            slope = flight_slope_of(*place, name).at(y)
             free = p * slope[0], p * slope[1]
         rows.append([free[i] + _driven(breather, i, name, t) for i in range(2)])
     return np.array(rows).T

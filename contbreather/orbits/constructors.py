@@ -105,17 +105,17 @@ def symmetric(
     return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
 
 
-def rooted(found: tuple[Orbit, ...], root: int | None) -> Orbit:
+def rooted(roots: tuple[Orbit, ...], root: int | None) -> Orbit:
     """The solution of (11) with that number, counted from 1 by falling p; without one the first
     that is admissible, or the first of all where none is."""
     if root is None:
-        own = found if len(found) > 1 else ()
+        candidates = roots if len(roots) > 1 else ()
         # on GR rounding must not decide which of two breathers it is
-        return next((one for one in own if one.admissibility().margin > -LIMIT), found[0])
-    if not (isinstance(root, int | np.integer) and 1 <= root <= len(found)):
-        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
-        raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
-    return found[root - 1]
+        return next((b for b in candidates if b.admissibility().margin > -LIMIT), roots[0])
+    if not (isinstance(root, int | np.integer) and 1 <= root <= len(roots)):
+        listing = ", ".join(f"{i}: p = {b.p:.9g}" for i, b in enumerate(roots, start=1))
+        raise BadInput(f"root {root}: the solutions of (11) are {listing}; choose one of them")
+    return roots[root - 1]
 
 
 def symmetric_roots(
@@ -329,18 +329,18 @@ def shooting(
     <ring of 20: unstable, 2 multipliers; largest |multiplier| over 2 pi 1.00607444 > threshold \
 1.005>
     """
-    given: dict[str, Any] = {
+    overrides: dict[str, Any] = {
         "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
         "walls": walls,
     }  # fmt: skip
     t = number("t", t, -math.inf, math.inf, "the time of a state")
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
     sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
-    flight = _guess(seed, given, _lattice(lattice, sites), sequence, _turns(period), sign, t)
+    flight = _guess(seed, overrides, _lattice(lattice, sites), sequence, _turns(period), sign, t)
     check_possible(flight.section, flight.conditions)
     problem = modal_problem(Orbit(flight), threshold)
     try:
-        solved, found = problem.solve()
+        solved, convergence = problem.solve()
     except NotConverged as error:
         raise NotConverged(
             f"no orbit of {Orbit(flight).describe()} near the seed: {error}",
@@ -349,7 +349,7 @@ def shooting(
             last=orbit_at(error.last) if isinstance(error.last, Problem) else None,
         ) from error
     orbit = orbit_at(solved)
-    checked(orbit, found.iterations)
+    checked(orbit, convergence.iterations)
     verdict = orbit.admissibility()
     if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
         raise Inadmissible(
@@ -360,9 +360,9 @@ def shooting(
 
 
 def _turns(period: float) -> int:
-    given = real(period)
-    turns = round(given / (2.0 * math.pi)) if abs(given) < math.inf else 0
-    if not 1 <= turns <= LONGEST or abs(given - 2.0 * math.pi * turns) > 1e-9 * turns:
+    length = real(period)
+    turns = round(length / (2.0 * math.pi)) if abs(length) < math.inf else 0
+    if not 1 <= turns <= LONGEST or abs(length - 2.0 * math.pi * turns) > 1e-9 * turns:
         raise BadInput(
             f"period = {period!r}: the forcing has period 2 pi, so an orbit has a multiple of it, "
             f"2 pi n with n = 1, 2, ... up to {LONGEST}."
@@ -370,11 +370,11 @@ def _turns(period: float) -> int:
     return turns
 
 
-def _lattice(given: Any, sites: int | None) -> Finite | None:
+def _lattice(source: Any, sites: int | None) -> Finite | None:
     """The finite lattice that was asked for, None where that of the seed is meant."""
-    if given is None:
+    if source is None:
         return None if sites is None else Ring(sites)
-    lattice = finite(given)
+    lattice = finite(source)
     if sites is not None and sites != lattice.sites:
         raise BadInput(f"sites = {sites} and the {lattice.describe()}: give one of the two.")
     return lattice
@@ -382,7 +382,7 @@ def _lattice(given: Any, sites: int | None) -> Finite | None:
 
 def _guess(
     seed: Any,
-    given: dict[str, Any],
+    overrides: dict[str, Any],
     lattice: Finite | None,
     sequence: Sequence[tuple[int, int]] | None,
     turns: int,
@@ -397,13 +397,13 @@ def _guess(
     if isinstance(seed, Orbit):
         if lattice is None and seed.lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
-        on = _conditions(given, lattice or seed.lattice, seed)
+        on = _conditions(overrides, lattice or seed.lattice, seed)
         return from_orbit(seed, on, sequence, sign)
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
-        return from_times(_conditions(given, lattice), section, seed)
+        return from_times(_conditions(overrides, lattice), section, seed)
     listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
     if isinstance(seed, str) or not listed or len(seed) != 2:
         raise BadInput(
@@ -413,17 +413,20 @@ def _guess(
     size = np.size(seed[0])
     if lattice is not None and lattice.sites != size:
         raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
-    on = _conditions(given, lattice or Ring(size))
+    on = _conditions(overrides, lattice or Ring(size))
     return from_state(on, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
 
 
-def _conditions(given: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None) -> Conditions:
+def _conditions(
+    overrides: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None
+) -> Conditions:
     values: dict[str, Any] = {
-        name: getattr(seed, name, None) if value is None else value for name, value in given.items()
+        name: getattr(seed, name, None) if value is None else value
+        for name, value in overrides.items()
     }
     missing = [name for name in NEEDED if values[name] is None]
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
-    known = {name: values[name] for name in NAMES if values[name] is not None}
+    params = {name: values[name] for name in NAMES if values[name] is not None}
     walls, drive = Walls.given(values["walls"]), forcing_of(values["forcing"])
-    return Conditions(**known, forcing=drive, walls=walls, lattice=lattice).checked()
+    return Conditions(**params, forcing=drive, walls=walls, lattice=lattice).checked()

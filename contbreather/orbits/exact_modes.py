@@ -71,7 +71,7 @@ class ExactModes(SectionFlight):
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
-        return replace(self, section=section, t=np.array([one.time for one in impacts]))
+        return replace(self, section=section, t=np.array([impact.time for impact in impacts]))
 
     def weakly(self) -> None:
         """Where there is no coupling, the closest site is meant."""
@@ -114,8 +114,8 @@ class ExactModes(SectionFlight):
         nearest = np.minimum(apart, self.conditions.lattice.sites // 2)
         rows: list[FloatArray] = []
         for modes in (self.q, self.r):
-            own = np.roll(self.basis.to_sites(modes), -self.section.hit[0])[nearest]
-            rows.append(ring.basis(section.hit).from_sites(np.roll(own, section.hit[0])))
+            profile = np.roll(self.basis.to_sites(modes), -self.section.hit[0])[nearest]
+            rows.append(ring.basis(section.hit).from_sites(np.roll(profile, section.hit[0])))
         q, r = rows
         return ExactModes(section, self.t, q, r, replace(self.conditions, lattice=ring))
 
@@ -151,16 +151,16 @@ def _flown(
 
 @lru_cache(maxsize=64)
 def _left(flight: ExactModes) -> FloatArray:
-    found = flight.residual()
-    found.flags.writeable = False
-    return found
+    residual = flight.residual()
+    residual.flags.writeable = False
+    return residual
 
 
 @lru_cache(maxsize=8)  # they are large
 def _derived(flight: ExactModes, names: tuple[str, ...]) -> FloatArray:
-    found = flight.jacobian(names)
-    found.flags.writeable = False
-    return found
+    jacobian = flight.jacobian(names)
+    jacobian.flags.writeable = False
+    return jacobian
 
 
 @read_by("shooting", ExactModes.of)
@@ -178,7 +178,7 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     shooting = ShootingEquations(section, on)
     times = {f"t{j + 1}": float(time) for j, time in enumerate(flight.t)}
     least = WEAK if _loose(section, on) else 0.0
-    bounds = {name: (one.low, one.high) for name, one in NUMBERS.items()}
+    bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
     return orbit_problem(
         "shooting",
         shooting.flight,
@@ -231,8 +231,8 @@ def _momentum(j: int, point: Point) -> float:
 
 
 def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-    found: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
-    return found
+    slopes: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
+    return slopes
 
 
 def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:

@@ -110,7 +110,7 @@ class GreensFunction:
     @cached_property
     def x(self) -> FloatArray:
         """All unknowns of `equations`."""
-        times, impulses = zip(*((one.time, one.impulse) for one in self.impacts), strict=True)
+        times, impulses = zip(*((hit.time, hit.impulse) for hit in self.impacts), strict=True)
         return np.array([*times, *impulses, *self.offsets], dtype=float)
 
     @property
@@ -276,8 +276,8 @@ class GreensFunction:
             return replace(self, section=section, impacts=tuple(impacts), offsets=tuple(offsets))
         if section.count > 1 or section.impacts[0] != (0, 1):
             return None
-        (one,) = impacts
-        return orbit_of(self.conditions, section, [one.time], [one.impulse]).representation
+        (impact,) = impacts
+        return orbit_of(self.conditions, section, [impact.time], [impact.impulse]).representation
 
     def on(self, lattice: Any) -> None:
         """Its impacts are as good a guess as any."""
@@ -298,8 +298,8 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     motion = orbit.representation
     equations: OrbitEquations = motion.equations
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
-    own = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
-    record |= {name: attrgetter(f"solution.{name}") for name, there in own.items() if there}
+    optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
+    record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
     return orbit_problem(
         "orbit with impacts",
         partial(GreensFunction.of, orbit.conditions, orbit.section),
@@ -442,9 +442,9 @@ def _per_asymmetry(event: Event, point: Point) -> float:
 
 def _fold_locus(point: Point) -> Locus:
     # on its curve, so does the test of a cusp where both folds of mirror images meet
-    own = fold().locus
-    assert own is not None
-    locus = own(point)
+    locus_of = fold().locus
+    assert locus_of is not None
+    locus = locus_of(point)
     return replace(locus, events=tuple(map(_off_pitchfork, locus.events)))
 
 
@@ -500,7 +500,7 @@ def _motion_slopes(
     slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
     for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
         slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
-    slopes |= {f"c{i}": (own, 0.0) for i, own in enumerate(share, start=1)}
+    slopes |= {f"c{i}": (weight, 0.0) for i, weight in enumerate(share, start=1)}
     if "gamma" in curve.free:
         slopes["gamma"] = impulses @ orbit.representation.answers(site, t, wave_slope)[:, :2]
     for name in {*f.params} & {*curve.free}:
