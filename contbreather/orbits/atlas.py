@@ -129,6 +129,7 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)
     numbers["slice"] = np.repeat(np.array([i for i, _, _ in curves], dtype="i4"), sizes)
     words = {"kind": np.repeat([kind for _, kind, _ in curves], sizes).tolist()}
+    # where two limits meet the kind of the point names both, NS-GR
     words["meeting"] = [p.kind if "-" in p.kind else "" for _, _, b in curves for p in b]
     columns = {name: ("point", values, _meaning(name)) for name, values in numbers.items()}
     columns["kind"] = _coded("kind", words["kind"], KINDS)
@@ -156,6 +157,7 @@ def _failed(
     slices: Sequence[Slice], diagrams: Sequence[Zones | Failed], over: Sequence[str]
 ) -> dict[str, Variable]:
     """Values that have no diagram, and why."""
+    # strict=False: of an atlas that was interrupted the last slices have no diagram
     pairs = [(s, d) for s, d in zip(slices, diagrams, strict=False) if isinstance(d, Failed)]
     fixed = slices[0].name
     columns: dict[str, Variable] = {f"failed_{fixed}": ("failed", [s.value for s, _ in pairs], {})}
