@@ -90,6 +90,7 @@ class Closure:
         if name == "gamma":
             return np.array((p * sprung(self.lattice, f).dchi(gamma), 0.0))
         if name == "k":
+            # -p dq/dk
             return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
         if name not in f.params:
             raise BadInput(
@@ -154,6 +155,7 @@ def pack(
     places, gamma = [*places, *(4 - 2 * freed) * [0.0]], values[1]
     means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
     flat = [entry for harmonic in harmonics for entry in harmonic]
+    # in the order of `closed_loops`; f and its derivatives are filled in at each phi
     head = [freed, *places, *values, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
     return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
 
@@ -217,6 +219,7 @@ def folds(gamma: float, k: float, forcing: Forcing, lattice: Lattice) -> list[fl
     """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
     chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
+        # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]
     series = _reduced(forcing, chi, q)
     heights = [series.at(phi, 0) for phi in _crests(series)]
@@ -229,10 +232,12 @@ def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]
     Both roots share ``h^2 = chi^2 + q^2`` and ``r^2 = a^2 h^2 - q^2``, which vanishes at the fold.
     """
     h = math.hypot(chi, q)
+    # at the fold, a h = q, rounding must not decide whether there is a root
     gap = a * h - q
     if gap < -4.0 * EPS * q:
         return []
     r = math.sqrt(max(gap, 0.0) * (a * h + q))
+    # phi by (13): a sin phi = -p q, a cos phi = 1 - p chi, which is (q^2 -+ chi r)/h^2
     hh = h * h
     p = (chi + r) / hh
     solutions = [(p, math.atan2(-p * q, (q * q - chi * r) / hh))]
@@ -254,6 +259,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     phases: list[float] = []
     touching = False
     for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
+        # rounding of the height, by the size of its three terms
         slack = 8.0 * EPS * (a * abs(chi * forcing.df(phi)) + a * q * abs(forcing.f(phi)) + q)
         touched, touching = touching, abs(height) <= slack
         if touching:  # a double root: rounding must not decide whether it exists
@@ -281,6 +287,7 @@ def _crossing(series: Series, level: float, left: float, right: float) -> float:
         return float(series.at(phi, 0)) - level
 
     x = float(brentq(above, left, right, xtol=1e-14, rtol=4.0 * EPS))
+    # one Newton step from where brentq ends; next to a double root it would go astray
     steepness = series.at(x, 1)
     step = above(x) / steepness if steepness else 0.0
     return x - step if abs(step) < 1e-9 else x
@@ -303,6 +310,7 @@ def _crests(series: Series) -> list[float]:
     largest = max(math.hypot(c, s) for c, s in slope.values())
     # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
     orders = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
+    # a companion matrix costs the cube of its size: a forcing of many harmonics goes by a grid
     if max(orders) > 64:
         start = _bends(slope, 32 * max(slope))
     else:
@@ -310,6 +318,7 @@ def _crests(series: Series) -> list[float]:
         top = max(orders)
         poly = np.zeros(top + 1, dtype=complex)
         for m in orders:
+            # c cos + s sin = Re (c - i s) z^m, z = exp(i phi); times z^top a polynomial in z^2
             c, s = slope[m]
             poly[(top - m) // 2] += 0.5 * complex(c, -s)
             poly[(top + m) // 2] += 0.5 * complex(c, s)
