@@ -141,6 +141,7 @@ def symmetric_roots(
     """
     drive = forcing_of(forcing)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
+    # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     held_ring = isinstance(lattice, Ring) and (more or spring is not None)
     if isinstance(lattice, FiniteLattice) or held_ring:
         at = Walls.given(walls)
@@ -207,6 +208,7 @@ def asymmetric(
     branch = walked(start, events=[pitchfork()], within=reach)
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
+        # (t2 - t1 - pi)^2 = bend (a - a_PF) to leading order: its sign is the side of the arms
         bend = pitchfork_form(point.solution).coefficient
         up = bend > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
@@ -216,10 +218,12 @@ def asymmetric(
         lifted = lift(point)
         seed = beside(lifted, arm * OFF)
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
+            # between the pitchfork and the usual start: set out on the parabola, at this a
             seed = beside(lifted, arm * math.sqrt((a - point["a"]) * bend))
             return _solved(seed.at(a=a), inadmissible)
         side = "up" if up else "down"
         last = walked(seed, events=(), within=window, towards=side)[-1]
+        # the edge of the window is met to rounding, whatever else ends the branch comes before
         if abs(last["a"] - a) <= 1e-12 * a:
             return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
@@ -231,6 +235,7 @@ def asymmetric(
 
 def beside(lifted: OrbitSwitching, asymmetry: float) -> Problem:
     """The problem started on the arm where t2 - t1 - pi is about as given, small."""
+    # along the null vector t2 - t1 changes by the difference of its entries
     slots = lifted.problem.slots
     return lifted.arm(
         asymmetry / float(lifted.direction[slots["t2"]] - lifted.direction[slots["t1"]])
@@ -349,6 +354,7 @@ def shooting(
             last=orbit_at(error.last) if isinstance(error.last, Problem) else None,
         ) from error
     orbit = orbit_at(solved)
+    # the equations hold, too, with impacts out of order, or from outside of a wall
     checked(orbit, convergence.iterations)
     verdict = orbit.admissibility()
     if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
@@ -361,6 +367,7 @@ def shooting(
 
 def _turns(period: float) -> int:
     length = real(period)
+    # a period that was computed is 2 pi n to its rounding only
     turns = round(length / (2.0 * math.pi)) if abs(length) < math.inf else 0
     if not 1 <= turns <= LONGEST or abs(length - 2.0 * math.pi * turns) > 1e-9 * turns:
         raise BadInput(
@@ -402,6 +409,7 @@ def _guess(
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
+        # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
         return from_times(_conditions(overrides, lattice), section, seed)
     listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
