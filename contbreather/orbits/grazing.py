@@ -82,6 +82,7 @@ class GrazingSite:
 
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        # the last column is in t, of u and u': u' and u''
         return np.column_stack([self.slopes(curve, orbit, t), self._terms(orbit, t)[1:]])
 
 
@@ -268,6 +269,7 @@ def _others_last(j: int, point: Point) -> float:
     """Where one impact vanishes, the least velocity of another."""
     orbit: Orbit = point.ground.solution
     walls = [wall for _, wall in orbit.section.impacts]
+    # positive towards the wall
     return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
 
 
