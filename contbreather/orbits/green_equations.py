@@ -122,6 +122,7 @@ class OrbitEquations:
         for i, j in self.section.repeats:
             late = times[j] - times[i]
             if late < 0.0:
+                # the branches of h at an impact differ by <sin(w t)/w> = t + O(t^3)
                 h[:2, j, i] += late, 1.0
                 h[:2, i, j] += late, -1.0
         return h
@@ -177,6 +178,7 @@ class OrbitEquations:
         walls, resets, balance = slice(0, m), slice(m, 2 * m), slice(2 * m, None)
         bent = h[2].copy()
         bent.flat[:: m + 1] = 0.0  # an impact does not move against itself
+        # h_ij is a function of t_i - t_j: a later t_j takes it back
         out[walls, walls] = -h[1] * impulses
         out[resets, walls] = -bent * impulses
         out[diagonal, diagonal] = a * f.df(times) + h[1] @ impulses  # the site itself moves on
