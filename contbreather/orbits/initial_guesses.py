@@ -59,6 +59,7 @@ class Motion:
         self.forced = driven(lattice, on.forcing, on.gamma, on.spring, on.damping)
         self.q = self.basis.from_sites(u - on.a * self.forced.everywhere(self.time, 0))
         self.r = self.basis.from_sites(v - on.a * self.forced.everywhere(self.time, 1))
+        # w^2 of each mode
         self.z = on.gamma * self.basis.lam + on.spring
 
     def turned(self, ahead: Any) -> ModalPropagator:
@@ -74,6 +75,7 @@ class Motion:
 
     def next(self, limit: float) -> Impact | None:
         """Fly to the first contact of any site within a time ahead."""
+        # from the eighth harmonic on a forcing needs a finer grid
         step = math.pi / GRID / max(1, self.on.forcing.highest // 4)
         ahead = np.append(np.arange(0.0, limit, step), limit)
         flown = self.turned(ahead[:, None])
@@ -113,6 +115,7 @@ class Motion:
     def reset(self, site: int) -> None:
         """Let a site bounce off the wall it is on."""
         e = self.basis.at(site)
+        # (2): u' -> -k u', an impulse of -(1 + k) m u', of which e is each mode's share
         velocity = float(e.dot(self.r)) + self.on.a * self.forced.at(site, self.time)[1]
         self.r = self.r - (1.0 + self.on.k) * velocity * self.on.lattice.masses[site] * e
 
@@ -159,8 +162,10 @@ def from_state(
     chosen = course[first : first + m]
     section = Section(tuple((c.site, c.wall) for c in chosen), turns, sign)
     basis = on.lattice.basis(section.hit)
+    # each section repeats the one before with its sign
     q, r = (sign ** (first // m) * basis.from_sites(row) for row in states[first % m])
     times = np.array([hit.time for hit in chosen])
+    # the first impact within half a period of 0
     times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
     return ExactModes(section, times, q, r, on)
 
