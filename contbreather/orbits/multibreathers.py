@@ -143,6 +143,7 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
     if isinstance(orbit, Point) and orbit.ground.curve.problem.interpret is not None:
         orbit = orbit.solution
     if isinstance(orbit, str) and orbit in ROOTS:
+        # one alone at the fold (14), where both meet, and where the lower has no p > 0
         roots = symmetric_orbits(site, on)
         orbit = roots[min(ROOTS.index(orbit), len(roots) - 1)]
     elif not isinstance(orbit, Orbit):
@@ -166,12 +167,15 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
 def _under(on: Conditions, site: int) -> FloatArray:
     """What a site without coupling moves under: its losses, its spring, its drive over a period."""
     drive = on.a if on.lattice.sites is None else on.a * drive_of(on.lattice)[site]
+    # drives of different kinds are the same if their values are
     times = np.linspace(0.0, 2.0 * math.pi, 16)
     return np.array([on.k, on.damping, on.spring, *(drive * on.forcing.d2f(times))])
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     """All impacts in order of time over one common section."""
+    # the shortest period they have in common; half of it where n is odd and each orbit is its own
+    # mirror image, u(t + n pi) = -u(t)
     turns = math.lcm(*(orbit.section.turns for _, orbit in singles))
     symmetric = turns % 2 == 1 and all(orbit.section.symmetric for _, orbit in singles)
     length = math.pi * turns * (1 if symmetric else 2)
@@ -208,6 +212,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
         return Branch((Point(curve, curve.start),), Stop.START)
+    # behind a fold the coupling falls again
     ends = (replace(fold(), ends="branch"), grazing())
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
@@ -310,6 +315,7 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
     classes: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
     for sites in itertools.combinations(range(lattice.sites), count):
         graph = _coloured(lattice, sites, walls)
+        # graphs of different hashes are different; isomorphism, which is dear, tells the others
         mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
         alike = classes.setdefault(mark, [])
         for i, (first, other, copies) in enumerate(alike):
@@ -329,6 +335,7 @@ def _coloured(lattice: Finite, sites: tuple[int, ...], walls: Walls) -> nx.Graph
     for n in range(lattice.sites):
         traits = (matrix[n, n], lattice.masses[n], drive[n], *walls.at(n))
         graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits) + f" {n in sites}")
+    # the stiffness is symmetric: each bond once
     for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
         graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")
     return graph
