@@ -56,6 +56,7 @@ class AsymmetricEquations:
         at = self._at(x, params)
         return np.array(
             (
+                # h is h(delta) - h(pi); ratio and pull are f'(s2) - f'(t1) and h'(delta), per delta
                 0.5 * at.a * (at.f1 + at.f2) + 2.0 * at.p * at.h - 1.0,
                 0.5 * at.a * (at.df1 + at.df2) - at.p * at.q,
                 at.a * at.ratio + 4.0 * at.p * at.pull,
@@ -67,6 +68,7 @@ class AsymmetricEquations:
         """Derivatives with respect to (p, t1, t2, c), shape (4, 4)."""
         at = self._at(x, params)
         a, f = at.a, at.forcing
+        # delta = s2 - t1: t1 moves it by -1, t2 by 1, and either the middle of both by 1/2
         h, pull = 2.0 * at.p * at.h_slope, 4.0 * at.p * at.pull_slope
         middle, across = 0.5 * a * at.ratio_middle, a * at.ratio_across
         return np.array(
@@ -99,6 +101,8 @@ class AsymmetricEquations:
             return at.a * at.forcing.f_param(name, t, order)
 
         f1, f2, df1, df2 = (change(t, order) for order in (0, 1) for t in (at.t1, at.s2))
+        # the quotient rounds to EPS/delta, 2e-13 at this bound; what is left out below it is of the
+        # size delta^4/1920, 5e-16
         if abs(at.delta) > 1e-3:
             ratio = (df2 - df1) / at.delta
         else:  # to order delta^4
@@ -129,6 +133,7 @@ class _Place:
         f = self.forcing = forcing_at(forcing, params)
         self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
         self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
+        # times off mid period: delta since the impact on the other wall, pi since the site's own
         answer = periodic_green(lattice, self.gamma, 0)
         value, self.h_slope, _, _ = answer.about(self.delta)
         self.h = value - answer.about(math.pi)[0]
@@ -142,6 +147,7 @@ def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float
     middle, half = 0.5 * (t1 + t2), 0.5 * (t2 - t1)
     value = slope = across = 0.0
     for m, A, B in forcing.harmonics:
+        # f'(t2) - f'(t1) = -2 m sin(m half) (A c + B s): the sinc is its quotient, at half = 0 too
         c, s = math.cos(m * middle), math.sin(m * middle)
         share, change = sinc(m * half)
         even, odd = A * c + B * s, B * c - A * s

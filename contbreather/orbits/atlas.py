@@ -86,10 +86,10 @@ def atlas(
 
     Examples
     --------
-    >>> found = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.03)}, executor=1)
-    >>> found.sizes["point"] > 400, found.kind.attrs["flag_meanings"]
+    >>> table = atlas(k=[0.7, 0.8], within={"gamma": (0.0, 0.03)}, executor=1)
+    >>> table.sizes["point"] > 400, table.kind.attrs["flag_meanings"]
     (True, 'LP GR PF NS')
-    >>> fold = found.where(found.kind == 0, drop=True)
+    >>> fold = table.where(table.kind == 0, drop=True)
     >>> round(float(fold.a.sel(point=(fold.k == 0.8) & (fold.gamma == 0.0)).item()), 9)
     0.070559228
     """
@@ -102,8 +102,8 @@ def atlas(
         partial_result(lambda: surfaces(slices, done) if done else None),
         add_partial_result(lambda piece: done.extend(piece[len(done) :])),
     ):
-        for one in each(draw, slices, executor=executor, progress=progress, unit="diagrams"):
-            done.append(one)
+        for diagram in each(draw, slices, executor=executor, progress=progress, unit="diagrams"):
+            done.append(diagram)
     return surfaces(slices, done)
 
 
@@ -111,14 +111,14 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     """The points of many diagrams in one table, with what they are."""
     from xarray import Dataset
 
-    if all(isinstance(one, Failed) for one in diagrams):
-        raise next((one.error for one in diagrams if isinstance(one, Failed)), BadInput(NONE))
+    if all(isinstance(diagram, Failed) for diagram in diagrams):
+        raise next((d.error for d in diagrams if isinstance(d, Failed)), BadInput(NONE))
     over = tuple(slices[0].forcing.params)
     curves = [
         (i, kind, branch)
-        for i, one in enumerate(diagrams)
-        if isinstance(one, Zones)
-        for kind, branch in one
+        for i, diagram in enumerate(diagrams)
+        if isinstance(diagram, Zones)
+        for kind, branch in diagram
     ]
     if not curves:
         raise BadInput(f"{NO_CURVE}; widen the window")
@@ -129,6 +129,7 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)
     numbers["slice"] = np.repeat(np.array([i for i, _, _ in curves], dtype="i4"), sizes)
     words = {"kind": np.repeat([kind for _, kind, _ in curves], sizes).tolist()}
+    # where two limits meet the kind of the point names both, NS-GR
     words["meeting"] = [p.kind if "-" in p.kind else "" for _, _, b in curves for p in b]
     columns = {name: ("point", values, _meaning(name)) for name, values in numbers.items()}
     columns["kind"] = _coded("kind", words["kind"], KINDS)
@@ -140,11 +141,11 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
     )
 
 
-def _coded(name: str, words: Sequence[str], known: Sequence[str]) -> Variable:
+def _coded(name: str, words: Sequence[str], vocabulary: Sequence[str]) -> Variable:
     """Words as numbers, with what each of them means, as CF has it."""
-    shown = " ".join(word or "none" for word in known)
-    flags = {"flag_values": np.arange(len(known), dtype="i1"), "flag_meanings": shown}
-    codes = {word: code for code, word in enumerate(known)}
+    shown = " ".join(word or "none" for word in vocabulary)
+    flags = {"flag_values": np.arange(len(vocabulary), dtype="i1"), "flag_meanings": shown}
+    codes = {word: code for code, word in enumerate(vocabulary)}
     return "point", np.array([codes[word] for word in words], dtype="i1"), _meaning(name) | flags
 
 
@@ -156,25 +157,26 @@ def _failed(
     slices: Sequence[Slice], diagrams: Sequence[Zones | Failed], over: Sequence[str]
 ) -> dict[str, Variable]:
     """Values that have no diagram, and why."""
-    pairs = [(s, one) for s, one in zip(slices, diagrams, strict=False) if isinstance(one, Failed)]
+    # strict=False: of an atlas that was interrupted the last slices have no diagram
+    pairs = [(s, d) for s, d in zip(slices, diagrams, strict=False) if isinstance(d, Failed)]
     fixed = slices[0].name
-    found: dict[str, Variable] = {f"failed_{fixed}": ("failed", [s.value for s, _ in pairs], {})}
+    columns: dict[str, Variable] = {f"failed_{fixed}": ("failed", [s.value for s, _ in pairs], {})}
     for name in over:
-        found[f"failed_{name}"] = ("failed", [s.forcing.params[name] for s, _ in pairs], {})
-    found["reason"] = ("failed", np.array([one.reason for _, one in pairs], "U"), {})
-    return found
+        columns[f"failed_{name}"] = ("failed", [s.forcing.params[name] for s, _ in pairs], {})
+    columns["reason"] = ("failed", np.array([d.reason for _, d in pairs], "U"), {})
+    return columns
 
 
-def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
+def _about(first: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
     zones = next(z for z in diagrams if isinstance(z, Zones) and any(z.curves.values()))
     on = zones.model
     about = {
         "format": ATLAS,
         "Conventions": "CF-1.11",
-        "fixed": one.name,
+        "fixed": first.name,
         "plane": " ".join(zones.pair),
-        "over": " ".join(one.forcing.params),
-        "forcing": one.forcing.describe(),
+        "over": " ".join(first.forcing.params),
+        "forcing": first.forcing.describe(),
         "lattice": on["lattice"].describe(),
         **{name: on[name] for name in ("damping", "spring", "site") if on.get(name)},
     }
@@ -183,8 +185,10 @@ def _about(one: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
 
 def words(atlas: Dataset, name: str) -> list[str]:
     """A column of numbers with flags as words, empty where it says none."""
-    known = ["" if word == "none" else word for word in atlas[name].attrs["flag_meanings"].split()]
-    return [known[code] for code in atlas[name].to_numpy().tolist()]
+    vocabulary = [
+        "" if word == "none" else word for word in atlas[name].attrs["flag_meanings"].split()
+    ]
+    return [vocabulary[code] for code in atlas[name].to_numpy().tolist()]
 
 
 def save_atlas(path: str | Path, atlas: Dataset) -> Path:
@@ -192,7 +196,7 @@ def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
     if not hasattr(atlas, "reason"):
         raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
-    columns = {name: (one.dims, one.values, one.attrs) for name, one in atlas.variables.items()}
+    columns = {name: (v.dims, v.values, v.attrs) for name, v in atlas.variables.items()}
     with checked(path) as file:
         fill(file, columns, atlas.attrs)
     return Path(path)

@@ -70,8 +70,10 @@ def lift(point: Point) -> OrbitSwitching:
     """
     problem, free = _orbit_at(point).representation.lifted(), point.curve.free[-1]
     times = [name for name in problem.start if name[0] == "t" and name[1:].isdigit()]
-    found = OrbitSwitching(problem, free, times, both=point.kind == "PF")
-    curve, (tangent, _) = Curve(problem, (free,)), found.tangents
+    switching = OrbitSwitching(problem, free, times, both=point.kind == "PF")
+    curve, (tangent, _) = Curve(problem, (free,)), switching.tangents
+    # at a branch point the longer orbit solves its equations, and its null vector leaves the
+    # parameter as it is
     off = max(float(abs(curve.equations(curve.start)).max()), abs(float(tangent[-1])))
     if off > SINGULAR:
         raise NotConverged(
@@ -79,7 +81,7 @@ def lift(point: Point) -> OrbitSwitching:
             f"hold, or are regular, by {off:.2g}",
             residual=off,
         )
-    return found
+    return switching
 
 
 def from_arms(event: Event) -> Event:
@@ -91,6 +93,7 @@ def _examine_crossing(event: Event, point: Point) -> Examined:
     why, orbit = event.examine(point) if event.examine else "", point.solution
     if why or point.tangent is None or not orbit.section.mirrored:
         return why
+    # unknowns begin with the times; along symmetric orbits those of both halves move alike
     first, second = point.tangent[: orbit.section.count].reshape(2, -1)
     leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
     return {"kind": "PF"} if leaves else ""

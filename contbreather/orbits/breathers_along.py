@@ -34,11 +34,13 @@ class BreathersAlong:
     def map(self) -> HalfMap:
         """Theirs, with an array for b."""
         on = self.first.representation
+        # (19): b = (1 + k)^2 [a f''(phi) - p eta]/(2p), eta of the coupling alone
         curvature, eta = on.forcing.d2f(self.phi), on.lattice.eta(on.gamma)
         return replace(self.first.map, b=saltation(self.a, on.k, self.p, curvature, eta)[1])
 
     def margins(self) -> Array:
         """The least margin of each."""
+        # (4): a momentum of 2p is lost on the wall +1 at phi, and gained on -1 half a period later
         times = np.stack([self.phi, self.phi + np.pi], axis=1)
         impulses = np.stack([-2.0 * self.p, 2.0 * self.p], axis=1)
         return least_margins(self.first.motion, self.a, times, impulses)
@@ -46,11 +48,13 @@ class BreathersAlong:
 
 def breathers_along(points: Points) -> BreathersAlong | None:
     """The breathers of points, None where they are no such breathers."""
-    made: BreathersAlong | None = points.curve.once("breathers", points.z, lambda z: _made(points))
-    return made
+    breathers: BreathersAlong | None = points.curve.once(
+        "breathers", points.z, lambda z: _breathers(points)
+    )
+    return breathers
 
 
-def _made(points: Points) -> BreathersAlong | None:
+def _breathers(points: Points) -> BreathersAlong | None:
     curve: Any = points.curve
     if curve.free != ("a",) or curve.problem.beneath is not None:
         return None
@@ -58,4 +62,5 @@ def _made(points: Points) -> BreathersAlong | None:
     if not (first.symmetric and first.lattice.sites is None and isinstance(first.map, HalfMap)):
         return None
     p, phi, a = np.ascontiguousarray(points.z.T)
+    # with p <= 0 the wall +1 would pull at its site
     return BreathersAlong(first, a, p, phi) if (p > 0.0).all() else None

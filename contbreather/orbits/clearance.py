@@ -135,14 +135,16 @@ def measure(
     orbits that differ from this one in these alone, and the rows those of the last."""
     motion, sites = orbit.with_idle(idle, near, touching)
     wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
+    # one for each flight and each site, two for the other crests of a site that touches
     rows = FOUND + motion.flights + len(sites) + 2
+    # the longest grid is that of a flight as long as the period, with its steep start
     work = np.empty((rows, points_of(motion.fine, orbit.period) + STEEP))
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
     if along is None:
         along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
-    found = np.full(len(along[0]), ceiling)
-    MARGINS(motion, *along, wanted, which, time, work, found)
-    return Measured(work[FOUND:, : NEXT + 1], sites, found)
+    lowest = np.full(len(along[0]), ceiling)
+    MARGINS(motion, *along, wanted, which, time, work, lowest)
+    return Measured(work[FOUND:, : NEXT + 1], sites, lowest)
 
 
 def clearance(orbit: SiteMotion) -> Admissibility:
@@ -161,8 +163,9 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     neighbours = least(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
     # those that there are; an impact that vanishes before what comes with it
-    there = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
-    worst, margin = least(there), min(place.margin for place in there)
+    existing = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
+    # the worst is the first of those that tie but for rounding, the margin the least of them
+    worst, margin = least(existing), min(place.margin for place in existing)
     heights = [_height(orbit, near) for near in idle if near.site in orbit.beside]
     return Admissibility(
         ok=margin > 0.0,
@@ -194,6 +197,7 @@ def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
 
 def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     """Of those sites that never hit a wall that were looked at."""
+    # the last two are of a site that touches its wall, for `other_contacts`
     rows = measured.rows[orbit.section.count : -2, : WHEN + 1].tolist()
     named = zip(measured.sites, rows, strict=True)
     return [
@@ -209,8 +213,8 @@ def within_a_period(orbit: SiteMotion, when: float) -> float:
 
 def least(of: Sequence[Clearance]) -> Clearance:
     """The first of those that have the least margin but for rounding."""
-    lowest = min(each.margin for each in of)
-    return next(each for each in of if each.margin <= lowest + TIE)
+    lowest = min(gap.margin for gap in of)
+    return next(gap for gap in of if gap.margin <= lowest + TIE)
 
 
 def least_margin(orbit: SiteMotion) -> float:
@@ -224,7 +228,8 @@ def least_margin(orbit: SiteMotion) -> float:
     True
     """
     measured = measure(orbit, orbit.idle, ceiling=_ceiling(orbit, orbit.on.a))
-    lost = [each.margin for each in of_flights(orbit, measured)] if orbit.section.repeats else []
+    # impacts of one site at one wall may come in the wrong order, which no flight tells
+    lost = [gap.margin for gap in of_flights(orbit, measured)] if orbit.section.repeats else []
     return min([*measured.least.tolist(), *lost])
 
 
@@ -332,6 +337,7 @@ def _reason(orbit: SiteMotion, worst: Clearance) -> str:
         return f"at the limit: {reach}."
     if worst.margin > 0.0:
         return f"every site keeps off its walls; closest to the limit: {reach}."
+    # far away c + a f is all there is; (B3) is of sites between their impacts, (15) of the others
     rule = "|a f| <= 1" if worst.site is None else "(B3)" if worst.flight >= 0 else "(15)"
     return f"no breather: {reach}; {rule} is broken."
 
@@ -349,6 +355,8 @@ def _reach(orbit: SiteMotion, worst: Clearance) -> str:
 
 def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
     margin, _, time, flight = worst
+    # J = -(1 + k) u'(t-) by (2): the velocity is -J/(1 + k) before an impact, and k of that after;
+    # where k = 0 leaves none the acceleration decides which way the site goes
     at_start = time == orbit.impacts[flight].time
     hits = [hit for hit in orbit.impacts if (hit.time, hit.site) == (time, site)]
     if not hits:

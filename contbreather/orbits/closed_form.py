@@ -48,6 +48,7 @@ class ClosedForm(SymmetricBreather):
 
     @staticmethod
     def suits(on: Conditions, section: Section) -> bool:
+        # the means with a spring are those of the infinite chain; a ring goes by its modes
         where: Any = InfiniteChain if on.spring else InfiniteChain | Ring
         plain = not on.damping and on.walls == Walls()
         return plain and section == HALF and isinstance(on.lattice, where)
@@ -56,6 +57,7 @@ class ClosedForm(SymmetricBreather):
     def through(
         cls, on: Conditions, section: Section, times: Any, impulses: Any, offsets: Offsets
     ) -> ClosedForm:
+        # (4): the impact on the wall +1 takes away the momentum 2p
         p, phi = -0.5 * float(impulses[0]), float(times[0])
         drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
         return cls(on.a, on.gamma, on.k, p, phi, drive, on.lattice)
@@ -71,6 +73,7 @@ class ClosedForm(SymmetricBreather):
         return cls(params["a"], params["gamma"], params["k"], p, phi, forcing, lattice)
 
     def weakly(self) -> SiteMotion:
+        # without coupling all idle sites move alike: a little of it tells which one climbs highest
         motion: SiteMotion = replace(self, gamma=ALIKE).motion
         return motion
 
@@ -88,7 +91,7 @@ class ClosedForm(SymmetricBreather):
         return asymmetric_problem(Orbit(self).unfolded())
 
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Representation:
-        times, impulses = [one.time for one in impacts], [one.impulse for one in impacts]
+        times, impulses = [hit.time for hit in impacts], [hit.impulse for hit in impacts]
         return orbit_of(self.conditions, section, times, impulses, offsets).representation
 
     def problem(self, threshold: float) -> Problem:
@@ -103,12 +106,13 @@ class ClosedForm(SymmetricBreather):
             return None
         on = self.conditions
         if on.spring and lattice.sites is not None:
-            found = symmetric_orbits(0, replace(on, lattice=lattice))
+            breathers = symmetric_orbits(0, replace(on, lattice=lattice))
         else:
             drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
-            found = closed_forms(on.a, on.gamma, on.k, drive, lattice)
+            breathers = closed_forms(on.a, on.gamma, on.k, drive, lattice)
         return min(
-            found,
+            breathers,
+            # phases count modulo the period
             key=lambda b: math.hypot(b.p - self.p, math.remainder(b.phi - self.phi, 2.0 * math.pi)),
         )
 
@@ -119,14 +123,15 @@ def closed_forms(
     """All solutions of (11) with p > 0, by descending p."""
     gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
     restitution_ratio(k)
-    found = roots(a, gamma, float(k), drive, chain)
-    if not all(math.isfinite(p) for p, _ in found):
+    pairs = roots(a, gamma, float(k), drive, chain)
+    if not all(math.isfinite(p) for p, _ in pairs):
+        # the far field follows a f
         reach = 1.0 / drive.peak()
         raise BadInput(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in found)
+    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in pairs)
 
 
 def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
@@ -184,6 +189,7 @@ class SymmetricProblem(OrbitProblem):
         orbit = orbit_at(self)
         if orbit.lattice.sites is not None or "spring" not in names:
             return super().wider(names)
+        # a spring of 0 changes no response, but it is one of its parameters
         soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
         return symmetric_problem(soft, self.threshold).having(*names)
 
@@ -209,6 +215,7 @@ def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
     stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
     return {
         **DOMAIN,
+        # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1
         "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
         "spring": (0.0, stiffest),  # spring + 4 gamma < 1
     }

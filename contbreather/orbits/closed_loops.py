@@ -40,22 +40,25 @@ def unpack(z: Any, data: Any) -> int:
 
 def mean(data: Any, at: int, to: int) -> int:
     """A mean over the modes of the infinite chain and its slope in gamma; where the next begins."""
+    # the square of the upper edge of the band, in which the mean is a sum of poles and powers
     x = 4.0 * data[GAMMA]
     poles, powers = int(data[at + 1]), int(data[at + 2])
     first = at + 3 + 2 * poles
     total = slope = 0.0
     for i in range(powers):
+        # by the rule of Horner, the highest power first
         total = total * x + data[first + i]
         slope = slope * x + data[first + powers + i]
     total = total * x + data[at]
     for i in range(poles):
         weight, width = data[at + 3 + 2 * i], data[at + 4 + 2 * i]
         z = x / width
+        # weight (1/r - 1), written without the cancellation at small coupling
         r = math.sqrt(1.0 - z)
         total += weight * (z / (r * (1.0 + r)))
         slope += weight / width * (0.5 / ((1.0 - z) * r))
     data[to] = total
-    data[to + 1] = 4.0 * slope
+    data[to + 1] = 4.0 * slope  # dx/dgamma
     return first + 2 * powers
 
 
@@ -78,11 +81,12 @@ def driven(data: Any, i: int, t: float, order: int) -> float:
     """Derivative of ``a f^(order)(t)`` in freed parameter i."""
     place = int(data[PLACES + 2 * i])
     if place == A:
-        own: float = data[F + order]
-        return own
+        slope: float = data[F + order]
+        return slope
     if place < FIRST:
         return 0.0
     m = data[place - (place - FIRST) % 3]
+    # a derivative of cos mt turns it ahead by pi/2 and brings a factor m; sin mt lags by pi/2
     angle = m * t + 0.5 * math.pi * (order - ((place - FIRST) % 3 - 1))
     return data[A] * data[PLACES + 2 * i + 1] * math.cos(angle) * m**order
 
@@ -130,6 +134,7 @@ def fold(z: Any, data: Any, out: Any) -> int:
     if closure(z, data, out) != 0:
         return 1
     q = (1.0 - data[K]) / (1.0 + data[K])
+    # det [[chi, a f'], [-q, a f'']] of (11) in p and phi
     out[2] = data[A] * (data[CHI] * data[F + 2] + q * data[F + 1])
     return 0
 
@@ -148,6 +153,7 @@ def fold_slopes(z: Any, data: Any, out: Any) -> int:
         if place == GAMMA:
             slope = data[DCHI] * data[A] * data[F + 2]
         elif place == K:
+            # dq/dk = -2/(1 + k)^2
             slope = -2.0 * data[A] * data[F + 1] / (c * c)
         out[row + 2 + i] = slope
     return 0
@@ -157,6 +163,7 @@ def pitchfork(z: Any, data: Any, out: Any) -> int:
     """(11) and ``a f'' - 2 p sigma``."""
     if closure(z, data, out) != 0:
         return 1
+    # b = (1 + k)^2 psi/2 with b of (19): a f'' = p (eta + psi), and eta + psi = 2 sigma
     out[2] = data[A] * data[F + 2] - 2.0 * z[0] * data[SIGMA]
     return 0
 

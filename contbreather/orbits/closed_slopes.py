@@ -88,6 +88,7 @@ def _mean_slope(breather: SymmetricBreather, mean: str, name: str) -> float:
 
 
 def _q_slope(breather: SymmetricBreather, name: str) -> float:
+    # q = (1 - k)/(1 + k)
     return -2.0 / (1.0 + breather.k) ** 2 if name == "k" else 0.0
 
 
@@ -139,6 +140,7 @@ def _turning(breather: SymmetricBreather, edge: float | None = None) -> float:
     sigma = lattice.sigma(breather.gamma)
     if edge is None and not lattice.spring:
         return sigma
+    # for one harmonic this is 1/p = chi - 2 sigma - q^2/tau, tau = <cot(pi w/2)/w>
     return sigma + 0.5 * breather.q**2 / lattice.tau(breather.gamma, edge)
 
 
@@ -151,12 +153,14 @@ def _pitchfork_slope(breather: SymmetricBreather, name: str) -> float:
         gamma, q = breather.gamma, breather.q
         tau = lattice.tau(gamma)
         by_tau = lattice.dtau(gamma) if name == "gamma" else 0.0
+        # the derivative of q^2/(2 tau)
         turning += q / tau * (_q_slope(breather, name) - 0.5 * q / tau * by_tau)
     return _drive_slope(breather, 2, name) - 2.0 * breather.p * turning
 
 
 def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     breather, edge = _breather(curve, z), float(extra[0])
+    # the square of the edge, for the root of the spring has no derivative at 0
     return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
 
 
@@ -178,6 +182,7 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
         F.d_b * _b_slope(orbit.representation, name) + direct.get(name, 0.0)
         for name in _names(curve)
     ]
+    # F is complex: its real and its imaginary part are the two equations of a pair
     row = np.array([*columns, F.d_nu])
     return np.array([row.real, row.imag])
 
@@ -186,6 +191,7 @@ def _b_slope(breather: SymmetricBreather, name: str) -> float:
     """Derivative of the entry b of the saltation matrix (19), ``c^2/2 (a f''/p - eta)``."""
     c, p = 1.0 + breather.k, breather.p
     if name == "k":
+        # b goes with c^2, and neither p nor the acceleration depends on k by itself
         return 2.0 * breather.b / c
     if name == "p":
         return -0.5 * c * c * breather.a * breather.forcing.d2f(breather.phi) / (p * p)
@@ -196,6 +202,7 @@ def _b_slope(breather: SymmetricBreather, name: str) -> float:
 def _with_pair(lattice: Lattice, closure: Loops, n: int) -> Loops | None:
     """The closure with both equations of a pair."""
     scratch = pair_loops.TABLE - pair_loops.ETA
+    # in the order of `pair_loops`, from ETA to MEAN_OF_ETA
     more = [*np.zeros(scratch), *arc_table(), *lattice.expansion("eta")]
     return _lengthened(closure, pair_loops.pair, pair_loops.pair_slopes, more)
 
@@ -222,12 +229,13 @@ def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     breather: SymmetricBreather = orbit.representation
     y, sign = phase(breather, t)
     p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
-    own = breather.lattice, breather.gamma, breather.lattice.distance(site)
+    place = breather.lattice, breather.gamma, breather.lattice.distance(site)
     rows = []
     for name in _names(curve):
+        # the flight depends on t - phi: its derivative in phi is minus that in time
         free = {"p": (sign * u, sign * v), "phi": (-p * v, -p * w)}.get(name, (0.0, 0.0))
         if name in ("gamma", "spring"):
-            slope = flight_slope_of(*own, name).at(y)
+            slope = flight_slope_of(*place, name).at(y)
             free = p * slope[0], p * slope[1]
         rows.append([free[i] + _driven(breather, i, name, t) for i in range(2)])
     return np.array(rows).T
@@ -241,5 +249,6 @@ def _with_contact(
         return None
     room = [0.0] * (pair_loops.MOMENTS - pair_loops.OWN)
     weights = response_weights().ravel()
+    # in the order of `pair_loops`, from WALL to MOTION
     more = [wall, distance, *room, *lattice.moments(distance), *weights, *6 * [0.0]]
     return _lengthened(closure, pair_loops.contact, pair_loops.contact_slopes, more)

@@ -54,8 +54,8 @@ class Closure:
     --------
     >>> from contbreather.orbits.constructors import symmetric
     >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> here = {"a": 0.5, "gamma": 0.12, "k": 0.4}
-    >>> bool(abs(Closure().residual([b.p, b.phi], here)).max() < 1e-15)
+    >>> params = {"a": 0.5, "gamma": 0.12, "k": 0.4}
+    >>> bool(abs(Closure().residual([b.p, b.phi], params)).max() < 1e-15)
     True
     """
 
@@ -90,6 +90,7 @@ class Closure:
         if name == "gamma":
             return np.array((p * sprung(self.lattice, f).dchi(gamma), 0.0))
         if name == "k":
+            # -p dq/dk
             return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
         if name not in f.params:
             raise BadInput(
@@ -103,18 +104,18 @@ class Closure:
     def loops(self, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
         """The equations with these parameters free, as functions that can be compiled; None with
         springs, for the coupling of a ring, and on lattices of somebody else."""
-        own = self.forcing.params
+        defaults = self.forcing.params
         places = {**PLAIN, **_coefficients(self.forcing)}
         ring = self.lattice.sites is not None and "gamma" in names
-        known = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(
+        compilable = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(
             self.forcing, SpringResponse
         )
-        if not known or ring or any(name not in places for name in names):
+        if not compilable or ring or any(name not in places for name in names):
             return None
-        f = self.forcing.at(**{name: params[name] for name in own if name in params})
+        f = self.forcing.at(**{name: params[name] for name in defaults if name in params})
         freed = [float(entry) for name in names for entry in places[name]]
-        here = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
-        data = pack(len(names), freed, here, f.harmonics, self.lattice)
+        values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
+        data = pack(len(names), freed, values, f.harmonics, self.lattice)
         return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
 
     def _unpack(
@@ -127,11 +128,11 @@ class Closure:
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
         if not 0.0 <= gamma < 0.25:
             self.lattice.check(gamma)  # says it
-        own = self._own  # type: ignore[attr-defined]
-        if not own:
+        defaults = self._own  # type: ignore[attr-defined]
+        if not defaults:
             return p, phi, a, gamma, k, self.forcing
-        values = tuple([(name, params.get(name, value)) for name, value in own])
-        if values == own:
+        values = tuple([(name, params.get(name, value)) for name, value in defaults])
+        if values == defaults:
             return p, phi, a, gamma, k, self.forcing
         return p, phi, a, gamma, k, forcing_with(self.forcing, values)
 
@@ -148,13 +149,14 @@ def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
 
 
 def pack(
-    freed: int, places: list[float], here: list[float], harmonics: Any, on: Lattice
+    freed: int, places: list[float], values: list[float], harmonics: Any, on: Lattice
 ) -> tuple[float, ...]:
     """The data of `closed_loops`."""
-    places, gamma = [*places, *(4 - 2 * freed) * [0.0]], here[1]
+    places, gamma = [*places, *(4 - 2 * freed) * [0.0]], values[1]
     means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
     flat = [entry for harmonic in harmonics for entry in harmonic]
-    head = [freed, *places, *here, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
+    # in the order of `closed_loops`; f and its derivatives are filled in at each phi
+    head = [freed, *places, *values, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
     return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
 
 
@@ -185,11 +187,11 @@ def roots(
     a, q = parameter("a", a), restitution_ratio(k)
     chi = sprung(lattice, forcing).chi(gamma)
     if isinstance(forcing, Harmonic):
-        found = _harmonic_roots(a, chi, q)
+        solutions = _harmonic_roots(a, chi, q)
     else:
-        found = general_roots(a, chi, q, forcing)
-    if found:
-        return tuple(sorted(found, reverse=True))
+        solutions = general_roots(a, chi, q, forcing)
+    if solutions:
+        return tuple(sorted(solutions, reverse=True))
     # above the fold there is always one: on the way of a f from its minimum up to 1 the reduced
     # equation changes sign while f rises, and there p q = a f' > 0
     raise NoSolution(
@@ -217,6 +219,7 @@ def folds(gamma: float, k: float, forcing: Forcing, lattice: Lattice) -> list[fl
     """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
     chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
+        # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]
     series = _reduced(forcing, chi, q)
     heights = [series.at(phi, 0) for phi in _crests(series)]
@@ -229,17 +232,19 @@ def _harmonic_roots(a: float, chi: float, q: float) -> list[tuple[float, float]]
     Both roots share ``h^2 = chi^2 + q^2`` and ``r^2 = a^2 h^2 - q^2``, which vanishes at the fold.
     """
     h = math.hypot(chi, q)
+    # at the fold, a h = q, rounding must not decide whether there is a root
     gap = a * h - q
     if gap < -4.0 * EPS * q:
         return []
     r = math.sqrt(max(gap, 0.0) * (a * h + q))
+    # phi by (13): a sin phi = -p q, a cos phi = 1 - p chi, which is (q^2 -+ chi r)/h^2
     hh = h * h
     p = (chi + r) / hh
-    found = [(p, math.atan2(-p * q, (q * q - chi * r) / hh))]
+    solutions = [(p, math.atan2(-p * q, (q * q - chi * r) / hh))]
     p = (1.0 - a) * (1.0 + a) / (chi + r)  # = (chi - r)/h^2
     if r > 0.0 and p > 0.0:
-        found.append((p, math.atan2(-p * q, (q * q + chi * r) / hh)))
-    return found
+        solutions.append((p, math.atan2(-p * q, (q * q + chi * r) / hh)))
+    return solutions
 
 
 def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tuple[float, float]]:
@@ -254,6 +259,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     phases: list[float] = []
     touching = False
     for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
+        # rounding of the height, by the size of its three terms
         slack = 8.0 * EPS * (a * abs(chi * forcing.df(phi)) + a * q * abs(forcing.f(phi)) + q)
         touched, touching = touching, abs(height) <= slack
         if touching:  # a double root: rounding must not decide whether it exists
@@ -266,12 +272,12 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
         right = crests[i + 1] if i + 1 < len(crests) else crests[0] + 2.0 * math.pi
         if heights[i] * heights[(i + 1) % len(crests)] < 0.0:
             phases.append(_crossing(series, q / a, left, right))
-    found = []
+    solutions = []
     for phi in phases:
         p = (1.0 - a * forcing.f(phi)) / chi
         if p > 0.0:
-            found.append((p, math.remainder(phi, 2.0 * math.pi)))
-    return found
+            solutions.append((p, math.remainder(phi, 2.0 * math.pi)))
+    return solutions
 
 
 def _crossing(series: Series, level: float, left: float, right: float) -> float:
@@ -281,6 +287,7 @@ def _crossing(series: Series, level: float, left: float, right: float) -> float:
         return float(series.at(phi, 0)) - level
 
     x = float(brentq(above, left, right, xtol=1e-14, rtol=4.0 * EPS))
+    # one Newton step from where brentq ends; next to a double root it would go astray
     steepness = series.at(x, 1)
     step = above(x) / steepness if steepness else 0.0
     return x - step if abs(step) < 1e-9 else x
@@ -302,22 +309,24 @@ def _crests(series: Series) -> list[float]:
     slope = {m: (m * s, -m * c) for m, c, s in series.harmonics}
     largest = max(math.hypot(c, s) for c, s in slope.values())
     # a last coefficient that is nearly nothing would spoil the matrix; Newton restores it below
-    kept = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
-    if max(kept) > 64:
+    orders = [m for m, (c, s) in slope.items() if math.hypot(c, s) > 1e-8 * largest]
+    # a companion matrix costs the cube of its size: a forcing of many harmonics goes by a grid
+    if max(orders) > 64:
         start = _bends(slope, 32 * max(slope))
     else:
         # odd harmonics only: with Z = z^2 the matrix has half the size
-        top = max(kept)
+        top = max(orders)
         poly = np.zeros(top + 1, dtype=complex)
-        for m in kept:
+        for m in orders:
+            # c cos + s sin = Re (c - i s) z^m, z = exp(i phi); times z^top a polynomial in z^2
             c, s = slope[m]
             poly[(top - m) // 2] += 0.5 * complex(c, -s)
             poly[(top + m) // 2] += 0.5 * complex(c, s)
         half = 0.5 * np.angle(np.roots(poly))
         start = np.concatenate([half, half + math.pi])
-    found = [_settled(phi, series) for phi in start.tolist()]
+    extrema = [_settled(phi, series) for phi in start.tolist()]
     distinct: list[float] = []
-    for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in found):
+    for phi in sorted(math.remainder(phi, 2.0 * math.pi) for phi in extrema):
         if not distinct or phi - distinct[-1] > 1e-9:
             distinct.append(phi)
     return distinct

@@ -105,17 +105,17 @@ def symmetric(
     return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
 
 
-def rooted(found: tuple[Orbit, ...], root: int | None) -> Orbit:
+def rooted(roots: tuple[Orbit, ...], root: int | None) -> Orbit:
     """The solution of (11) with that number, counted from 1 by falling p; without one the first
     that is admissible, or the first of all where none is."""
     if root is None:
-        own = found if len(found) > 1 else ()
+        candidates = roots if len(roots) > 1 else ()
         # on GR rounding must not decide which of two breathers it is
-        return next((one for one in own if one.admissibility().margin > -LIMIT), found[0])
-    if not (isinstance(root, int | np.integer) and 1 <= root <= len(found)):
-        there = ", ".join(f"{i}: p = {one.p:.9g}" for i, one in enumerate(found, start=1))
-        raise BadInput(f"root {root}: the solutions of (11) are {there}; choose one of them")
-    return found[root - 1]
+        return next((b for b in candidates if b.admissibility().margin > -LIMIT), roots[0])
+    if not (isinstance(root, int | np.integer) and 1 <= root <= len(roots)):
+        listing = ", ".join(f"{i}: p = {b.p:.9g}" for i, b in enumerate(roots, start=1))
+        raise BadInput(f"root {root}: the solutions of (11) are {listing}; choose one of them")
+    return roots[root - 1]
 
 
 def symmetric_roots(
@@ -141,6 +141,7 @@ def symmetric_roots(
     """
     drive = forcing_of(forcing)
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
+    # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     held_ring = isinstance(lattice, Ring) and (more or spring is not None)
     if isinstance(lattice, FiniteLattice) or held_ring:
         at = Walls.given(walls)
@@ -207,6 +208,7 @@ def asymmetric(
     branch = walked(start, events=[pitchfork()], within=reach)
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
+        # (t2 - t1 - pi)^2 = bend (a - a_PF) to leading order: its sign is the side of the arms
         bend = pitchfork_form(point.solution).coefficient
         up = bend > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
@@ -216,10 +218,12 @@ def asymmetric(
         lifted = lift(point)
         seed = beside(lifted, arm * OFF)
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
+            # between the pitchfork and the usual start: set out on the parabola, at this a
             seed = beside(lifted, arm * math.sqrt((a - point["a"]) * bend))
             return _solved(seed.at(a=a), inadmissible)
         side = "up" if up else "down"
         last = walked(seed, events=(), within=window, towards=side)[-1]
+        # the edge of the window is met to rounding, whatever else ends the branch comes before
         if abs(last["a"] - a) <= 1e-12 * a:
             return _solved(last.problem.at(a=a), inadmissible)
     where = f"pitchforks at a = {', '.join(tried)}" if tried else "no pitchfork was found"
@@ -231,6 +235,7 @@ def asymmetric(
 
 def beside(lifted: OrbitSwitching, asymmetry: float) -> Problem:
     """The problem started on the arm where t2 - t1 - pi is about as given, small."""
+    # along the null vector t2 - t1 changes by the difference of its entries
     slots = lifted.problem.slots
     return lifted.arm(
         asymmetry / float(lifted.direction[slots["t2"]] - lifted.direction[slots["t1"]])
@@ -329,18 +334,18 @@ def shooting(
     <ring of 20: unstable, 2 multipliers; largest |multiplier| over 2 pi 1.00607444 > threshold \
 1.005>
     """
-    given: dict[str, Any] = {
+    overrides: dict[str, Any] = {
         "a": a, "gamma": gamma, "k": k, "damping": damping, "spring": spring, "forcing": forcing,
         "walls": walls,
     }  # fmt: skip
     t = number("t", t, -math.inf, math.inf, "the time of a state")
     threshold = number("threshold", threshold, 1.0, 1e300, "a modulus above 1")
     sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
-    flight = _guess(seed, given, _lattice(lattice, sites), sequence, _turns(period), sign, t)
+    flight = _guess(seed, overrides, _lattice(lattice, sites), sequence, _turns(period), sign, t)
     check_possible(flight.section, flight.conditions)
     problem = modal_problem(Orbit(flight), threshold)
     try:
-        solved, found = problem.solve()
+        solved, convergence = problem.solve()
     except NotConverged as error:
         raise NotConverged(
             f"no orbit of {Orbit(flight).describe()} near the seed: {error}",
@@ -349,7 +354,8 @@ def shooting(
             last=orbit_at(error.last) if isinstance(error.last, Problem) else None,
         ) from error
     orbit = orbit_at(solved)
-    checked(orbit, found.iterations)
+    # the equations hold, too, with impacts out of order, or from outside of a wall
+    checked(orbit, convergence.iterations)
     verdict = orbit.admissibility()
     if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
         raise Inadmissible(
@@ -360,9 +366,10 @@ def shooting(
 
 
 def _turns(period: float) -> int:
-    given = real(period)
-    turns = round(given / (2.0 * math.pi)) if abs(given) < math.inf else 0
-    if not 1 <= turns <= LONGEST or abs(given - 2.0 * math.pi * turns) > 1e-9 * turns:
+    length = real(period)
+    # a period that was computed is 2 pi n to its rounding only
+    turns = round(length / (2.0 * math.pi)) if abs(length) < math.inf else 0
+    if not 1 <= turns <= LONGEST or abs(length - 2.0 * math.pi * turns) > 1e-9 * turns:
         raise BadInput(
             f"period = {period!r}: the forcing has period 2 pi, so an orbit has a multiple of it, "
             f"2 pi n with n = 1, 2, ... up to {LONGEST}."
@@ -370,11 +377,11 @@ def _turns(period: float) -> int:
     return turns
 
 
-def _lattice(given: Any, sites: int | None) -> Finite | None:
+def _lattice(source: Any, sites: int | None) -> Finite | None:
     """The finite lattice that was asked for, None where that of the seed is meant."""
-    if given is None:
+    if source is None:
         return None if sites is None else Ring(sites)
-    lattice = finite(given)
+    lattice = finite(source)
     if sites is not None and sites != lattice.sites:
         raise BadInput(f"sites = {sites} and the {lattice.describe()}: give one of the two.")
     return lattice
@@ -382,7 +389,7 @@ def _lattice(given: Any, sites: int | None) -> Finite | None:
 
 def _guess(
     seed: Any,
-    given: dict[str, Any],
+    overrides: dict[str, Any],
     lattice: Finite | None,
     sequence: Sequence[tuple[int, int]] | None,
     turns: int,
@@ -397,13 +404,14 @@ def _guess(
     if isinstance(seed, Orbit):
         if lattice is None and seed.lattice.sites is None:
             raise BadInput("the seed lives on the infinite chain: say on which ring, sites=N.")
-        on = _conditions(given, lattice or seed.lattice, seed)
+        on = _conditions(overrides, lattice or seed.lattice, seed)
         return from_orbit(seed, on, sequence, sign)
     if isinstance(seed, Mapping):
         if lattice is None or sequence is None:
             raise BadInput("a seed of impact times needs sites=... and sequence=..., too.")
+        # times tell nothing of a symmetry: without a word on it the whole period is shot
         section = Section(checked_impacts(sequence), turns, sign or 1).placed(lattice)
-        return from_times(_conditions(given, lattice), section, seed)
+        return from_times(_conditions(overrides, lattice), section, seed)
     listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
     if isinstance(seed, str) or not listed or len(seed) != 2:
         raise BadInput(
@@ -413,17 +421,20 @@ def _guess(
     size = np.size(seed[0])
     if lattice is not None and lattice.sites != size:
         raise BadInput(f"the state has {size} sites, but sites = {lattice.sites} was asked for.")
-    on = _conditions(given, lattice or Ring(size))
+    on = _conditions(overrides, lattice or Ring(size))
     return from_state(on, tuple(seed), t, sequence, turns=turns, sign=sign or 1)
 
 
-def _conditions(given: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None) -> Conditions:
+def _conditions(
+    overrides: Mapping[str, Any], lattice: Finite, seed: Orbit | None = None
+) -> Conditions:
     values: dict[str, Any] = {
-        name: getattr(seed, name, None) if value is None else value for name, value in given.items()
+        name: getattr(seed, name, None) if value is None else value
+        for name, value in overrides.items()
     }
     missing = [name for name in NEEDED if values[name] is None]
     if missing:
         raise BadInput(f"this seed does not know {', '.join(missing)}: give them by name.")
-    known = {name: values[name] for name in NAMES if values[name] is not None}
+    params = {name: values[name] for name in NAMES if values[name] is not None}
     walls, drive = Walls.given(values["walls"]), forcing_of(values["forcing"])
-    return Conditions(**known, forcing=drive, walls=walls, lattice=lattice).checked()
+    return Conditions(**params, forcing=drive, walls=walls, lattice=lattice).checked()

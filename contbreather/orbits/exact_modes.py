@@ -67,11 +67,12 @@ class ExactModes(SectionFlight):
         still = np.zeros(on.lattice.basis(section.hit).lam.size)
         rest = cls(section, np.array(times, dtype=float), still, still, on)
         matrix = rest.jacobian()[:, section.count :]  # at rest: linear in the state
+        # m walls and 2K conditions that the section closes, for 2K amplitudes of K modes
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
-        return replace(self, section=section, t=np.array([one.time for one in impacts]))
+        return replace(self, section=section, t=np.array([impact.time for impact in impacts]))
 
     def weakly(self) -> None:
         """Where there is no coupling, the closest site is meant."""
@@ -88,6 +89,7 @@ class ExactModes(SectionFlight):
     def lifted(self) -> Problem:
         orbit = Orbit(self)
         longer = orbit.unfolded() if self.section.symmetric else orbit.doubled()
+        # at gamma = 0 half a period holds the idle sites, by u -> -u, and a whole one does not
         check_possible(longer.section, self.conditions)
         return longer.problem
 
@@ -111,11 +113,12 @@ class ExactModes(SectionFlight):
     def resized(self, ring: Ring) -> ExactModes:
         section, apart = self.section.around(ring.sites), np.arange(ring.sites)
         apart = np.minimum(apart, ring.sites - apart)
+        # nothing on the old ring is farther off than half of it
         nearest = np.minimum(apart, self.conditions.lattice.sites // 2)
         rows: list[FloatArray] = []
         for modes in (self.q, self.r):
-            own = np.roll(self.basis.to_sites(modes), -self.section.hit[0])[nearest]
-            rows.append(ring.basis(section.hit).from_sites(np.roll(own, section.hit[0])))
+            profile = np.roll(self.basis.to_sites(modes), -self.section.hit[0])[nearest]
+            rows.append(ring.basis(section.hit).from_sites(np.roll(profile, section.hit[0])))
         q, r = rows
         return ExactModes(section, self.t, q, r, replace(self.conditions, lattice=ring))
 
@@ -146,21 +149,23 @@ class ShootingEquations:
 def _flown(
     of: ShootingEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]
 ) -> ExactModes:
+    # kept by the unknowns' bits: Newton's method, tests and events ask at the same place
     return ExactModes.of(of.conditions, of.section, np.frombuffer(unknowns), dict(params))
 
 
 @lru_cache(maxsize=64)
 def _left(flight: ExactModes) -> FloatArray:
-    found = flight.residual()
-    found.flags.writeable = False
-    return found
+    residual = flight.residual()
+    # it is handed out again: nobody may write into it
+    residual.flags.writeable = False
+    return residual
 
 
 @lru_cache(maxsize=8)  # they are large
 def _derived(flight: ExactModes, names: tuple[str, ...]) -> FloatArray:
-    found = flight.jacobian(names)
-    found.flags.writeable = False
-    return found
+    jacobian = flight.jacobian(names)
+    jacobian.flags.writeable = False
+    return jacobian
 
 
 @read_by("shooting", ExactModes.of)
@@ -177,8 +182,9 @@ def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     section, on = orbit.section, orbit.conditions
     shooting = ShootingEquations(section, on)
     times = {f"t{j + 1}": float(time) for j, time in enumerate(flight.t)}
+    # below it idle sites rest anywhere, and the equations are singular
     least = WEAK if _loose(section, on) else 0.0
-    bounds = {name: (one.low, one.high) for name, one in NUMBERS.items()}
+    bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
     return orbit_problem(
         "shooting",
         shooting.flight,
@@ -227,12 +233,13 @@ def _columns(section: Section, threshold: float) -> dict[str, Any]:
 
 
 def _momentum(j: int, point: Point) -> float:
+    # (4): an impact transfers 2p
     return 0.5 * abs(float(point.solution.impulses[j]))
 
 
 def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-    found: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
-    return found
+    slopes: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
+    return slopes
 
 
 def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:

@@ -82,6 +82,7 @@ class GrazingSite:
 
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        # the last column is in t, of u and u': u' and u''
         return np.column_stack([self.slopes(curve, orbit, t), self._terms(orbit, t)[1:]])
 
 
@@ -114,8 +115,8 @@ def _locus(point: Point) -> Locus:
 def _follow(orbit: Orbit, site: int, t: float) -> Locus:
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
-    there = orbit.motion.at(site, t)[0]
-    place = min(orbit.walls.at(site), key=lambda wall: abs(there - wall))
+    displacement = orbit.motion.at(site, t)[0]
+    place = min(orbit.walls.at(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
     other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
@@ -146,8 +147,8 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
     if orbit.symmetric or orbit.section.turns % 2 == 0:
         return False
-    both = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
-    return abs(sum(both)) < SAME
+    displacements = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
+    return abs(sum(displacements)) < SAME
 
 
 @dataclass(frozen=True)
@@ -216,10 +217,10 @@ def other_contacts(
     measured = measure(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
-        here, other = measured.rows[-2:, : WHEN + 1].tolist()
-        crests = [Clearance(here[MARGIN], site, within_a_period(orbit, here[WHEN]))]
-        if other[MARGIN] < math.inf and not (mirrored and abs(other[MARGIN]) < MIRRORED):
-            crests.append(Clearance(other[MARGIN], site, within_a_period(orbit, other[WHEN])))
+        same, opposite = measured.rows[-2:, : WHEN + 1].tolist()
+        crests = [Clearance(same[MARGIN], site, within_a_period(orbit, same[WHEN]))]
+        if opposite[MARGIN] < math.inf and not (mirrored and abs(opposite[MARGIN]) < MIRRORED):
+            crests.append(Clearance(opposite[MARGIN], site, within_a_period(orbit, opposite[WHEN])))
         gaps = crests + gaps
     return [
         gap._replace(margin=_told_apart(gap.margin, orbit.influence(site, gap.site)))
@@ -268,6 +269,7 @@ def _others_last(j: int, point: Point) -> float:
     """Where one impact vanishes, the least velocity of another."""
     orbit: Orbit = point.ground.solution
     walls = [wall for _, wall in orbit.section.impacts]
+    # positive towards the wall
     return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
 
 
@@ -300,8 +302,8 @@ def _which(point: Point) -> dict[str, str]:
 
 
 def _together(point: Point) -> Locus:
-    _, *both = _closest(solution_at(point.ground))
-    names = [f"t{j + 1}" for j in both]
+    _, *pair = _closest(solution_at(point.ground))
+    names = [f"t{j + 1}" for j in pair]
     return Locus({}, partial(_gap, names), partial(_gap_slope, names))
 
 

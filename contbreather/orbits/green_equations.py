@@ -122,6 +122,7 @@ class OrbitEquations:
         for i, j in self.section.repeats:
             late = times[j] - times[i]
             if late < 0.0:
+                # the branches of h at an impact differ by <sin(w t)/w> = t + O(t^3)
                 h[:2, j, i] += late, 1.0
                 h[:2, i, j] += late, -1.0
         return h
@@ -151,12 +152,12 @@ class OrbitEquations:
         times, impulses, offsets = self.split(x)
 
         def speed(i: int, j: int, since: FloatArray) -> FloatArray:
-            own, late = a * f.df(times[i] + since), times[j] - times[i]
+            velocity, late = a * f.df(times[i] + since), times[j] - times[i]
             for time, J, (site, _) in zip(times, impulses, self.section.impacts, strict=True):
                 apart = self.lattice.distance(site - self.section.impacts[i][0])
                 answer = periodic_green(self.lattice, gamma, apart, self.section.turns)
-                own = own + J * np.array(answer.at(times[i] + since - time)[1])
-            return np.asarray(own + (impulses[i] - impulses[j] if late < 0.0 else 0.0))
+                velocity = velocity + J * np.array(answer.at(times[i] + since - time)[1])
+            return np.asarray(velocity + (impulses[i] - impulses[j] if late < 0.0 else 0.0))
 
         walls = a * f.f(times) + offsets[self.own] + h[0] @ impulses - self.walls
         return told_apart(self.section, times, walls, speed)
@@ -172,19 +173,20 @@ class OrbitEquations:
         times, impulses, _ = self.split(x)
         h = self._in_turn(self.meetings(gamma, times), times)
         m, r = self.section.count, len(self.section.hit)
-        own = np.arange(m)
+        diagonal = np.arange(m)
         out = np.zeros((2 * m + r, 2 * m + r))
         walls, resets, balance = slice(0, m), slice(m, 2 * m), slice(2 * m, None)
         bent = h[2].copy()
         bent.flat[:: m + 1] = 0.0  # an impact does not move against itself
+        # h_ij is a function of t_i - t_j: a later t_j takes it back
         out[walls, walls] = -h[1] * impulses
         out[resets, walls] = -bent * impulses
-        out[own, own] = a * f.df(times) + h[1] @ impulses  # the site itself moves on
-        out[m + own, own] = a * f.d2f(times) + bent @ impulses
+        out[diagonal, diagonal] = a * f.df(times) + h[1] @ impulses  # the site itself moves on
+        out[m + diagonal, diagonal] = a * f.d2f(times) + bent @ impulses
         out[walls, resets], out[resets, resets] = h[0], h[1]  # both are linear in J
-        out[m + own, m + own] += 0.5 * (1.0 - k) / (1.0 + k)
-        out[own, 2 * m + self.own] = 1.0  # u moves with the offset of its site
-        out[2 * m + self.own, m + own] = 1.0  # mean impulses add up
+        out[m + diagonal, m + diagonal] += 0.5 * (1.0 - k) / (1.0 + k)
+        out[diagonal, 2 * m + self.own] = 1.0  # u moves with the offset of its site
+        out[2 * m + self.own, m + diagonal] = 1.0  # mean impulses add up
         out[balance, balance] = (self.section.period * gamma) * self.links
         if self.section.repeats:
             told = self._told(x, params, h)
@@ -219,11 +221,11 @@ class OrbitEquations:
 
 def forcing_at(forcing: Forcing, params: Params) -> Forcing:
     """The forcing with its own parameters taken from ``params`` where they are named there."""
-    own = forcing.params
-    if not own:
+    defaults = forcing.params
+    if not defaults:
         return forcing
-    values = tuple((name, float(params.get(name, value))) for name, value in own.items())
-    return forcing if values == tuple(own.items()) else forcing_with(forcing, values)
+    values = tuple((name, float(params.get(name, value))) for name, value in defaults.items())
+    return forcing if values == tuple(defaults.items()) else forcing_with(forcing, values)
 
 
 @lru_cache(maxsize=256)

@@ -110,7 +110,7 @@ class GreensFunction:
     @cached_property
     def x(self) -> FloatArray:
         """All unknowns of `equations`."""
-        times, impulses = zip(*((one.time, one.impulse) for one in self.impacts), strict=True)
+        times, impulses = zip(*((hit.time, hit.impulse) for hit in self.impacts), strict=True)
         return np.array([*times, *impulses, *self.offsets], dtype=float)
 
     @property
@@ -153,6 +153,7 @@ class GreensFunction:
             total += self.offset(n)
         for impact in self.impacts:
             since = self._since(t, impact.time)
+            # one wave serves all sites at a distance
             for m in np.unique(np.abs(n - impact.site)):
                 at = np.abs(n - impact.site) == m
                 distance = on.lattice.distance(int(m))
@@ -184,6 +185,7 @@ class GreensFunction:
         """Time since the last occurrence of an impact; within rounding of one it counts as one."""
         T = self.section.period
         s = (t - impact) % T
+        # one rounding each of t, of the impact, of their difference and of its remainder
         return np.where(T - s <= 4.0 * EPS * (T + np.abs(t) + abs(impact)), 0.0, s)
 
     def state(self, t: float) -> tuple[FloatArray, FloatArray]:
@@ -197,6 +199,7 @@ class GreensFunction:
         on, first, T = self.conditions, self.impacts[0].time, self.section.period
         _, impulses, _ = self.equations.split(self.x)
         b = -((1.0 + on.k) ** 2) * self.accelerations / impulses  # (19), u' = -J/(1 + k)
+        # all within one period from the first one on
         kicks = [
             Saltation(impact.site, first + (impact.time - first) % T, entry)
             for impact, entry in zip(self.impacts, b.tolist(), strict=True)
@@ -238,6 +241,7 @@ class GreensFunction:
     def arm(cls, on: Conditions, section: Section, x: Any, params: Params) -> GreensFunction:
         """With ``p, t1, t2, c`` of two impacts."""
         p, t1, t2, c = x
+        # (4): -2p on the wall +1, 2p on the wall -1
         return cls.of(on, section, (t1, t2, -2.0 * p, 2.0 * p, c), params)
 
     def problem(self, threshold: float) -> Problem:
@@ -274,10 +278,11 @@ class GreensFunction:
     ) -> Representation | None:
         if not section.symmetric:
             return replace(self, section=section, impacts=tuple(impacts), offsets=tuple(offsets))
+        # of half sections the closed form has this one alone, site 0 on the wall +1
         if section.count > 1 or section.impacts[0] != (0, 1):
             return None
-        (one,) = impacts
-        return orbit_of(self.conditions, section, [one.time], [one.impulse]).representation
+        (impact,) = impacts
+        return orbit_of(self.conditions, section, [impact.time], [impact.impulse]).representation
 
     def on(self, lattice: Any) -> None:
         """Its impacts are as good a guess as any."""
@@ -298,8 +303,8 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     motion = orbit.representation
     equations: OrbitEquations = motion.equations
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
-    own = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
-    record |= {name: attrgetter(f"solution.{name}") for name, there in own.items() if there}
+    optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
+    record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
     return orbit_problem(
         "orbit with impacts",
         partial(GreensFunction.of, orbit.conditions, orbit.section),
@@ -335,6 +340,7 @@ def _params(orbit: Orbit) -> dict[str, float]:
 
 def domain_of(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
     """Where the parameters mean something, and each impulse pushes away from its wall."""
+    # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
     edge = 0.25 if equations.lattice.sites is not None else 0.25 / equations.section.turns**2
     domain = {"gamma": (0.0, edge), "k": (0.0, 1.0), "a": (0.0, math.inf)}
     for i, (_, wall) in enumerate(equations.section.impacts):
@@ -386,6 +392,7 @@ def _asymmetry(point: Point) -> float:
 class _Asymmetric(OrbitProblem):
     def images(self, x: FloatArray, params: Mapping[str, float]) -> tuple[FloatArray, ...]:
         p, t1, t2, c = x
+        # u(t) -> -u(t + pi): the impacts change places, the offset its sign
         return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
@@ -437,14 +444,15 @@ def _off_pitchfork(event: Event) -> Event:
 
 def _per_asymmetry(event: Event, point: Point) -> float:
     asymmetry = _unequal(point.ground)
+    # 0/0 at the pitchfork itself
     return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
 
 
 def _fold_locus(point: Point) -> Locus:
     # on its curve, so does the test of a cusp where both folds of mirror images meet
-    own = fold().locus
-    assert own is not None
-    locus = own(point)
+    locus_of = fold().locus
+    assert locus_of is not None
+    locus = locus_of(point)
     return replace(locus, events=tuple(map(_off_pitchfork, locus.events)))
 
 
@@ -486,6 +494,7 @@ def _offset_share(orbit: Orbit, site: int) -> FloatArray:
     if orbit.gamma == 0.0 and site not in orbit.section.hit:
         return np.zeros(size)
     flight = orbit.representation
+    # the static displacement is linear in the offsets: what each of size 1 does
     unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
     return np.array(unit, dtype=float)
 
@@ -497,10 +506,12 @@ def _motion_slopes(
     f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
     answers = orbit.representation.answers(site, t)
     slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
+    # of two impacts J = -2p and 2p
     slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
     for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
+        # an answer is a function of t - t_i: its derivative in t_i is minus that in t
         slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
-    slopes |= {f"c{i}": (own, 0.0) for i, own in enumerate(share, start=1)}
+    slopes |= {f"c{i}": (weight, 0.0) for i, weight in enumerate(share, start=1)}
     if "gamma" in curve.free:
         slopes["gamma"] = impulses @ orbit.representation.answers(site, t, wave_slope)[:, :2]
     for name in {*f.params} & {*curve.free}:
@@ -514,4 +525,5 @@ def _towards(side: float, point: Point) -> float:
 
 def _while_asymmetric(side: float, point: Point) -> float:
     asymmetry = _towards(side, point)
+    # closer to the pitchfork a margin per asymmetry is rounding over rounding
     return asymmetry if asymmetry > EQUAL else math.nan

@@ -59,6 +59,7 @@ class Motion:
         self.forced = driven(lattice, on.forcing, on.gamma, on.spring, on.damping)
         self.q = self.basis.from_sites(u - on.a * self.forced.everywhere(self.time, 0))
         self.r = self.basis.from_sites(v - on.a * self.forced.everywhere(self.time, 1))
+        # w^2 of each mode
         self.z = on.gamma * self.basis.lam + on.spring
 
     def turned(self, ahead: Any) -> ModalPropagator:
@@ -74,6 +75,7 @@ class Motion:
 
     def next(self, limit: float) -> Impact | None:
         """Fly to the first contact of any site within a time ahead."""
+        # from the eighth harmonic on a forcing needs a finer grid
         step = math.pi / GRID / max(1, self.on.forcing.highest // 4)
         ahead = np.append(np.arange(0.0, limit, step), limit)
         flown = self.turned(ahead[:, None])
@@ -89,11 +91,11 @@ class Motion:
         if not hit.size:
             return None
         i = int(hit[0, 0])
-        found = []
+        contacts = []
         for site in hit[hit[:, 0] == i, 1].tolist():
             wall = 1 if u[i + 1, site] > high[site] else -1
-            found.append((self._touch(site, wall, ahead[i], ahead[i + 1]), site, wall))
-        moment, site, wall = min(found)
+            contacts.append((self._touch(site, wall, ahead[i], ahead[i + 1]), site, wall))
+        moment, site, wall = min(contacts)
         self.q, self.r = self.turned(moment)(self.q, self.r)
         self.time += moment
         return Impact(site, wall, self.time, math.nan)
@@ -113,6 +115,7 @@ class Motion:
     def reset(self, site: int) -> None:
         """Let a site bounce off the wall it is on."""
         e = self.basis.at(site)
+        # (2): u' -> -k u', an impulse of -(1 + k) m u', of which e is each mode's share
         velocity = float(e.dot(self.r)) + self.on.a * self.forced.at(site, self.time)[1]
         self.r = self.r - (1.0 + self.on.k) * velocity * self.on.lattice.masses[site] * e
 
@@ -134,33 +137,35 @@ def from_state(
     the first of them."""
     motion = Motion(on, state, time)
     T = math.pi * turns * (1.0 if sign < 0 else 2.0)
-    seen: list[Impact] = []
+    impacts: list[Impact] = []
     states: list[tuple[FloatArray, FloatArray]] = []
-    while len(seen) < MOST:
+    while len(impacts) < MOST:
         contact = motion.next(time + T - motion.time)
         if contact is None:
             break
-        if not any(_again(contact, earlier, T) for earlier in seen):
-            seen.append(contact)
+        if not any(_again(contact, earlier, T) for earlier in impacts):
+            impacts.append(contact)
             states.append(motion.free())
         motion.reset(contact.site)
-    words = " ".join(f"({one.site}, {one.wall:+d}) at t = {one.time:.6g}" for one in seen[:12])
-    if not seen or len(seen) == MOST:
+    words = " ".join(f"({hit.site}, {hit.wall:+d}) at t = {hit.time:.6g}" for hit in impacts[:12])
+    if not impacts or len(impacts) == MOST:
         raise BadInput(
-            f"the seed meets {'no wall' if not seen else 'walls too often'} within a section of "
+            f"the seed meets {'no wall' if not impacts else 'walls too often'} within a section of "
             f"length {T:.6g} from t = {time:.6g}: {words or 'it flies free'}; give another seed, "
             "or its impact times by hand."
         )
-    seen.sort(key=lambda one: (round(one.time, TOGETHER), one.site))
+    impacts.sort(key=lambda hit: (round(hit.time, TOGETHER), hit.site))
     # three sections hold every start there is: it goes on as it was, or turned over
-    m, walls = len(seen), tuple((one.site, one.wall) for one in seen)
-    course = Section(walls, turns, sign).course(seen, 3)
+    m, walls = len(impacts), tuple((hit.site, hit.wall) for hit in impacts)
+    course = Section(walls, turns, sign).course(impacts, 3)
     first = _start(course, sequence, on.lattice, words)
-    own = course[first : first + m]
-    section = Section(tuple((c.site, c.wall) for c in own), turns, sign)
+    chosen = course[first : first + m]
+    section = Section(tuple((c.site, c.wall) for c in chosen), turns, sign)
     basis = on.lattice.basis(section.hit)
+    # each section repeats the one before with its sign
     q, r = (sign ** (first // m) * basis.from_sites(row) for row in states[first % m])
-    times = np.array([one.time for one in own])
+    times = np.array([hit.time for hit in chosen])
+    # the first impact within half a period of 0
     times -= section.period * math.floor((times[0] + 0.5 * section.period) / section.period)
     return ExactModes(section, times, q, r, on)
 
@@ -173,7 +178,7 @@ def _again(contact: Impact, earlier: Impact, length: float) -> bool:
 
 def _beginning(course: Sequence[Impact], wanted: Sequenced) -> int | None:
     """Which of the impacts of three sections comes first in a sequence of one."""
-    m, impacts = len(course) // 3, [(one.site, one.wall) for one in course]
+    m, impacts = len(course) // 3, [(impact.site, impact.wall) for impact in course]
     return next((i for i in range(2 * m) if tuple(impacts[i : i + m]) == wanted), None)
 
 
@@ -181,7 +186,7 @@ def _start(
     course: Sequence[Impact], sequence: Sequence[Any] | None, lattice: Finite, words: str
 ) -> int:
     if sequence is None:  # the first on the wall at +1, by choice
-        return next((i for i, one in enumerate(course) if one.wall > 0), 0)
+        return next((i for i, impact in enumerate(course) if impact.wall > 0), 0)
     wanted = Section(checked_impacts(sequence)).placed(lattice).impacts
     if (first := _beginning(course, wanted)) is not None:
         return first
@@ -190,7 +195,7 @@ def _start(
         f"the seed does not hit its walls in the order {wanted}: followed over one section it "
         f"meets {words}; give that sequence, another seed, or the impact times by hand.",
         sequence=wanted,
-        met=tuple((one.site, one.wall) for one in course[:m]),
+        met=tuple((impact.site, impact.wall) for impact in course[:m]),
     )
 
 
@@ -251,8 +256,10 @@ def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactMo
             f"the seed has {m} impacts in a section, the sequence {section.impacts} "
             f"{section.count}: give impact times by hand."
         )
-    own = orbit.section.placed(on.lattice)
-    impacts = [Impact(*hit, *one[2:]) for hit, one in zip(own.impacts, orbit.impacts, strict=True)]
-    course = own.course(impacts, 3)
+    former = orbit.section.placed(on.lattice)
+    impacts = [
+        Impact(*hit, *impact[2:]) for hit, impact in zip(former.impacts, orbit.impacts, strict=True)
+    ]
+    course = former.course(impacts, 3)
     first = _beginning(course, section.impacts) or 0
-    return ExactModes.from_times(on, section, [one.time for one in course[first : first + m]])
+    return ExactModes.from_times(on, section, [impact.time for impact in course[first : first + m]])

@@ -331,7 +331,7 @@ def margins(
 
 def margins_along(
     motion: Motion, a: Vector, times: Matrix, impulses: Matrix, near: Signs, touching: int,
-    time: float, work: Matrix, found: Vector,
+    time: float, work: Matrix, lowest: Vector,
 ) -> None:  # fmt: skip
     """The least margin of each of several motions that differ in their amplitudes and impacts
     alone, below the ceiling that was found before; the work is that of the last."""
@@ -339,14 +339,14 @@ def margins_along(
         for j in range(times.shape[1]):
             motion.impacts[TIME, j] = times[i, j]
             motion.impacts[IMPULSE, j] = impulses[i, j]
-        own = Motion(
+        varied = Motion(
             a[i], motion.k, times[i, 0], motion.length, motion.sign, motion.fine, motion.forced,
             motion.responses, motion.modes, motion.impacts, motion.flights, motion.busy,
             motion.places,
         )  # fmt: skip
-        margins(own, near, found[i], touching, time, work)
+        margins(varied, near, lowest[i], touching, time, work)
         for row in range(FOUND, work.shape[0]):
-            found[i] = min(found[i], work[row, MARGIN])
+            lowest[i] = min(lowest[i], work[row, MARGIN])
 
 
 MARGINS = Kernel(margins_along)

@@ -98,13 +98,13 @@ def multibreather(
 def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
     """Which sites, and what was chosen for each where that was said."""
     named = dict(choice) if isinstance(choice, Mapping) else dict.fromkeys(choice, "")
-    said = (
-        f"{site} ({what if isinstance(what, str) else what.section.describe()})"
-        if what
+    phrases = (
+        f"{site} ({orbit if isinstance(orbit, str) else orbit.section.describe()})"
+        if orbit
         else f"{site}"
-        for site, what in named.items()
+        for site, orbit in named.items()
     )
-    return f"site{'s' * (len(named) > 1)} {', '.join(said)}"
+    return f"site{'s' * (len(named) > 1)} {', '.join(phrases)}"
 
 
 def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
@@ -134,53 +134,57 @@ def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[
         ) from None
     if not chosen or len(chosen) < len(choice):
         raise BadInput(f"{choice!r}: name at least one site, and each once.")
-    return [_single(site, what, replace(on, gamma=0.0)) for site, what in chosen.items()]
+    return [_single(site, orbit, replace(on, gamma=0.0)) for site, orbit in chosen.items()]
 
 
-def _single(site: int, what: Any, on: Conditions) -> Single:
+def _single(site: int, orbit: Any, on: Conditions) -> Single:
     """One site without coupling: by the name of a root, or by an orbit of its own."""
     ((site, _),) = Section(((site, 1),)).placed(on.lattice).impacts
-    if isinstance(what, Point) and what.ground.curve.problem.interpret is not None:
-        what = what.solution
-    if isinstance(what, str) and what in ROOTS:
+    if isinstance(orbit, Point) and orbit.ground.curve.problem.interpret is not None:
+        orbit = orbit.solution
+    if isinstance(orbit, str) and orbit in ROOTS:
+        # one alone at the fold (14), where both meet, and where the lower has no p > 0
         roots = symmetric_orbits(site, on)
-        what = roots[min(ROOTS.index(what), len(roots) - 1)]
-    elif not isinstance(what, Orbit):
+        orbit = roots[min(ROOTS.index(orbit), len(roots) - 1)]
+    elif not isinstance(orbit, Orbit):
         raise BadInput(
-            f"site {site}: {what!r} was given; 'upper', 'lower' or an orbit of the single "
+            f"site {site}: {orbit!r} was given; 'upper', 'lower' or an orbit of the single "
             "oscillator is expected."
         )
-    elif what.lattice.sites != 1 and (what.gamma != 0.0 or not what.section.local):
+    elif orbit.lattice.sites != 1 and (orbit.gamma != 0.0 or not orbit.section.local):
         raise BadInput(
-            f"site {site}: {what!r} has gamma = {what.gamma!r}; an orbit of the single oscillator, "
-            "without coupling, is expected."
+            f"site {site}: {orbit!r} has gamma = {orbit.gamma!r}; an orbit of the single "
+            "oscillator, without coupling, is expected."
         )
-    elif not np.allclose(_under(what.conditions, what.section.hit[0]), _under(on, site)):
+    elif not np.allclose(_under(orbit.conditions, orbit.section.hit[0]), _under(on, site)):
         raise BadInput(
-            f"site {site}: {what!r} was given; one of the same a, k, damping, spring and forcing "
+            f"site {site}: {orbit!r} was given; one of the same a, k, damping, spring and forcing "
             f"is expected, a = {on.a}, k = {on.k} and {on.forcing.describe()}, say."
         )
-    return site, what
+    return site, orbit
 
 
 def _under(on: Conditions, site: int) -> FloatArray:
     """What a site without coupling moves under: its losses, its spring, its drive over a period."""
     drive = on.a if on.lattice.sites is None else on.a * drive_of(on.lattice)[site]
+    # drives of different kinds are the same if their values are
     times = np.linspace(0.0, 2.0 * math.pi, 16)
     return np.array([on.k, on.damping, on.spring, *(drive * on.forcing.d2f(times))])
 
 
 def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     """All impacts in order of time over one common section."""
-    turns = math.lcm(*(one.section.turns for _, one in singles))
-    symmetric = turns % 2 == 1 and all(one.section.symmetric for _, one in singles)
+    # the shortest period they have in common; half of it where n is odd and each orbit is its own
+    # mirror image, u(t + n pi) = -u(t)
+    turns = math.lcm(*(orbit.section.turns for _, orbit in singles))
+    symmetric = turns % 2 == 1 and all(orbit.section.symmetric for _, orbit in singles)
     length = math.pi * turns * (1 if symmetric else 2)
     impacts = sorted(
         (
             (time, site, wall)
-            for site, one in singles
-            for _, wall, time, _ in one.section.course(
-                one.impacts, round(length / one.section.length)
+            for site, orbit in singles
+            for _, wall, time, _ in orbit.section.course(
+                orbit.impacts, round(length / orbit.section.length)
             )
         ),
         key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
@@ -208,6 +212,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
         return Branch((Point(curve, curve.start),), Stop.START)
+    # behind a fold the coupling falls again
     ends = (replace(fold(), ends="branch"), grazing())
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
@@ -268,8 +273,8 @@ def multibreathers(
     Examples
     --------
     >>> from contbreather.lattice import Ring
-    >>> found = multibreathers(Ring(6), a=0.5, gamma=0.02, k=0.8, most=2)
-    >>> [(one.sites, one.copies, one.exists) for one in found]
+    >>> catalogue = multibreathers(Ring(6), a=0.5, gamma=0.02, k=0.8, most=2)
+    >>> [(entry.sites, entry.copies, entry.exists) for entry in catalogue]
     [((0,), 6, True), ((0, 1), 6, True), ((0, 2), 6, True), ((0, 3), 3, True)]
     """
     finite(lattice)
@@ -278,12 +283,12 @@ def multibreathers(
         raise BadInput(f"most = {most!r}: a whole number of sites, 1 to {lattice.sites}.")
     at, drive = Walls.given(walls), forcing_of(forcing)
     on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
-    found: list[Multibreather] = []
-    with partial_result(lambda: tuple(found)):
+    catalogue: list[Multibreather] = []
+    with partial_result(lambda: tuple(catalogue)):
         for count in range(1, most + 1):
             for sites, copies in _classes(lattice, count, at):
-                found.append(_entry(sites, copies, on))
-    return tuple(found)
+                catalogue.append(_entry(sites, copies, on))
+    return tuple(catalogue)
 
 
 def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather:
@@ -307,18 +312,19 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
         node_match=alike_by.categorical_node_match("colour", ""),
         edge_match=alike_by.categorical_edge_match("weight", ""),
     )
-    found: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
+    classes: dict[str, list[tuple[tuple[int, ...], nx.Graph, int]]] = {}
     for sites in itertools.combinations(range(lattice.sites), count):
         graph = _coloured(lattice, sites, walls)
+        # graphs of different hashes are different; isomorphism, which is dear, tells the others
         mark = nx.weisfeiler_lehman_graph_hash(graph, edge_attr="weight", node_attr="colour")
-        alike = found.setdefault(mark, [])
+        alike = classes.setdefault(mark, [])
         for i, (first, other, copies) in enumerate(alike):
             if same(graph, other):
                 alike[i] = (first, other, copies + 1)
                 break
         else:
             alike.append((sites, graph, 1))
-    return [(sites, copies) for alike in found.values() for sites, _, copies in alike]
+    return [(sites, copies) for alike in classes.values() for sites, _, copies in alike]
 
 
 def _coloured(lattice: Finite, sites: tuple[int, ...], walls: Walls) -> nx.Graph:
@@ -327,8 +333,9 @@ def _coloured(lattice: Finite, sites: tuple[int, ...], walls: Walls) -> nx.Graph
     drive = drive_of(lattice)
     graph = nx.Graph()
     for n in range(lattice.sites):
-        own = (matrix[n, n], lattice.masses[n], drive[n], *walls.at(n))
-        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in own) + f" {n in sites}")
+        traits = (matrix[n, n], lattice.masses[n], drive[n], *walls.at(n))
+        graph.add_node(n, colour=" ".join(f"{x:.9g}" for x in traits) + f" {n in sites}")
+    # the stiffness is symmetric: each bond once
     for i, j in np.argwhere(np.triu(matrix, 1) != 0.0).tolist():
         graph.add_edge(i, j, weight=f"{matrix[i, j]:.9g}")
     return graph
