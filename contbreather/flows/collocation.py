@@ -249,13 +249,13 @@ class Slopes:
     inside: Array  # (intervals, points n, n + 2 + parameters)
     inverse: Array  # (intervals, points n, points n)
 
-    def beside(self, own: Flight, other: Flight, moved: Sequence[float]) -> Array:
+    def beside(self, flight: Flight, other: Flight, moved: Sequence[float]) -> Array:
         """To first order the slopes inside of another flight than their own, for parameters that
         moved."""
-        ways = [other.begins - own.begins, other.lengths - own.lengths]
-        ways += [np.full(own.lengths.size, by) for by in moved]
-        change = np.vstack([other.states - own.states, *ways]).T
-        return own.slopes + _by_states(self.inside @ change[..., None], own)
+        ways = [other.begins - flight.begins, other.lengths - flight.lengths]
+        ways += [np.full(flight.lengths.size, by) for by in moved]
+        change = np.vstack([other.states - flight.states, *ways]).T
+        return flight.slopes + _by_states(self.inside @ change[..., None], flight)
 
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
@@ -322,16 +322,16 @@ def _constant(flow: Flow, flight: Flight, p: Params) -> Array:
 def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
     """The slopes inside by the classical Runge-Kutta method, from node to node."""
     x, t, lengths = flight.states, flight.begins, flight.lengths
-    found, f = [], flow.f
+    inside, f = [], flow.f
     for step in np.diff(flight.scheme.nodes, prepend=0.0):
         h = step * lengths
-        one = values(f, t, x, p)
-        two = values(f, t + h / 2, x + h / 2 * one, p)
-        three = values(f, t + h / 2, x + h / 2 * two, p)
-        four = values(f, t + h, x + h * three, p)
-        x, t = x + h / 6 * (one + 2 * two + 2 * three + four), t + h
-        found.append(values(f, t, x, p) * lengths)
-    return np.stack(found, axis=-1)
+        k1 = values(f, t, x, p)
+        k2 = values(f, t + h / 2, x + h / 2 * k1, p)
+        k3 = values(f, t + h / 2, x + h / 2 * k2, p)
+        k4 = values(f, t + h, x + h * k3, p)
+        x, t = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
+        inside.append(values(f, t, x, p) * lengths)
+    return np.stack(inside, axis=-1)
 
 
 def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:

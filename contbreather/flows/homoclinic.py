@@ -98,10 +98,10 @@ def _saddle(orbit: Cycle, x: Array) -> _Saddle | None:
     """The saddle close to a state, by Newton's iteration from there; None if there is none."""
     flow, sizes, start = orbit.equations.flows[0], orbit.equations.sizes[0], x
     for _ in range(_ITERATIONS):
-        found, derivative = slopes(flow.f, 0.0, x[:, None], orbit.params)
+        velocity, derivative = slopes(flow.f, 0.0, x[:, None], orbit.params)
         matrix = derivative[:, : x.size, 0]
         try:
-            step = np.linalg.solve(matrix, found[:, 0])
+            step = np.linalg.solve(matrix, velocity[:, 0])
         except np.linalg.LinAlgError:
             return None
         x = x - step
