@@ -151,9 +151,9 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
 def _filled(kernel: Kernel, gamma: float, k: float, b: float, spring: float, nu: float) -> Array:
     """What a function of `band_pairs` fills in."""
     data = np.array([gamma, k, (1.0 - k) / (1.0 + k), b, nu, spring])
-    found = np.zeros(12)
-    kernel(data, arc_table(), np.empty(band_pairs.SIZE), found)
-    return found
+    answer = np.zeros(12)
+    kernel(data, arc_table(), np.empty(band_pairs.SIZE), answer)
+    return answer
 
 
 @lru_cache(maxsize=1)
@@ -185,8 +185,8 @@ def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[Neimark
     k, _ = check_kb(k, 0.0)
     if gamma == 0.0 or k == 1.0:
         return ()
-    found = _filled(WINDOW, gamma, k, 0.0, spring, 0.0)
-    b, nu = found[5:9].reshape(2, 2)[:, : int(found[4])].tolist()
+    answer = _filled(WINDOW, gamma, k, 0.0, spring, 0.0)
+    b, nu = answer[5:9].reshape(2, 2)[:, : int(answer[4])].tolist()
     return tuple(sorted(map(NeimarkSacker, nu, b)))
 
 
@@ -233,10 +233,10 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
     if gamma == 0.0:
         return Window(0.0, -1.0)
     if k == 1.0:
-        found = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
-        if found[0] >= found[1]:
-            return Window(found[1], -1.0)
-        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)
+        ends = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
+        if ends[0] >= ends[1]:
+            return Window(ends[1], -1.0)
+        return Window(0.5 * (ends[0] + ends[1]), 0.25 * (ends[0] - ends[1]) ** 2)
     return Window(*_filled(WINDOW, gamma, k, 0.0, spring, 0.0)[:4].tolist())
 
 

@@ -162,14 +162,14 @@ def _by_depth(
     values = _strip(nu)
     flat = values.ravel()
     deep = np.abs(flat.imag) > NEAR
-    found = np.empty((rows, flat.size), dtype=complex)
+    entries = np.empty((rows, flat.size), dtype=complex)
     if not np.all(deep):
         with np.errstate(divide="ignore", invalid="ignore"):
-            found[:, ~deep] = near(gamma, flat[~deep], sites, spring)
+            entries[:, ~deep] = near(gamma, flat[~deep], sites, spring)
     if np.any(deep):
         few = modes(gamma, MODES if sites is None else min(sites, MODES), spring)
-        found[:, deep] = far(np.exp(1j * np.pi * flat[deep]), few)
-    return _finite(found.reshape(rows, *values.shape), gamma, lattice)
+        entries[:, deep] = far(np.exp(1j * np.pi * flat[deep]), few)
+    return _finite(entries.reshape(rows, *values.shape), gamma, lattice)
 
 
 def _finite(value: Array, gamma: float, lattice: object) -> Array:

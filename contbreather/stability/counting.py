@@ -139,9 +139,9 @@ def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]
 
 def _cleared(gamma: float, k: float, b: float, chain: InfiniteChain) -> tuple[float, ...]:
     """`ends_of`, where rounding is 0: a multiplier on the circle is not outside."""
-    beta0, one, fold, other = ends_of(gamma, k, b, chain)
-    beta0 = beta0 if abs(beta0) > ROUNDING * one else 0.0
-    return beta0, one, fold if abs(fold) > ROUNDING * other else 0.0, other
+    beta0, beta0_size, fold, fold_size = ends_of(gamma, k, b, chain)
+    beta0 = beta0 if abs(beta0) > ROUNDING * beta0_size else 0.0
+    return beta0, beta0_size, fold if abs(fold) > ROUNDING * fold_size else 0.0, fold_size
 
 
 def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Count:
@@ -176,11 +176,11 @@ def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
 def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
     """`outside` of many maps of the chain without springs at once; -1 where that is too close to
     call, or not for such numbers."""
-    found = np.full(b.size, -1)
+    counts = np.full(b.size, -1)
     inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < 1.0 / NOISE)
     if inside.any():
-        found[inside] = _outside(gamma[inside], k[inside], b[inside])
-    return found
+        counts[inside] = _outside(gamma[inside], k[inside], b[inside])
+    return counts
 
 
 def _outside(gamma: Array, k: Array, b: Array) -> Array:

@@ -111,8 +111,8 @@ class HalfMap:
         if self.lattice.sites is not None:
             on = self.gamma, _depth(angle, radius), self.k, self.b, self.lattice
             return D_gradient(*on)
-        found = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
-        return OnArc(*(np.array(complex(*parts)) for parts in found))
+        arc = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
+        return OnArc(*(np.array(complex(*parts)) for parts in arc))
 
     def unstable(self, threshold: float) -> int:
         """How many multipliers are outside: isolated ones on the infinite chain, of a ring those

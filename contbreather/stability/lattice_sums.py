@@ -148,8 +148,8 @@ def regular_slopes(
 ) -> tuple[Regular, Regular, Regular]:
     """`regular` with its derivatives with respect to nu and to gamma."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    found = sprung(gamma, s, spring) if spring else alias_slopes(gamma, s, sites)
-    h, h_s, h_gamma = found
+    resolvent = sprung(gamma, s, spring) if spring else alias_slopes(gamma, s, sites)
+    h, h_s, h_gamma = resolvent
     coefficients, in_gamma = tail_coefficients(gamma, sites, spring)
     powers = _powers(nu * nu)
     r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(

@@ -31,8 +31,8 @@ def check_kb(k: float, b: float) -> tuple[float, float]:
     """k and b as floats, or say what they must be."""
     numbers = real(k), real(b)
     if any(
-        math.isnan(x) and not isinstance(given, float)
-        for x, given in zip(numbers, (k, b), strict=True)
+        math.isnan(x) and not isinstance(value, float)
+        for x, value in zip(numbers, (k, b), strict=True)
     ):
         raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
     parameter("k", numbers[0])
