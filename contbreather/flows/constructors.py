@@ -262,7 +262,7 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     """Where the simulation is after the time to settle, a whole number of periods."""
     settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
     if length is not None:
-        settle = math.ceil(settle / length - 1e-9) * length
+        settle = math.ceil(settle / length - 1e-9) * length  # whole periods stay as many
     if not settle:
         return t0, state, 0
     ran = run(x0=state, time=settle, t0=t0)
@@ -289,6 +289,7 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
             continue
         off = float(abs(last.after - event.after).max()) / size
         if length is not None:
+            # of a forced system only whole numbers of periods are returns
             turned = (last.time - event.time) / length
             off = max(off, abs(turned - round(turned))) if round(turned) else math.inf
         returns.append((off, back))
@@ -356,6 +357,7 @@ def _returns(
     inside = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_SAMPLES) / _SAMPLES
     times = np.append(inside.ravel(), knots[-1])
     orbit = back(times)
+    # the plane through the start across its velocity; a return passes it in the same direction
     passed = speed @ (orbit - state[:, None])
     passed[0] = 0.0  # it begins there, but for the rounding of an interpolant
     size = float(np.ptp(orbit, axis=1).max()) or 1.0

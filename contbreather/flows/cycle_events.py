@@ -89,6 +89,7 @@ class _Flip:
         if factors is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
         left = right = any_vector(matrix.shape[0])
+        # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
         for _ in range(_TURNS):
             right, before = factors.solve(left, refined=False), left
             size = 1 / float(np.linalg.norm(right))
@@ -195,6 +196,8 @@ class _Rotation:
         unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
         v, w = self.right, self.left
         for _ in range(_BORDERINGS):
+            # ( B   w ) (x)   (0)
+            # ( v*  0 ) (g) = (1),  g = det B / det of all: it vanishes with det B
             blocks: Any = [[closed, csc_array(w[:, None])], [csc_array(v.conj()[None, :]), None]]
             lu = factorised(block_array(blocks).tocsc())
             right, left = lu.solve(unit), lu.solve(unit, "H")
@@ -209,6 +212,7 @@ class _Rotation:
         _, v, w = self._bordered(curve, z, extra[0])
         row = w.conj()
         slope = -_turned(curve, z, row, v.real) - 1j * _turned(curve, z, row, v.imag)
+        # of the closing mu - 1 on the rows of the first state, 1 - mu on that of the phase
         first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
         turned = turn * (w.conj()[first] @ v[first])
         if self.equations.phased:

@@ -224,11 +224,13 @@ class Equations:
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
         rows = []
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
+            # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
             gaps = flight.states.T.copy()
             gaps[0] -= before
             gaps[1:] -= flight.ends.T[:-1]
             rows.append(gaps.ravel())
         rows += [
+            # m equal shares for the m - 1 inner knots and the unit of the path
             flight.shares(self.sizes[i], math.exp(x[self.knots[i][-1]]))[0] - 1.0
             for i, flight in enumerate(flights)
         ]
@@ -255,6 +257,7 @@ class Equations:
         if until is not None:
             return float(values(until, flight.last, flight.end[:, None], p)[0, 0])
         if self.autonomous:
+            # integral of (x - x_start) . x_start' over the orbit
             return float(self._phase[i] @ (x[self.nodes[i]] - self.start[i].states.T).ravel())
         return self._over(x, p)
 
@@ -312,6 +315,7 @@ class Equations:
         share, slope, longer = flight.shares(self.sizes[i], path)
         share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
         shares = (share_of @ derivative.inside)[:, 0]
+        # of degree 1 in slopes and steps together: share = share_k . k + share_h h (Euler)
         timed = share - (slope * flight.slopes).sum(axis=(0, 2))  # what is left is of the time
         state, reset = flight.end[:, None], np.eye(n, n + 1 + len(names))
         if flow.reset is not None:
@@ -326,6 +330,7 @@ class Equations:
         shape = self.size, self.size + len(names)
         values = np.concatenate([np.ravel(block) for block in self._blocks(x, p, names)])
         pattern = self._pattern(len(names))
+        # several entries may meet in one place; what is of fixed knots lands beyond the last
         data = np.bincount(pattern.places, values, pattern.cells + 1)[:-1]
         if self.size <= _DENSE:
             return data.reshape(shape)
@@ -336,11 +341,12 @@ class Equations:
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
         """The values of all blocks, where `_places` says."""
         linear, flights = self.linear(x, p, names), self.flights(x, p)
-        yield np.ones(self.orbit)
+        yield np.ones(self.orbit)  # each state in its own row
         for i, piece in enumerate(linear):
             flight, n = flights[i], len(flights[i].states)
             rows = np.concatenate([piece.ends, piece.shares[:, None]], axis=1)
             ends, shares = np.split(self._spread(i, flight, rows), [n], axis=1)
+            # the step of an interval is the difference of the knots at its ends
             shares[:, 0, n] -= piece.waited
             shares[:, 0, n + 1] += piece.waited
             yield -ends[:-1]
@@ -415,6 +421,7 @@ class Equations:
         return np.concatenate(
             [
                 slope[..., :n],
+                # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j)
                 flight.duration * (begins - lasts),
                 flight.duration * lasts,
                 start * begins + steps * lasts,
@@ -463,6 +470,7 @@ class Equations:
     def _of_period(self, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None
         slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
+        # of the sum of durations - turns T(p)
         return np.append(np.ones(self.lengths.size), -self.turns * slope)
 
     # --- small perturbations ----------------------------------------------------------------------
@@ -495,6 +503,7 @@ class Equations:
         before = values(self.flows[i].f, flight.last, flight.end[:, None], p)[:, 0]
         after = values(self.flows[j].f, flights[j].start, flights[j].states[:, :1], p)[:, 0]
         gate, pace = piece.condition[0, :n], piece.condition[0, n]
+        # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
         jump = after - reset @ before - piece.reset[:, n]
         rate = gate @ before + pace
         if abs(rate) <= _NO_PACE * (abs(gate) @ fastest + abs(pace)):
@@ -552,6 +561,7 @@ class Equations:
         if self.smooth and self.flows[0].reset is None:
             (flight,) = flights
             knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
+            # slopes are per interval: twice the duration and half the steps leave them as they are
             states, slopes = np.hstack([flight.states] * 2), np.hstack([flight.slopes] * 2)
             twice = Flight(flight.scheme, knots, flight.start, 2 * flight.duration, states, slopes)
             return replace(self, start=(twice,), turns=2 * self.turns)
@@ -605,6 +615,7 @@ def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:
     sizes = []
     for flight in flights:
         states = flight.sampled(2)[1]
+        # what hardly moves is measured by its value: its motion may be rounding
         size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
         sizes.append(np.maximum(size, 1e-3 * size.max()))
     largest = max(size.max() for size in sizes) or 1.0

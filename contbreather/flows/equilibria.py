@@ -129,6 +129,7 @@ def _born(point: Point) -> Lift:
     q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
     size = float(np.sqrt(np.mean(rest**2)))
     size = size if size > _ORIGIN else 1.0
+    # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle
     period = 2 * math.pi / omega
 
     def wave(amplitude: float, t: Array) -> Array:
@@ -139,6 +140,7 @@ def _born(point: Point) -> Lift:
         flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
         equations = Equations((residual.flow,), (flight,), None, 1, names, sizes_of([flight]))
         curve = Curve(problem_at(equations, params), (free,))
+        # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
         row[: equations.orbit] = (flight.states - rest[:, None]).T.ravel()
         try:

@@ -43,7 +43,7 @@ class Clock:
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return (self.number + _of(self.part, p)) * _of(self.period, p) - t
+        return (self.number + _of(self.part, p)) * _of(self.period, p) - t  # falls with slope -1
 
     def after(self, t: float, p: Params) -> float:
         """When it strikes next."""
@@ -371,6 +371,7 @@ def slopes(
     directions = n + 1  # those of the parameters apart: what asks for one may expect a number
     at, times = np.empty((n, directions, count), complex), np.empty((directions, count), complex)
     at[...], times[...] = x[:, None], t
+    # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
     at[np.arange(n), np.arange(n)] += 1j * _IMAGINARY
     times[n] += 1j * _IMAGINARY
     value = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
@@ -392,6 +393,7 @@ def _differences(
     sizes += [np.full(t.size, abs(p[name]) or 1.0) for name in names]
     for j, (size, divisor) in enumerate(zip(sizes, finer, strict=True)):
         for shorter in (1, 64, 4096):
+            # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
             step = RELATIVE * size / (divisor * shorter)
             terms = (w * _call(how, *_moved(t, x, p, names, j, k * step)) for k, w in _STENCIL)
             slope[:, j] = sum(terms) / step

@@ -47,6 +47,7 @@ def _pace(point: Point) -> float:
     if near is not None:
         sizes = abs(near.leading.real)
         ratio = sizes.min() / sizes.max()
+    # ln of d^(1 + a/b) over _OFF, with the least speed for d
     return (1 + ratio) * math.log(max(pace, 1e-300)) - math.log(_OFF)
 
 
@@ -76,6 +77,7 @@ class _Saddle:
     leading: NDArray[np.complex128]
 
     def told(self, orbit: Cycle) -> dict[str, Any]:
+        # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit
         quantity = float(self.leading.sum().real)
         kind = "saddle-focus" if self.leading.imag.any() else "saddle"
         shown = " and ".join(

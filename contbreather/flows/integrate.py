@@ -24,6 +24,8 @@ _STEPS = 200_000  # of one run: by an explicit method a stiff system takes more
 _METHODS = ("DOP853", "LSODA", "Radau", "BDF")
 _PATIENT = 10_000  # steps without an event where no time is given: some hundred oscillations
 _NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
+# Chebyshev's points of degree 16; every other one is one of degree 8, and the polynomial through
+# those is compared with the guard at the rest
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * _NODES - 1) / (2 * _NODES - 2))
 _POWERS = partial(np.polynomial.chebyshev.chebvander, deg=_NODES - 1)
 _BETWEEN = _POWERS(2 * _PLACES[1::2] - 1) @ np.linalg.inv(_POWERS(2 * _PLACES[::2] - 1))
@@ -406,7 +408,7 @@ class _Walk:
         at = x[:, None]
         _, slope = slopes([*self.path.guards(mode).values()][guard], t, at, self.params)
         along = values(self.path.field(mode), t, at, self.params)[:, 0]
-        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])
+        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])  # grad h . f + dh/dt
 
 
 def _right_side(f: Function, p: Params) -> Callable[[float, Array], Array]:

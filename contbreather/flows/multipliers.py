@@ -47,6 +47,7 @@ def without_direction(
     mirrors, multiplier, rest = [_mirrors(ways) for ways in directions], 1.0, []
     for stack, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
         turned = np.stack([*before[1:], after[0]]) @ stack @ before
+        # direction goes to direction: below its own entry the first column is zero
         multiplier *= turned[:, 0, 0].prod()
         rest.append(turned[:, 1:, 1:])
     return rest, float(multiplier)
@@ -58,6 +59,7 @@ def _mirrors(ways: Array) -> Array:
     if not sizes.min() > 0:
         raise Undefined("the vector field vanishes on the orbit: an equilibrium is on it")
     v = ways / sizes[:, None]
+    # Householder's 1 - 2 v v*/|v|^2 with v = u + sign(u_1) e_1, which does not cancel
     v[:, 0] += np.copysign(1.0, v[:, 0])
     v *= np.sqrt(2 / (v * v).sum(axis=1))[:, None]
     return np.eye(v.shape[1]) - v[:, :, None] * v[:, None, :]
@@ -120,6 +122,7 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
         for triangle in rounds[::-1]:
             product = product @ triangle[block, block]
             size = abs(product).max() or 1.0
+            # the logarithm of what was divided out: products of many factors overflow
             product, scale = product / size, scale + np.log(size)
         with np.errstate(over="ignore", invalid="ignore"):
             mu.append(np.linalg.eigvals(product) * np.exp(scale))

@@ -154,6 +154,7 @@ def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, f
     at = np.array([s])
     value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p, ())
     n = len(flight.states)
+    # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
     rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
     return float(value[0, 0]), float(rate)
 
