@@ -92,7 +92,7 @@ def regular(data: Any, out: Any, nu: float) -> None:
         if m != 0:
             s = nu + 2.0 * m
             A = s * s - data[SPRING]
-            h = s * s / A / math.sqrt(1.0 - x / A)
+            h = s * s / A / math.sqrt(1.0 - x / A)  # -s^2 g(s)
             R -= h / s / math.pi
             B += h / (s * s) / math.pi
             C += (1.0 - h) / math.pi
@@ -116,10 +116,12 @@ def regular_slopes(data: Any, out: Any, nu: float) -> None:
             A = s2 - spring
             edge = A - x
             h = s2 / A / math.sqrt(1.0 - x / A)
+            # d ln h/ds = 2/s - s (A + edge)/(A edge), which would cancel for large s
             h_s = -h * (A * x + spring * (A + edge)) / (s * A * edge)
             out[IN_NU] -= (h_s - h / s) / s / math.pi
             out[IN_NU + 1] += (h_s - 2.0 * h / s) / s2 / math.pi
             out[IN_NU + 2] -= h_s / math.pi
+            # h = s^2/sqrt(A edge): by gamma edge falls by 4, by the spring A and edge by 1
             by_gamma = 2.0 * h / edge
             by_spring = 0.5 * h * (A + edge) / (A * edge)
             for place, slope in ((IN_GAMMA, by_gamma), (IN_SPRING, by_spring)):
@@ -139,6 +141,7 @@ def on_arc(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
     regular_slopes(data, out, nu)
     low = nu * nu - data[SPRING]
     high = 4.0 * gamma - low
+    # v^2 = low high: 2 v v' is 2 nu (high - low) by nu, 4 low by gamma, low - high by the spring
     v = math.sqrt(low * high)
     pair(data, out, answer, v)
     slope(data, out, answer, 1, v, 1.0, nu * (high - low) / v, IN_NU, 0.0, 0.0)
@@ -306,6 +309,7 @@ def around(data: Any, out: Any, middle: float, step: float) -> None:
 def parabola(out: Any) -> None:
     y0, y1, y2 = out[FOUND + 1], out[FOUND + 4], out[FOUND + 7]
     bend, tilt = 2.0 * y1 - y0 - y2, y2 - y0
+    # y1 + tilt x/2 - bend x^2/2 through all three, in units of the step; y1 + tilt vertex/4 on top
     vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
     out[FOUND + 9], out[FOUND + 10] = bend, vertex
     out[FOUND + 11] = y1 + 0.25 * tilt * vertex
@@ -316,6 +320,7 @@ def unopened(out: Any, answer: Any) -> None:
     b0, b1, b2 = out[FOUND + 2], out[FOUND + 5], out[FOUND + 8]
     bend, x, height = out[FOUND + 9], out[FOUND + 10], out[FOUND + 11]
     rise = 0.5 * (b2 - b0)
+    # the parabola has its roots sqrt(2 height/bend) from its vertex: b is rise times as far off
     square = 2.0 * height * rise * rise / bend if bend > 0.0 else -1.0
     answer[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
     answer[1] = min(square, 0.0)

@@ -174,6 +174,7 @@ class OrbitMap:
             X[:, i, 0, j, 1] = entries.reach.T
             X[:, i, 1, j, 0] = entries.pull.T
         jumps = [saltation(self.k, self.periods * kick.b) - np.eye(2) for kick in self.kicks]
+        # D = det(1 - X (S - 1)): far off all of X is small, and nothing has a pole to border
         kicked = np.einsum("kiajb,jbc->kiajc", X, jumps).reshape(-1, 2 * m, 2 * m)
         return np.asarray(np.linalg.det(np.eye(2 * m) - kicked))
 
@@ -251,6 +252,7 @@ class OrbitMap:
         half_turns = round(summary[TURNING] / math.pi)
         certain = summary[RESOLVED] and summary[LEAST] > CERTAIN
         certain = certain and abs(summary[TURNING] / math.pi - half_turns) < 0.01
+        # D -> 1 far out: D < 0 at 1, where it has the sign of -F, or at -1 means one real beyond
         pairs = (1 - half_turns - int(summary[START] > 0.0) - int(summary[END] < 0.0)) // 2
         nu = 2.0 * float(summary[WHERE])
         return Count(1 - half_turns, bool(certain), float(summary[LEAST]), nu, pairs)
@@ -299,7 +301,7 @@ class OrbitMap:
         x, F = self._samples
         inner = np.flatnonzero((x > 0.0) & (x < 0.5))
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = F / np.gradient(F, x)
+            step = F / np.gradient(F, x)  # Newton's, from every sample
         best = inner[int(np.nanargmin(np.abs(step[inner])))]
         near = x[best] - step[best].real
         kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
@@ -389,6 +391,7 @@ def _pair(M: Array) -> Array:
     impacts have it at +1 and -1, and neither is outside."""
     half, product = 0.5 * float(np.trace(M)), float(np.linalg.det(M))
     apart = half * half - product
+    # mu^2 - tr M mu + det M = 0; of two that meet rounding eps makes sqrt(eps)
     root = np.sqrt(complex(apart if abs(apart) > FLAT * np.sum(M * M) else 0.0))
     return np.array([half + root, half - root])
 

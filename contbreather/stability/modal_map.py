@@ -128,6 +128,7 @@ class ModalMap:
             y, v = fly(y, v)
             if blow is not None:
                 (loss, _), (b, _) = blow.saltation - np.eye(2)
+                # S - 1 = [[-(1 + k), 0], [b, -(1 + k)]] at one site
                 u, w = blow.shape @ y, blow.shape @ v
                 y = y + np.multiply.outer(blow.kick, loss * u)
                 v = v + np.multiply.outer(blow.kick, b * u + loss * w)
