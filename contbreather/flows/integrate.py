@@ -267,7 +267,7 @@ def integrate(
     --------
     >>> fall = Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[0],
     ...             reset=lambda t, x, p: [x[0], -p["e"] * x[1]])
-    >>> run = integrate(fall, {"y": 0.5, "v": 0.0}, {"e": 0.5}, time=2.5)
+    >>> run = integrate(fall, {"y": 0.5, "v": 0.0}, {"e": 0.5}, time=2.6)
     >>> [round(event.time, 12) for event in run.events]
     [1.0, 2.0, 2.5]
     """
