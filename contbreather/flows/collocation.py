@@ -87,12 +87,14 @@ class Collocation:
 
     def spread(self, at: Array) -> Array:
         """Integrals from 0 to each of `at` of the Lagrange polynomials of the nodes."""
+        # of P_j(2 s - 1) over s: half of that over 2 s - 1
         lifted = np.polynomial.legendre.legint(np.eye(self.points), lbnd=-1, scl=0.5)
         integrals = np.polynomial.legendre.legval(2 * at - 1, lifted).T
         return np.asarray(np.linalg.solve(self._legendre.T, integrals.T).T)
 
     def between(self, at: Array) -> Array:
         """Lagrange polynomials of the nodes, at each of `at`."""
+        # Lagrange's are P V^-1 with V_cj = P_j(2 s_c - 1): powers of s would be ill conditioned
         values = np.polynomial.legendre.legvander(2 * at - 1, self.points - 1)
         return np.asarray(np.linalg.solve(self._legendre.T, values.T).T)
 
@@ -141,7 +143,7 @@ class Flight:
 
     @cached_property
     def ends(self) -> Array:
-        """States where they end, shape (n, intervals)."""
+        """States where they end, shape (n, intervals): ``x_1 = x_0 + sum b_c k_c``."""
         return np.asarray(self.states + self.slopes @ self.scheme.weights)
 
     @property
@@ -163,7 +165,7 @@ class Flight:
         """Their derivatives in a time from 0 to 1."""
         j, place = self.places(s)
         rates = np.einsum("nsc,sc->ns", self.slopes[:, j], self.scheme.between(place))
-        return np.asarray(rates / self.steps[j])
+        return np.asarray(rates / self.steps[j])  # slopes are those in one interval
 
     def places(self, s: Array) -> tuple[NDArray[np.intp], Array]:
         """The intervals in which times from 0 to 1 lie, and where in these."""
@@ -204,13 +206,14 @@ class Flight:
         steps, moved = self.steps[:, None], self.slopes / (sizes * length)[:, None, None]
         path = (steps * _AT_REST / length) ** 2 + (moved**2).sum(axis=0)
         pace = np.sqrt(steps**2 + path)
+        # Gauss's rule on each interval; where sum(pace @ weights) = _WHOLE the mean share is 1
         unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
         slope = moved / (sizes * length)[:, None, None] * (unit / pace)
         return pace @ unit, slope, (path / pace) @ unit
 
     def path(self, sizes: Array) -> float:
         """The unit of the path for which all shares add up to their number, or a little more."""
-        low, high = 1e-8, 1e8
+        low, high = 1e-8, 1e8  # ln 1e16 = 37, halved fifty times: to 3e-14
         steps = self.steps[:, None]
         square = (steps * _AT_REST) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(axis=0)
         for _ in range(_HALVINGS):
@@ -249,13 +252,13 @@ class Slopes:
     inside: Array  # (intervals, points n, n + 2 + parameters)
     inverse: Array  # (intervals, points n, points n)
 
-    def beside(self, own: Flight, other: Flight, moved: Sequence[float]) -> Array:
+    def beside(self, flight: Flight, other: Flight, moved: Sequence[float]) -> Array:
         """To first order the slopes inside of another flight than their own, for parameters that
         moved."""
-        ways = [other.begins - own.begins, other.lengths - own.lengths]
-        ways += [np.full(own.lengths.size, by) for by in moved]
-        change = np.vstack([other.states - own.states, *ways]).T
-        return own.slopes + _by_states(self.inside @ change[..., None], own)
+        ways = [other.begins - flight.begins, other.lengths - flight.lengths]
+        ways += [np.full(flight.lengths.size, by) for by in moved]
+        change = np.vstack([other.states - flight.states, *ways]).T
+        return flight.slopes + _by_states(self.inside @ change[..., None], flight)
 
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
@@ -298,6 +301,7 @@ def _newton(
         else:
             f = values(flow.f, flight.inner, _reached(flight, k), p)
         off = (k - f.reshape(k.shape) * lengths).transpose(1, 2, 0)
+        # k_c - h f(x_0 + sum a_cd k_d) is off: with an inverse from elsewhere convergence is linear
         step = inverse @ off.reshape(len(off), -1, 1)
         k = k - _by_states(step, flight)
         size = float(abs(step).max() / moves)
@@ -322,16 +326,16 @@ def _constant(flow: Flow, flight: Flight, p: Params) -> Array:
 def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
     """The slopes inside by the classical Runge-Kutta method, from node to node."""
     x, t, lengths = flight.states, flight.begins, flight.lengths
-    found, f = [], flow.f
+    inside, f = [], flow.f
     for step in np.diff(flight.scheme.nodes, prepend=0.0):
         h = step * lengths
-        one = values(f, t, x, p)
-        two = values(f, t + h / 2, x + h / 2 * one, p)
-        three = values(f, t + h / 2, x + h / 2 * two, p)
-        four = values(f, t + h, x + h * three, p)
-        x, t = x + h / 6 * (one + 2 * two + 2 * three + four), t + h
-        found.append(values(f, t, x, p) * lengths)
-    return np.stack(found, axis=-1)
+        k1 = values(f, t, x, p)
+        k2 = values(f, t + h / 2, x + h / 2 * k1, p)
+        k3 = values(f, t + h / 2, x + h / 2 * k2, p)
+        k4 = values(f, t + h, x + h * k3, p)
+        x, t = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
+        inside.append(values(f, t, x, p) * lengths)
+    return np.stack(inside, axis=-1)
 
 
 def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:
@@ -339,9 +343,11 @@ def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -
     n, scheme, count = len(flight.states), flight.scheme, flight.lengths.size
     f, df = slopes(flow.f, flight.inner, _reached(flight, flight.slopes), p, names)
     whole = df.reshape(n, -1, count, scheme.points) * flight.lengths[:, None]
+    # d(h f)/dh at the time t_0 + c h of a node: f + h f_t c
     longer = f.reshape(n, count, -1) + whole[:, n] * scheme.nodes
     right = np.concatenate([whole[:, : n + 1], longer[:, None], whole[:, n + 1 :]], axis=1)
     inverse = _inverted(_matrix(flight, df))
+    # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inside = inverse @ right.transpose(2, 3, 0, 1).reshape(count, scheme.points * n, -1)
     ends = (scheme.weights @ inside.reshape(count, scheme.points, -1)).reshape(count, n, -1)
     ends[:, :, :n] += np.eye(n)
@@ -365,7 +371,7 @@ def fitted(
     states = motion(start + duration * knots[:-1])
     rises = motion(start + duration * inner.ravel()).reshape(len(states), *inner.shape)
     rises = rises - states[..., None]
-    slopes = np.asarray(np.linalg.solve(scheme.matrix, rises[..., None])[..., 0])
+    slopes = np.asarray(np.linalg.solve(scheme.matrix, rises[..., None])[..., 0])  # A k = x - x_0
     return Flight(scheme, knots, start, duration, states, slopes)
 
 
@@ -382,6 +388,7 @@ def _by_states(rows: Array, flight: Flight) -> Array:
 def _matrix(flight: Flight, df: Array) -> Array:
     """The matrix of the linear equations for the slopes of each interval."""
     n, count, points = len(df), flight.lengths.size, flight.scheme.points
+    # entry (c i, d j) is delta - h a_cd df_i/dx_j at node c
     inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
     reach = -flight.lengths[:, None, None] * flight.scheme.matrix
     matrix = inner[:, :, :, None, :] * reach[:, :, None, :, None]

@@ -140,11 +140,11 @@ def cycle(
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / length_of(forcing, params)))
     refuse_false_period(parts, flights, forcing, params)
-    made = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
+    equations = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
-        events = (*events_of(made), sliding(flows))
+        events = (*events_of(equations), sliding(flows))
     chosen = None if events is None else tuple(events)
-    return _closed(made, params, chosen, label or "cycle", size)
+    return _closed(equations, params, chosen, label or "cycle", size)
 
 
 def named_state(
@@ -162,11 +162,11 @@ def named_state(
         raise BadInput(f"{twice} are named twice, among states and parameters")
     if not start:
         raise BadInput("the start has no states: name and value of each were expected")
-    given = {
+    by_name = {
         name: number(name, value, -math.inf, math.inf, "a value")
         for name, value in (*start.items(), *params.items())
     }
-    return np.array([given[name] for name in start]), {name: given[name] for name in params}
+    return np.array([by_name[name] for name in start]), {name: by_name[name] for name in params}
 
 
 def _timed(flows: Any, period: Any) -> Any:
@@ -181,11 +181,11 @@ def _alone(flows: Any) -> Flow | None:
     if hasattr(flows, "follow"):  # a system that decides by its state which flow comes next
         return None
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else list(flows)
-    made = [flow if isinstance(flow, Flow) else Flow(flow) for flow in listed]
-    endless = [i for i, flow in enumerate(made) if flow.until is None]
-    if len(made) > 1 and endless:
-        raise BadInput(f"flow {endless[0]} of {len(made)} has no `until`: nothing ends it")
-    return made[0] if endless else None
+    parts = [flow if isinstance(flow, Flow) else Flow(flow) for flow in listed]
+    endless = [i for i, flow in enumerate(parts) if flow.until is None]
+    if len(parts) > 1 and endless:
+        raise BadInput(f"flow {endless[0]} of {len(parts)} has no `until`: nothing ends it")
+    return parts[0] if endless else None
 
 
 def _period(period: Any) -> Function | None:
@@ -262,7 +262,7 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     """Where the simulation is after the time to settle, a whole number of periods."""
     settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
     if length is not None:
-        settle = math.ceil(settle / length - 1e-9) * length
+        settle = math.ceil(settle / length - 1e-9) * length  # whole periods stay as many
     if not settle:
         return t0, state, 0
     ran = run(x0=state, time=settle, t0=t0)
@@ -279,7 +279,7 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
     ran = run(x0=state, events=2 * _RETURNS, t0=t, first=first)
     last = ran.events[-1]
     size = max(float(abs(event.after).max()) for event in ran.events) or 1.0
-    found = []
+    returns = []
     for back in range(1, _RETURNS + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
@@ -289,25 +289,26 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
             continue
         off = float(abs(last.after - event.after).max()) / size
         if length is not None:
+            # of a forced system only whole numbers of periods are returns
             turned = (last.time - event.time) / length
             off = max(off, abs(turned - round(turned))) if round(turned) else math.inf
-        found.append((off, back))
-    back = _first_close(found, ran)
+        returns.append((off, back))
+    back = _first_close(returns, ran)
     pieces = ran.pieces[-back:]
     return tuple(p.flow for p in pieces), [(p, float(p.t[0]), float(p.t[-1])) for p in pieces]
 
 
-def _first_close(found: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
+def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
     """The first return that is nearly as close as the closest of all."""
-    least = min((off for off, _ in found), default=math.inf)
+    least = min((off for off, _ in returns), default=math.inf)
     if not least <= _BACK:
         raise NotConverged(
-            f"the simulation does not return: within {len(found)} times around it comes back to "
+            f"the simulation does not return: within {len(returns)} times around it comes back to "
             f"{least:.2g} of its size, at t = {ran.pieces[-1].t[-1]:.4g}; let it settle longer "
             "(settle=), or start closer to the orbit",
             residual=least,
         )
-    return next(what for off, what in found if off <= max(_NEARLY * least, _CLOSE))
+    return next(what for off, what in returns if off <= max(_NEARLY * least, _CLOSE))
 
 
 def _smooth(
@@ -330,11 +331,11 @@ def _smooth(
         # what is slow has time to settle that is as long
         moved = values(flow.f, t0, ran.final[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
         _refuse_rest(moved, ran.final, size)
-        found, since = _returns(flow, ran, state, speed, params), t0
-        if min((off for off, _ in found), default=math.inf) <= _BACK:
+        returns, since = _returns(flow, ran, state, speed, params), t0
+        if min((off for off, _ in returns), default=math.inf) <= _BACK:
             break
         t0, state = t0 + float(wait), ran.final  # it was not settled yet
-    return ran, since, float(_first_close(found, ran))
+    return ran, since, float(_first_close(returns, ran))
 
 
 def _returns(
@@ -356,14 +357,15 @@ def _returns(
     inside = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_SAMPLES) / _SAMPLES
     times = np.append(inside.ravel(), knots[-1])
     orbit = back(times)
+    # the plane through the start across its velocity; a return passes it in the same direction
     passed = speed @ (orbit - state[:, None])
     passed[0] = 0.0  # it begins there, but for the rounding of an interpolant
     size = float(np.ptp(orbit, axis=1).max()) or 1.0
-    found = []
+    returns = []
     for j in np.flatnonzero((passed[:-1] < 0) & (passed[1:] >= 0)):
         t = float(brentq(ahead, times[j], times[j + 1], xtol=1e-13))
-        found.append((float(abs(back(t) - state).max()) / size, t))
-    return found
+        returns.append((float(abs(back(t) - state).max()) / size, t))
+    return returns
 
 
 def _refuse_rest(moved: Array, state: Array, size: float) -> None:
@@ -409,19 +411,19 @@ def _sampled(
 
 
 def _closed(
-    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str, size: float
+    equations: Equations, params: Params, events: tuple[Event, ...] | None, label: str, size: float
 ) -> Problem:
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
-    size = max(size, *(float(abs(flight.states).max()) for flight in made.start))
+    size = max(size, *(float(abs(flight.states).max()) for flight in equations.start))
     for _ in range(2):
-        made, solved = _solved(made, params, events, label)
-        flights = made.flights(solved.x, params)
+        equations, solved = _solved(equations, params, events, label)
+        flights = equations.flights(solved.x, params)
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
         _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
-        made = made.once(solved.x, params)
-        made = replace(made, start=_adapted(made.start))
-    closed: Any = problem_at(made, params, events, label).solve(tolerance=1e-12)[0]
+        equations = equations.once(solved.x, params)
+        equations = replace(equations, start=_adapted(equations.start))
+    closed: Any = problem_at(equations, params, events, label).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
         while cycle_of(closed).coarse and closed.start["mesh"].size <= MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
@@ -430,23 +432,23 @@ def _closed(
 
 
 def _solved(
-    made: Equations, params: Params, events: tuple[Event, ...] | None, label: str
+    equations: Equations, params: Params, events: tuple[Event, ...] | None, label: str
 ) -> tuple[Equations, Problem]:
     """The orbit solved for, on as many intervals as it needs."""
     while True:
         try:
-            return made, problem_at(made, params, events, label).solve(tolerance=1e-10)[0]
+            return equations, problem_at(equations, params, events, label).solve(tolerance=1e-10)[0]
         except (NotConverged, Undefined) as error:
-            count = sum(flight.knots.size - 1 for flight in made.start)
-            coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in made.start)
+            count = sum(flight.knots.size - 1 for flight in equations.start)
+            coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > MOST_INTERVALS:
                 finer = f"; {count} intervals do not resolve it, let it settle (settle=)"
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}{finer if coarse else ''}",
                     residual=getattr(error, "residual", math.nan),
                 ) from error
-        halved = [flight.halved() for flight in made.start]
-        made = replace(made, start=_adapted(halved))
+        halved = [flight.halved() for flight in equations.start]
+        equations = replace(equations, start=_adapted(halved))
 
 
 def _refuse_passed(orbit: Cycle) -> None:
@@ -466,7 +468,10 @@ def _refuse_passed(orbit: Cycle) -> None:
 
 
 def problem_at(
-    made: Equations, params: Params, events: tuple[Event, ...] | None = None, label: str = "cycle"
+    equations: Equations,
+    params: Params,
+    events: tuple[Event, ...] | None = None,
+    label: str = "cycle",
 ) -> CycleProblem:
     """The problem of a cycle, with all that can happen to it unless events were given."""
-    return problem_of(made, params, events_of(made) if events is None else events, label)
+    return problem_of(equations, params, events_of(equations) if events is None else events, label)

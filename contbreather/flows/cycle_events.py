@@ -76,19 +76,20 @@ class _Flip:
     equations: Equations
 
     def _weak(self, curve: Curve, z: Array) -> tuple[float, Array, Array]:
-        found: tuple[float, Array, Array] = curve.once(
+        triplet: tuple[float, Array, Array] = curve.once(
             "flip", z, lambda z: self._least(curve.jacobian(z))
         )
-        return found
+        return triplet
 
     def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
         """That value and the singular vectors w and v: w* B v = value."""
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        both = (Factors(self.equations.closing(matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
-        factors = next((factors for factors in both if factors.sign()), None)
+        closings = (Factors(self.equations.closing(matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        factors = next((factors for factors in closings if factors.sign()), None)
         if factors is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
         left = right = any_vector(matrix.shape[0])
+        # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
         for _ in range(_TURNS):
             right, before = factors.solve(left, refined=False), left
             size = 1 / float(np.linalg.norm(right))
@@ -128,11 +129,11 @@ def _pair(point: Point) -> float:
 
 def _least_of_pairs(values: NDArray[np.complex128]) -> float:
     """The smallest ``mu_i mu_j - 1`` of multipliers, with the sign of the product of all."""
-    one, other = defining_systems.pairs(values)
-    if not (one.size and np.isfinite(values).all()):
+    first, second = defining_systems.pairs(values)
+    if not (first.size and np.isfinite(values).all()):
         return math.nan
     return defining_systems.least_with_sign(
-        one * other - 1, np.asarray(_ROUNDING * (1 + abs(one * other)), dtype=float)
+        first * second - 1, np.asarray(_ROUNDING * (1 + abs(first * second)), dtype=float)
     )
 
 
@@ -140,11 +141,11 @@ def _examine_pair(point: Point) -> Examined:
     orbit: Cycle = point.ground.solution
     if orbit.coarse:
         return orbit.coarse
-    one, other = defining_systems.pairs(orbit.others)
-    nearest = int(abs(one * other - 1).argmin())
-    mu = complex(one[nearest])
+    first, second = defining_systems.pairs(orbit.others)
+    nearest = int(abs(first * second - 1).argmin())
+    mu = complex(first[nearest])
     if abs(mu.imag) < _REAL:
-        return f"a neutral saddle: the multipliers {mu.real:.4g} and {other[nearest].real:.4g}"
+        return f"a neutral saddle: the multipliers {mu.real:.4g} and {second[nearest].real:.4g}"
     angle = abs(math.atan2(mu.imag, mu.real))
     return {"angle": angle} | normal_forms.criticality(
         "d", lambda: normal_forms.rotation(point, angle), stable_if_negative=True
@@ -195,6 +196,8 @@ class _Rotation:
         unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
         v, w = self.right, self.left
         for _ in range(_BORDERINGS):
+            # ( B   w ) (x)   (0)
+            # ( v*  0 ) (g) = (1),  g = det B / det of all: it vanishes with det B
             blocks: Any = [[closed, csc_array(w[:, None])], [csc_array(v.conj()[None, :]), None]]
             lu = factorised(block_array(blocks).tocsc())
             right, left = lu.solve(unit), lu.solve(unit, "H")
@@ -207,8 +210,9 @@ class _Rotation:
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         _, v, w = self._bordered(curve, z, extra[0])
-        own = w.conj()
-        slope = -_turned(curve, z, own, v.real) - 1j * _turned(curve, z, own, v.imag)
+        row = w.conj()
+        slope = -_turned(curve, z, row, v.real) - 1j * _turned(curve, z, row, v.imag)
+        # of the closing mu - 1 on the rows of the first state, 1 - mu on that of the phase
         first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
         turned = turn * (w.conj()[first] @ v[first])
         if self.equations.phased:
@@ -244,47 +248,47 @@ def _examine_swing(point: Point) -> Examined:
 # --- what their curves in two parameters meet -------------------------------------------------
 
 
-def _without(known: float | None, point: Point) -> NDArray[np.complex128]:
+def _without(mu: float | None, point: Point) -> NDArray[np.complex128]:
     """The multipliers but for those that the curve has everywhere: one that is known, or the pair
     of a curve of NS."""
     others = point.ground.solution.others
-    if known is not None:
-        return defining_systems.without(others, known)
+    if mu is not None:
+        return defining_systems.without(others, mu)
     pair = complex(math.cos(point["angle"]), math.sin(point["angle"]))
     return defining_systems.without(others, pair, pair.conjugate())
 
 
-def _rest(known: float | None, wanted: float, point: Point) -> float:
-    return _least_beside(wanted, _without(known, point))
+def _rest(mu: float | None, wanted: float, point: Point) -> float:
+    return _least_beside(wanted, _without(mu, point))
 
 
-def _rest_of_pairs(known: float | None, point: Point) -> float:
-    return _least_of_pairs(_without(known, point))
+def _rest_of_pairs(mu: float | None, point: Point) -> float:
+    return _least_of_pairs(_without(mu, point))
 
 
-def _beside(kind: str, known: float | None, wanted: float, base: Event) -> CodimensionTwo:
+def _beside(kind: str, mu: float | None, wanted: float, base: Event) -> CodimensionTwo:
     """Another multiplier of a certain value on a curve that has one already."""
-    return CodimensionTwo(kind, partial(_rest, known, wanted), base=base)
+    return CodimensionTwo(kind, partial(_rest, mu, wanted), base=base)
 
 
-def _pair_beside(kind: str, known: float | None) -> CodimensionTwo:
+def _pair_beside(kind: str, mu: float | None) -> CodimensionTwo:
     """A pair on the unit circle on a curve that has a multiplier there."""
-    test = partial(_rest_of_pairs, known)
-    return CodimensionTwo(kind, test, examine=partial(_examine_pair_beside, known), base=ROTATION)
+    test = partial(_rest_of_pairs, mu)
+    return CodimensionTwo(kind, test, examine=partial(_examine_pair_beside, mu), base=ROTATION)
 
 
-def _examine_pair_beside(known: float | None, point: Point) -> Examined:
-    one, other = defining_systems.pairs(_without(known, point))
-    nearest = int(abs(one * other - 1).argmin())
-    real = abs(one[nearest].imag) < _REAL
+def _examine_pair_beside(mu: float | None, point: Point) -> Examined:
+    first, second = defining_systems.pairs(_without(mu, point))
+    nearest = int(abs(first * second - 1).argmin())
+    real = abs(first[nearest].imag) < _REAL
     return "a neutral saddle: no pair on the unit circle" if real else {}
 
 
 def _fold_locus(point: Point) -> Locus:
     assert _PLAIN.locus is not None
-    own = _PLAIN.locus(point)
-    ends = (*own.events, _beside("R1", 1.0, 1.0, ROTATION))
-    return replace(own, events=ends, meets=MEETINGS["LP"])
+    locus = _PLAIN.locus(point)
+    ends = (*locus.events, _beside("R1", 1.0, 1.0, ROTATION))
+    return replace(locus, events=ends, meets=MEETINGS["LP"])
 
 
 # --- where normal forms degenerate ---------------------------------------------------------------
@@ -302,9 +306,9 @@ def _rotation_coefficient(point: Point) -> float:
     return d * _pole(None, 1.0, point)
 
 
-def _pole(known: float | None, wanted: float, point: Point) -> float:
+def _pole(mu: float | None, wanted: float, point: Point) -> float:
     """Zero where another multiplier is there, 1 where there is no other."""
-    return _rest(known, wanted, point) if _without(known, point).size else 1.0
+    return _rest(mu, wanted, point) if _without(mu, point).size else 1.0
 
 
 def _examine_generalised_flip(point: Point) -> str:
@@ -326,12 +330,12 @@ def _examine(event: Event, point: Point) -> Examined:
 
 
 def _examine_fold(point: Point) -> Examined:
-    found = _examine(_PLAIN, point)
-    if isinstance(found, str) and found:
-        return found
+    examined = _examine(_PLAIN, point)
+    if isinstance(examined, str) and examined:
+        return examined
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
-        found = {**(found or {}), "b": abs(normal_forms.cubic_at_cusp(point)[0].value)}
-    return found
+        examined = {**(examined or {}), "b": abs(normal_forms.cubic_at_cusp(point)[0].value)}
+    return examined
 
 
 _PLAIN = fold()
@@ -356,13 +360,13 @@ MEETINGS: dict[str, dict[str, tuple[Event, ...]]] = {
 
 def events_of(equations: Equations) -> tuple[Event, ...]:
     """What can happen to a cycle of these flows."""
-    found = [FOLD, BRANCH_POINT, FLIP, ROTATION]
+    events = [FOLD, BRANCH_POINT, FLIP, ROTATION]
     if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
-        found.append(SHRUNK)
+        events.append(SHRUNK)
     if equations.autonomous and equations.smooth:
-        found.append(HOMOCLINIC)
+        events.append(HOMOCLINIC)
     if any(flow.until for flow in equations.flows):
-        found.append(IMPACT)
+        events.append(IMPACT)
     if any(flow.until or flow.walls for flow in equations.flows):
-        found.append(GRAZING)
-    return tuple(found)
+        events.append(GRAZING)
+    return tuple(events)

@@ -165,7 +165,7 @@ class Equations:
     def unknowns(self, flights: Sequence[Flight]) -> dict[str, Any]:
         """The unknowns by name, as a problem starts."""
         durations = np.array([flight.duration for flight in flights])
-        found: dict[str, Any] = {
+        start: dict[str, Any] = {
             "orbit": np.concatenate([f.states.T.ravel() for f in flights]),
             "mesh": np.concatenate(
                 [
@@ -174,38 +174,38 @@ class Equations:
                 ]
             ),
         }
-        found |= {"durations": durations} if len(flights) > 1 else {"period": float(durations[0])}
-        return found | ({"phase": flights[0].start} if self.phased else {})
+        start |= {"durations": durations} if len(flights) > 1 else {"period": float(durations[0])}
+        return start | ({"phase": flights[0].start} if self.phased else {})
 
     # --- the equations ----------------------------------------------------------------------------
 
     def flights(self, x: Array, p: Params) -> tuple[Flight, ...]:
         """All flows, from the states and times among the unknowns."""
         key = x.tobytes(), tuple(p.items())
-        for known, found in self._recent:
-            if known == key:
-                return found
+        for place, solved in self._recent:
+            if place == key:
+                return solved
         near = self._nearest(x)
-        made: list[Flight] = []
+        flights: list[Flight] = []
         t = float(x[-1]) if self.phased else self.start[0].start
         for i, flow in enumerate(self.flows):
             plain = self._flight(i, x, t)
             unit = float(self.sizes[i].max())
-            made.append(flown(flow, plain, p, unit, near and near.of(i, plain, p)))
+            flights.append(flown(flow, plain, p, unit, near and near.of(i, plain, p)))
             t += plain.duration
-        self._recent[:] = [(key, tuple(made)), *self._recent[: _RECENT - 1]]
+        self._recent[:] = [(key, tuple(flights)), *self._recent[: _RECENT - 1]]
         return self._recent[0][1]
 
     def _nearest(self, x: Array) -> _Known | None:
         """The nearest place that is known, if it is near."""
-        known = [*self._linear, _Known(self._first, {}, (), self.start)]
-        off = abs(np.array([one.x for one in known]) - x).max(axis=1)
+        places = [*self._linear, _Known(self._first, {}, (), self.start)]
+        off = abs(np.array([place.x for place in places]) - x).max(axis=1)
         nearest = int(off.argmin())
-        return known[nearest] if off[nearest] <= _CLOSE * abs(x).max() else None
+        return places[nearest] if off[nearest] <= _CLOSE * abs(x).max() else None
 
     @cached_property
     def _first(self) -> Array:
-        return np.concatenate([np.ravel(one) for one in self.unknowns(self.start).values()])
+        return np.concatenate([np.ravel(value) for value in self.unknowns(self.start).values()])
 
     def _flight(self, i: int, x: Array, t: float) -> Flight:
         """A flow with its states and times, nothing inside yet."""
@@ -224,11 +224,13 @@ class Equations:
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
         rows = []
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
+            # x_0 less where the flow before arrives, x_j less where interval j - 1 ends
             gaps = flight.states.T.copy()
             gaps[0] -= before
             gaps[1:] -= flight.ends.T[:-1]
             rows.append(gaps.ravel())
         rows += [
+            # m equal shares for the m - 1 inner knots and the unit of the path
             flight.shares(self.sizes[i], math.exp(x[self.knots[i][-1]]))[0] - 1.0
             for i, flight in enumerate(flights)
         ]
@@ -255,6 +257,7 @@ class Equations:
         if until is not None:
             return float(values(until, flight.last, flight.end[:, None], p)[0, 0])
         if self.autonomous:
+            # integral of (x - x_start) . x_start' over the orbit
             return float(self._phase[i] @ (x[self.nodes[i]] - self.start[i].states.T).ravel())
         return self._over(x, p)
 
@@ -286,24 +289,24 @@ class Equations:
         return self._known(x, p, names).linear
 
     def _known(self, x: Array, p: Params, names: tuple[str, ...] | None) -> _Known:
-        for one in self._linear:
-            if names in (None, one.names) and one.params == p and (one.x == x).all():
-                return one
+        for place in self._linear:
+            if names in (None, place.names) and place.params == p and (place.x == x).all():
+                return place
         names, flights = names or (), self.flights(x, p)
-        own = [derivatives(*of, p, names) for of in zip(self.flows, flights, strict=True)]
-        made = tuple(
+        by_flow = [derivatives(*of, p, names) for of in zip(self.flows, flights, strict=True)]
+        linear = tuple(
             self._linearised(i, flight, slopes, math.exp(x[self.knots[i][-1]]), p, names)
-            for i, (flight, slopes) in enumerate(zip(flights, own, strict=True))
+            for i, (flight, slopes) in enumerate(zip(flights, by_flow, strict=True))
         )
-        found = _Known(x.copy(), dict(p), names, flights, tuple(own), made)
-        self._linear[:] = [found, *self._linear[: _RECENT - 1]]
-        return found
+        latest = _Known(x.copy(), dict(p), names, flights, tuple(by_flow), linear)
+        self._linear[:] = [latest, *self._linear[: _RECENT - 1]]
+        return latest
 
     def _linearised(
         self,
         i: int,
         flight: Flight,
-        own: Slopes,
+        derivative: Slopes,
         path: float,
         p: Params,
         names: tuple[str, ...],
@@ -311,7 +314,8 @@ class Equations:
         flow, n = self.flows[i], len(flight.states)
         share, slope, longer = flight.shares(self.sizes[i], path)
         share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
-        shares = (share_of @ own.inside)[:, 0]
+        shares = (share_of @ derivative.inside)[:, 0]
+        # of degree 1 in slopes and steps together: share = share_k . k + share_h h (Euler)
         timed = share - (slope * flight.slopes).sum(axis=(0, 2))  # what is left is of the time
         state, reset = flight.end[:, None], np.eye(n, n + 1 + len(names))
         if flow.reset is not None:
@@ -319,13 +323,14 @@ class Equations:
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(own.ends, shares, longer, timed / flight.steps, reset, condition)
+        return Linear(derivative.ends, shares, longer, timed / flight.steps, reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
         shape = self.size, self.size + len(names)
         values = np.concatenate([np.ravel(block) for block in self._blocks(x, p, names)])
         pattern = self._pattern(len(names))
+        # several entries may meet in one place; what is of fixed knots lands beyond the last
         data = np.bincount(pattern.places, values, pattern.cells + 1)[:-1]
         if self.size <= _DENSE:
             return data.reshape(shape)
@@ -336,20 +341,21 @@ class Equations:
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
         """The values of all blocks, where `_places` says."""
         linear, flights = self.linear(x, p, names), self.flights(x, p)
-        yield np.ones(self.orbit)
-        for i, one in enumerate(linear):
+        yield np.ones(self.orbit)  # each state in its own row
+        for i, piece in enumerate(linear):
             flight, n = flights[i], len(flights[i].states)
-            both = np.concatenate([one.ends, one.shares[:, None]], axis=1)
-            ends, shares = np.split(self._spread(i, flight, both), [n], axis=1)
-            shares[:, 0, n] -= one.waited
-            shares[:, 0, n + 1] += one.waited
+            rows = np.concatenate([piece.ends, piece.shares[:, None]], axis=1)
+            ends, shares = np.split(self._spread(i, flight, rows), [n], axis=1)
+            # the step of an interval is the difference of the knots at its ends
+            shares[:, 0, n] -= piece.waited
+            shares[:, 0, n + 1] += piece.waited
             yield -ends[:-1]
             kept = self.flows[i].reset is None
-            yield -(ends[-1] if kept else self._carried(i, flight, one.reset, one.ends[-1]))
+            yield -(ends[-1] if kept else self._carried(i, flight, piece.reset, piece.ends[-1]))
             yield shares
-            yield -one.longer
-            if one.condition is not None:
-                yield self._carried(i, flight, one.condition, one.ends[-1])
+            yield -piece.longer
+            if piece.condition is not None:
+                yield self._carried(i, flight, piece.condition, piece.ends[-1])
             else:
                 yield self._phase[i] if self.autonomous else self._of_period(p, names)
         if self.phased:
@@ -357,9 +363,9 @@ class Equations:
 
     def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
         """Rows and columns of all blocks. The column of a knot that is fixed is -1."""
-        own, width = np.arange(self.orbit), self.size + named
+        diagonal, width = np.arange(self.orbit), self.size + named
         whole = np.append(self.lengths, np.arange(self.size, width))
-        yield own, own
+        yield diagonal, diagonal
         for i, node in enumerate(self.nodes):
             columns = self._columns(i, named)
             yield node[1:, :, None], columns[:-1, None]
@@ -396,10 +402,10 @@ class Equations:
                 places = np.where(columns < 0, count, rows * width + columns)
             else:  # by columns, each entry once; those of fixed knots beyond the last
                 cells = np.where(columns < 0, self.size * width, columns * self.size + rows)
-                own, places = np.unique(cells, return_inverse=True)
-                count = int(np.searchsorted(own, self.size * width))
-                rows = own[:count] % self.size
-                ends = np.searchsorted(own[:count], self.size * np.arange(width + 1))
+                filled, places = np.unique(cells, return_inverse=True)
+                count = int(np.searchsorted(filled, self.size * width))
+                rows = filled[:count] % self.size
+                ends = np.searchsorted(filled[:count], self.size * np.arange(width + 1))
             self._patterns[named] = _Pattern(places, count, rows, ends)
         return self._patterns[named]
 
@@ -415,6 +421,7 @@ class Equations:
         return np.concatenate(
             [
                 slope[..., :n],
+                # t_j = t_0 + T s_j and h_j = T (s_(j+1) - s_j)
                 flight.duration * (begins - lasts),
                 flight.duration * lasts,
                 start * begins + steps * lasts,
@@ -428,11 +435,11 @@ class Equations:
         """A function of (state, time, parameters) where a flow ends, as one of the unknowns of its
         last interval: the time is the sum of its beginning and its length."""
         n = len(flight.states)
-        found = outer[..., :n] @ inner
-        found[..., n] += outer[..., n]
-        found[..., n + 1 :] += outer[..., n:]
+        total = outer[..., :n] @ inner
+        total[..., n] += outer[..., n]
+        total[..., n + 1 :] += outer[..., n:]
         last = replace(flight, knots=flight.knots[-2:])
-        return self._spread(i, last, found[None])[0]
+        return self._spread(i, last, total[None])[0]
 
     def place(self, i: int, s: float, x: Array, p: Params) -> tuple[float, Array]:
         """Time and state of a flow at a part of its duration."""
@@ -455,14 +462,15 @@ class Equations:
         spread[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
         spread[:, n + 1] -= u * rise
         columns = self._columns(i, len(names))[j]
-        found = np.zeros((n + 1, self.size + len(names) + 1))
-        found[:, columns[columns >= 0]] = spread[:, columns >= 0]
-        found[:, -1] = rise
-        return found
+        derivative = np.zeros((n + 1, self.size + len(names) + 1))
+        derivative[:, columns[columns >= 0]] = spread[:, columns >= 0]
+        derivative[:, -1] = rise
+        return derivative
 
     def _of_period(self, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None
         slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
+        # of the sum of durations - turns T(p)
         return np.append(np.ones(self.lengths.size), -self.turns * slope)
 
     # --- small perturbations ----------------------------------------------------------------------
@@ -473,29 +481,30 @@ class Equations:
         flights, linear = self.flights(x, p), self.linear(x, p)
         factors: list[Array] = []
         velocities: list[Array] = []
-        for i, (flow, flight, one) in enumerate(zip(self.flows, flights, linear, strict=True)):
-            own, last = np.split(one.ends[:, :, : len(flight.states)], [-1])
+        for i, (flow, flight, piece) in enumerate(zip(self.flows, flights, linear, strict=True)):
+            earlier, last = np.split(piece.ends[:, :, : len(flight.states)], [-1])
             ways = values(flow.f, flight.begins, flight.states, p).T
-            last = self._saltation(i, flights, one, abs(ways).max(axis=0), p) @ last
+            last = self._saltation(i, flights, piece, abs(ways).max(axis=0), p) @ last
             alike = last.shape[1] == last.shape[2]
-            factors += [np.concatenate([own, last])] if alike else [own, last]
+            factors += [np.concatenate([earlier, last])] if alike else [earlier, last]
             velocities += [ways] if alike else np.split(ways, [-1])
         return factors, velocities
 
     def _saltation(
-        self, i: int, flights: Sequence[Flight], one: Linear, fastest: Array, p: Params
+        self, i: int, flights: Sequence[Flight], piece: Linear, fastest: Array, p: Params
     ) -> Array:
         """What the end of a flow does to small perturbations: the reset, and how much longer the
         one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
         flight, n = flights[i], len(flights[i].states)
-        reset = one.reset[:, :n]
-        if one.condition is None:
+        reset = piece.reset[:, :n]
+        if piece.condition is None:
             return reset
         j = (i + 1) % len(self.flows)
         before = values(self.flows[i].f, flight.last, flight.end[:, None], p)[:, 0]
         after = values(self.flows[j].f, flights[j].start, flights[j].states[:, :1], p)[:, 0]
-        gate, pace = one.condition[0, :n], one.condition[0, n]
-        jump = after - reset @ before - one.reset[:, n]
+        gate, pace = piece.condition[0, :n], piece.condition[0, n]
+        # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
+        jump = after - reset @ before - piece.reset[:, n]
         rate = gate @ before + pace
         if abs(rate) <= _NO_PACE * (abs(gate) @ fastest + abs(pace)):
             return np.full_like(reset, np.nan)
@@ -534,15 +543,15 @@ class Equations:
 
     def paces(self, x: Array, p: Params) -> Array:
         """How fast each condition falls where it ends its flow; zero where it grazes."""
-        found = []
-        for flow, flight, one in zip(
+        paces = []
+        for flow, flight, piece in zip(
             self.flows, self.flights(x, p), self.linear(x, p), strict=True
         ):
-            if one.condition is not None:
+            if piece.condition is not None:
                 n = len(flight.states)
                 f = values(flow.f, flight.last, flight.end[:, None], p)[:, 0]
-                found.append(-float(one.condition[0, :n] @ f + one.condition[0, n]))
-        return np.array(found)
+                paces.append(-float(piece.condition[0, :n] @ f + piece.condition[0, n]))
+        return np.array(paces)
 
     # --- other cycles -----------------------------------------------------------------------------
 
@@ -550,10 +559,11 @@ class Equations:
         """Twice the same orbit, as one of twice the period."""
         flights = self.flights(x, p)
         if self.smooth and self.flows[0].reset is None:
-            (own,) = flights
-            knots = np.concatenate([0.5 * own.knots[:-1], 0.5 + 0.5 * own.knots])
-            states, slopes = np.hstack([own.states] * 2), np.hstack([own.slopes] * 2)
-            twice = Flight(own.scheme, knots, own.start, 2 * own.duration, states, slopes)
+            (flight,) = flights
+            knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
+            # slopes are per interval: twice the duration and half the steps leave them as they are
+            states, slopes = np.hstack([flight.states] * 2), np.hstack([flight.slopes] * 2)
+            twice = Flight(flight.scheme, knots, flight.start, 2 * flight.duration, states, slopes)
             return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
@@ -590,26 +600,27 @@ class Equations:
         part, rest = divmod(len(flights), rounds)
         if rest:
             return False
-        own = zip(self.flows, flights, self.sizes, strict=True)
+        pieces = zip(self.flows, flights, self.sizes, strict=True)
         again = zip(self.flows[part:], flights[part:], strict=True)
         return all(
-            (one.f, one.reset) == (other.f, other.reset)
+            (flow.f, flow.reset) == (successor.f, successor.reset)
             and now.states.shape == then.states.shape
             and abs(then.sampled(_LOOKS)[1] - now.sampled(_LOOKS)[1]).max() <= _REPEATS * size.max()
-            for (one, now, size), (other, then) in zip(own, again, strict=False)
+            for (flow, now, size), (successor, then) in zip(pieces, again, strict=False)
         )
 
 
 def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:
     """How much each state of each flow moves, or how large it is."""
-    found = []
+    sizes = []
     for flight in flights:
         states = flight.sampled(2)[1]
+        # what hardly moves is measured by its value: its motion may be rounding
         size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
-        found.append(np.maximum(size, 1e-3 * size.max()))
-    largest = max(size.max() for size in found) or 1.0
-    rests = [size.max() < _AT_REST * largest for size in found]
+        sizes.append(np.maximum(size, 1e-3 * size.max()))
+    largest = max(size.max() for size in sizes) or 1.0
+    rests = [size.max() < _AT_REST * largest for size in sizes]
     return tuple(
         np.full_like(size, largest) if at_rest else size
-        for size, at_rest in zip(found, rests, strict=True)
+        for size, at_rest in zip(sizes, rests, strict=True)
     )

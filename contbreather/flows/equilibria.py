@@ -123,12 +123,13 @@ class _Born(Lift):
 def _born(point: Point) -> Lift:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
-    own, names = point.curve.problem.residual, tuple(point.curve.problem.start)
+    residual, names = point.curve.problem.residual, tuple(point.curve.problem.start)
     omega = float(point["omega"])
     eigenvalues, vectors = np.linalg.eig(point.jacobian()[:, : rest.size])
     q = vectors[:, int(abs(eigenvalues - 1j * omega).argmin())]
     size = float(np.sqrt(np.mean(rest**2)))
     size = size if size > _ORIGIN else 1.0
+    # x = rest + A Re(q exp(i omega t)), q the eigenvector to i omega: to first order in A a cycle
     period = 2 * math.pi / omega
 
     def wave(amplitude: float, t: Array) -> Array:
@@ -136,26 +137,27 @@ def _born(point: Point) -> Lift:
         return np.asarray(rest[:, None] + amplitude * turned.real)
 
     for amplitude in _AMPLITUDES:
-        flight = fitted(own.collocation, 0.0, period, partial(wave, amplitude * size))
-        made = Equations((own.flow,), (flight,), None, 1, names, sizes_of([flight]))
-        curve = Curve(problem_at(made, params), (free,))
+        flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
+        equations = Equations((residual.flow,), (flight,), None, 1, names, sizes_of([flight]))
+        curve = Curve(problem_at(equations, params), (free,))
+        # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
-        row[: made.orbit] = (flight.states - rest[:, None]).T.ravel()
+        row[: equations.orbit] = (flight.states - rest[:, None]).T.ravel()
         try:
-            found = curve.newton(curve.start, curve.dual(row), tolerance=1e-11, most=20)
+            solution = curve.newton(curve.start, curve.dual(row), tolerance=1e-11, most=20)
         except Undefined:
             continue
-        if found.converged:
-            here = Point(curve, found.z)
-            made = replace(made, start=made.flights(here.x, here.params))
-            cycle = replace(problem_at(made, here.params), again=partial(_again, point))
+        if solution.converged:
+            first = Point(curve, solution.z)
+            equations = replace(equations, start=equations.flights(first.x, first.params))
+            cycle = replace(problem_at(equations, first.params), again=partial(_again, point))
             return _Born(cycle, free, both=False)
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")
 
 
 def _again(point: Point) -> Lift:
     """The same on a finer mesh."""
-    problem, own = point.curve.problem, point.curve.problem.residual
-    twice = replace(own.collocation, intervals=2 * own.collocation.intervals)
-    finer = replace(problem, residual=replace(own, collocation=twice))
+    problem, residual = point.curve.problem, point.curve.problem.residual
+    twice = replace(residual.collocation, intervals=2 * residual.collocation.intervals)
+    finer = replace(problem, residual=replace(residual, collocation=twice))
     return _born(replace(point, curve=Curve(finer, point.curve.free)))

@@ -125,7 +125,7 @@ class Filippov:
     def _along(self, field: NDArray[Any], t: Any, x: NDArray[Any], p: Params) -> Any:
         """dh/dt + grad h . field."""
         size, speed = np.maximum(1.0, abs(x.real).max(axis=0)), abs(field.real).max(axis=0)
-        step = _STEP * size / np.maximum(speed, size)
+        step = _STEP * size / np.maximum(speed, size)  # x moves by _STEP of its size at most
         total = 0.0
         for k, weight in _STENCIL:
             ahead = self.h(t + k * step, x + k * step * field, p)
@@ -172,11 +172,11 @@ class Filippov:
                 f"(dh/dt = {rise:.3g} above, {fall:.3g} below): start on one side of it"
             )
         if rise < 0 < fall:
-            return _TO_PLUS
+            return _TO_PLUS  # L+ < 0 < L-: both fields point at the surface
         return _PLUS if rise + fall > 0 else _MINUS
 
     def _on_surface(self, t: float, x: Array, p: Params) -> Array:
         """Without the rounding that would put it to one side."""
         h, slope = slopes(self.h, t, x[:, None], p)
         gradient = slope[0, :-1, 0]
-        return x - gradient * (h[0, 0] / (gradient @ gradient))
+        return x - gradient * (h[0, 0] / (gradient @ gradient))  # x - grad h h/|grad h|^2

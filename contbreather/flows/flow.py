@@ -43,7 +43,7 @@ class Clock:
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return (self.number + _of(self.part, p)) * _of(self.period, p) - t
+        return (self.number + _of(self.part, p)) * _of(self.period, p) - t  # falls with slope -1
 
     def after(self, t: float, p: Params) -> float:
         """When it strikes next."""
@@ -143,15 +143,15 @@ class Flow:
 
     def struck(self, t: float, p: Params) -> Flow:
         """The flow, with its clock set to the period in which it strikes at a time."""
-        own = self.until
-        return replace(self, until=own.at(t, p)) if isinstance(own, Clock) else self
+        clock = self.until
+        return replace(self, until=clock.at(t, p)) if isinstance(clock, Clock) else self
 
     def later(self, periods: int) -> Flow:
         """The flow some periods later."""
-        own = self.until
-        if not isinstance(own, Clock):
+        clock = self.until
+        if not isinstance(clock, Clock):
             return self
-        return replace(self, until=replace(own, number=own.number + periods))
+        return replace(self, until=replace(clock, number=clock.number + periods))
 
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.
@@ -174,8 +174,8 @@ def check_function(
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
     where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
     try:
-        given = function(t, x, p)
-        found = np.asarray(given, dtype=float)
+        returned = function(t, x, p)
+        value = np.asarray(returned, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
             raise
@@ -183,19 +183,19 @@ def check_function(
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
     except (ValueError, ArithmeticError, TypeError, IndexError) as error:
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
-    if shape == () and np.asarray(given).dtype == bool:
+    if shape == () and np.asarray(returned).dtype == bool:
         raise BadInput(
-            f"{name} is {given} {where}; a number was expected, positive inside and zero where the "
-            "flow ends: p['s'] - x[0], not x[0] < p['s']"
+            f"{name} is {returned} {where}; a number was expected, positive inside and zero where "
+            "the flow ends: p['s'] - x[0], not x[0] < p['s']"
         )
-    if shape == () and found.size == 1:
-        found = found.reshape(())
-    if found.shape != shape and not (shape is None and found.ndim == 1 and found.size):
+    if shape == () and value.size == 1:
+        value = value.reshape(())
+    if value.shape != shape and not (shape is None and value.ndim == 1 and value.size):
         count = "a row of numbers was" if shape is None else f"{x.size} numbers were"
         wanted = count if shape != () else "a number was"
-        raise BadInput(f"{name} returns shape {found.shape}; {wanted} expected {where}")
-    if not np.isfinite(found).all():
-        raise BadInput(f"{name} is {shown(found.tolist())} {where}; finite numbers were expected")
+        raise BadInput(f"{name} returns shape {value.shape}; {wanted} expected {where}")
+    if not np.isfinite(value).all():
+        raise BadInput(f"{name} is {shown(value.tolist())} {where}; finite numbers were expected")
 
 
 def _inverse(mass: Any) -> Array:
@@ -215,11 +215,11 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
     return inverse @ rows_of(f(t, x, p), x)
 
 
-def rows_of(found: Any, x: NDArray[Any]) -> NDArray[Any]:
+def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
     """What a user's function returned for the columns of `x` as an array as wide as `x`."""
-    if isinstance(found, np.ndarray):
-        return found
-    return np.stack(np.broadcast_arrays(*found, x[0])[:-1])
+    if isinstance(returned, np.ndarray):
+        return returned
+    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
 
 
 # --- values at many states ------------------------------------------------------------------------
@@ -280,11 +280,11 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
     return np.stack(columns, axis=-1)
 
 
-def _rows(found: Any, how: _Calling, count: int) -> NDArray[Any]:
+def _rows(returned: Any, how: _Calling, count: int) -> NDArray[Any]:
     """What a function returned for `count` states, as an array with that many columns."""
-    if isinstance(found, np.ndarray) and found.shape == (how.rows, count):
-        return found
-    parts = [found] if how.scalar else list(found)
+    if isinstance(returned, np.ndarray) and returned.shape == (how.rows, count):
+        return returned
+    parts = [returned] if how.scalar else list(returned)
     rows = np.empty((how.rows, count), dtype=np.result_type(float, *parts))
     for row, part in zip(rows, parts, strict=True):
         row[:] = part  # a constant is broadcast
@@ -296,10 +296,10 @@ def _at(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
     try:
         return np.atleast_1d(np.asarray(function(t, x, p)))
     except Exception as error:
-        told = f"{_name(function)} at t = {t}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
+        call = f"{_name(function)} at t = {t}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
         if isinstance(error, OUT_OF_DOMAIN):
-            raise Undefined(f"{told} raised {type(error).__name__}: {error}") from error
-        error.add_note(f"in {told}")
+            raise Undefined(f"{call} raised {type(error).__name__}: {error}") from error
+        error.add_note(f"in {call}")
         raise
 
 
@@ -371,15 +371,16 @@ def slopes(
     directions = n + 1  # those of the parameters apart: what asks for one may expect a number
     at, times = np.empty((n, directions, count), complex), np.empty((directions, count), complex)
     at[...], times[...] = x[:, None], t
+    # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
     at[np.arange(n), np.arange(n)] += 1j * _IMAGINARY
     times[n] += 1j * _IMAGINARY
-    found = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
+    value = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
     slope = np.empty((how.rows, directions + len(names), count))
-    slope[:, :directions] = found.imag / _IMAGINARY
+    slope[:, :directions] = value.imag / _IMAGINARY
     for j, name in enumerate(names, directions):
         shifted = {**p, name: p[name] + 1j * _IMAGINARY}
         slope[:, j] = _call(how, t, x, shifted).imag / _IMAGINARY
-    return np.ascontiguousarray(found[:, 0].real), slope
+    return np.ascontiguousarray(value[:, 0].real), slope
 
 
 def _differences(
@@ -392,6 +393,7 @@ def _differences(
     sizes += [np.full(t.size, abs(p[name]) or 1.0) for name in names]
     for j, (size, divisor) in enumerate(zip(sizes, finer, strict=True)):
         for shorter in (1, 64, 4096):
+            # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
             step = RELATIVE * size / (divisor * shorter)
             terms = (w * _call(how, *_moved(t, x, p, names, j, k * step)) for k, w in _STENCIL)
             slope[:, j] = sum(terms) / step

@@ -47,6 +47,7 @@ def _pace(point: Point) -> float:
     if near is not None:
         sizes = abs(near.leading.real)
         ratio = sizes.min() / sizes.max()
+    # ln of d^(1 + a/b) over _OFF, with the least speed for d
     return (1 + ratio) * math.log(max(pace, 1e-300)) - math.log(_OFF)
 
 
@@ -76,6 +77,7 @@ class _Saddle:
     leading: NDArray[np.complex128]
 
     def told(self, orbit: Cycle) -> dict[str, Any]:
+        # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit
         quantity = float(self.leading.sum().real)
         kind = "saddle-focus" if self.leading.imag.any() else "saddle"
         shown = " and ".join(
@@ -98,10 +100,10 @@ def _saddle(orbit: Cycle, x: Array) -> _Saddle | None:
     """The saddle close to a state, by Newton's iteration from there; None if there is none."""
     flow, sizes, start = orbit.equations.flows[0], orbit.equations.sizes[0], x
     for _ in range(_ITERATIONS):
-        found, derivative = slopes(flow.f, 0.0, x[:, None], orbit.params)
+        velocity, derivative = slopes(flow.f, 0.0, x[:, None], orbit.params)
         matrix = derivative[:, : x.size, 0]
         try:
-            step = np.linalg.solve(matrix, found[:, 0])
+            step = np.linalg.solve(matrix, velocity[:, 0])
         except np.linalg.LinAlgError:
             return None
         x = x - step

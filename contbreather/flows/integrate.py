@@ -24,6 +24,8 @@ _STEPS = 200_000  # of one run: by an explicit method a stiff system takes more
 _METHODS = ("DOP853", "LSODA", "Radau", "BDF")
 _PATIENT = 10_000  # steps without an event where no time is given: some hundred oscillations
 _NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
+# Chebyshev's points of degree 16; every other one is one of degree 8, and the polynomial through
+# those is compared with the guard at the rest
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * _NODES - 1) / (2 * _NODES - 2))
 _POWERS = partial(np.polynomial.chebyshev.chebvander, deg=_NODES - 1)
 _BETWEEN = _POWERS(2 * _PLACES[1::2] - 1) @ np.linalg.inv(_POWERS(2 * _PLACES[::2] - 1))
@@ -182,10 +184,10 @@ class Trajectory(Columns):
         if times.size and not (begins[0] <= times.min() and times.max() <= end):
             raise BadInput(f"the trajectory goes from t = {begins[0]:g} to {end:g}, not {shown(t)}")
         number = np.searchsorted(begins, times.ravel(), side="right") - 1
-        found = np.empty((len(self.pieces[0].x), times.size))
+        states = np.empty((len(self.pieces[0].x), times.size))
         for i in np.unique(number):
-            found[:, number == i] = self.pieces[i](times.ravel()[number == i])
-        return found.reshape(-1, *times.shape)
+            states[:, number == i] = self.pieces[i](times.ravel()[number == i])
+        return states.reshape(-1, *times.shape)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Time and states at the steps of the integrator."""
@@ -265,7 +267,7 @@ def integrate(
     --------
     >>> fall = Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[0],
     ...             reset=lambda t, x, p: [x[0], -p["e"] * x[1]])
-    >>> run = integrate(fall, {"y": 0.5, "v": 0.0}, {"e": 0.5}, time=2.5)
+    >>> run = integrate(fall, {"y": 0.5, "v": 0.0}, {"e": 0.5}, time=2.6)
     >>> [round(event.time, 12) for event in run.events]
     [1.0, 2.0, 2.5]
     """
@@ -292,10 +294,10 @@ def _itinerary(flows: Any, first: int, period: Any) -> Itinerary:
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
     if not isinstance(listed, list | tuple) or not listed:
         raise BadInput(f"flows must be a list of Flow, got {shown(flows)}")
-    made = tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
-    if whole("first", first, 0) >= len(made):
-        raise BadInput(f"first = {first}: there are {len(made)} flows, counted from 0")
-    return _InTurn(made, first)
+    parts = tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
+    if whole("first", first, 0) >= len(parts):
+        raise BadInput(f"first = {first}: there are {len(parts)} flows, counted from 0")
+    return _InTurn(parts, first)
 
 
 def _ends(
@@ -406,7 +408,7 @@ class _Walk:
         at = x[:, None]
         _, slope = slopes([*self.path.guards(mode).values()][guard], t, at, self.params)
         along = values(self.path.field(mode), t, at, self.params)[:, 0]
-        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])
+        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])  # grad h . f + dh/dt
 
 
 def _right_side(f: Function, p: Params) -> Callable[[float, Array], Array]:
@@ -416,8 +418,8 @@ def _right_side(f: Function, p: Params) -> Callable[[float, Array], Array]:
         try:
             return np.asarray(plain(t, x, p), dtype=float)
         except OUT_OF_DOMAIN as error:
-            told = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
-            raise Undefined(f"f raised {type(error).__name__}: {error}, {told}") from error
+            where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
+            raise Undefined(f"f raised {type(error).__name__}: {error}, {where}") from error
 
     return right_side
 
@@ -449,11 +451,11 @@ class _Watched:
         """The first time in a step at which the guard falls through zero, infinite without one."""
 
         def guard(t: Array) -> Array:
-            found = values(self.function, t, step(t), self.params)[0]
-            if np.isnan(found).any():
-                at = float(t[np.isnan(found)][0])
+            value = values(self.function, t, step(t), self.params)[0]
+            if np.isnan(value).any():
+                at = float(t[np.isnan(value)][0])
                 raise Undefined(f"{self.name} is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
-            return found
+            return value
 
         if not self.armed:
             a = self._arm(guard, a, b, self._size(step, a, b))
@@ -466,13 +468,13 @@ class _Watched:
         beside = np.where(np.eye(x.size, dtype=bool), moved, x[:, None])
         states = np.column_stack([x, beside])
         try:
-            own, pace = (values(f, b, states, self.params) for f in (self.function, self.field))
+            level, pace = (values(f, b, states, self.params) for f in (self.function, self.field))
         except Undefined:  # a little further it has no value
-            known = np.ones(x.size, dtype=bool)
+            involved = np.ones(x.size, dtype=bool)
         else:
-            known = own[0, 1:] != own[0, 0]
-            known = known | (pace[known, 1:] != pace[known, :1]).any(axis=0)
-        return float(abs(np.append(step(a)[known], x[known])).max(initial=0.0))
+            involved = level[0, 1:] != level[0, 0]
+            involved = involved | (pace[involved, 1:] != pace[involved, :1]).any(axis=0)
+        return float(abs(np.append(step(a)[involved], x[involved])).max(initial=0.0))
 
     def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
         """The time from which the guard is clearly positive: it may begin at zero, by a reset."""
@@ -530,9 +532,9 @@ def _root(guard: Guard, a: float, b: float) -> float:
     start, end = guard(np.array([a, b]))
 
     def fallen(s: float) -> float:
-        found = float(guard(np.array([a + s]))[0])
+        value = float(guard(np.array([a + s]))[0])
         # one that stays zero has fallen where it came to it
-        return found if found > 0.0 or end < 0.0 else -float(start)
+        return value if value > 0.0 or end < 0.0 else -float(start)
 
     return float(a + brentq(fallen, 0.0, b - a, xtol=spacing))
 

@@ -30,9 +30,9 @@ def multipliers(factors: Sequence[Array]) -> NDArray[np.complex128]:
     if not factors[0].shape[-1]:
         return np.empty(0, dtype=complex)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not merged
-        few = _merged(factors)
-    found = np.linalg.eigvals(few[0]) if len(few) == 1 else _separated(few)
-    return np.asarray(found[np.argsort(-abs(found), kind="stable")], dtype=complex)
+        merged = _merged(factors)
+    mu = np.linalg.eigvals(merged[0]) if len(merged) == 1 else _separated(merged)
+    return np.asarray(mu[np.argsort(-abs(mu), kind="stable")], dtype=complex)
 
 
 def without_direction(
@@ -44,12 +44,13 @@ def without_direction(
     ``directions[j]`` are where those of the stack ``factors[j]`` begin; the last one ends in the
     first.
     """
-    mirrors, own, rest = [_mirrors(ways) for ways in directions], 1.0, []
+    mirrors, multiplier, rest = [_mirrors(ways) for ways in directions], 1.0, []
     for stack, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
         turned = np.stack([*before[1:], after[0]]) @ stack @ before
-        own *= turned[:, 0, 0].prod()
+        # direction goes to direction: below its own entry the first column is zero
+        multiplier *= turned[:, 0, 0].prod()
         rest.append(turned[:, 1:, 1:])
-    return rest, float(own)
+    return rest, float(multiplier)
 
 
 def _mirrors(ways: Array) -> Array:
@@ -58,6 +59,7 @@ def _mirrors(ways: Array) -> Array:
     if not sizes.min() > 0:
         raise Undefined("the vector field vanishes on the orbit: an equilibrium is on it")
     v = ways / sizes[:, None]
+    # Householder's 1 - 2 v v*/|v|^2 with v = u + sign(u_1) e_1, which does not cancel
     v[:, 0] += np.copysign(1.0, v[:, 0])
     v *= np.sqrt(2 / (v * v).sum(axis=1))[:, None]
     return np.eye(v.shape[1]) - v[:, :, None] * v[:, None, :]
@@ -66,18 +68,18 @@ def _mirrors(ways: Array) -> Array:
 def _merged(stacks: Sequence[Array]) -> list[Array]:
     """Fewer factors with the same product, each of them well conditioned."""
     factors = [factor for stack in stacks for factor in _halved(stack)]
-    few = factors[:1]
+    merged = factors[:1]
     for factor in factors[1:]:
-        product = factor @ few[-1]
+        product = factor @ merged[-1]
         # factors between spaces of different dimension must be multiplied
-        square = product.shape[0] == product.shape[1] and few[-1].shape[0] == factor.shape[0]
+        square = product.shape[0] == product.shape[1] and merged[-1].shape[0] == factor.shape[0]
         if square and not _well_conditioned(product):
-            few.append(factor)
+            merged.append(factor)
         else:
-            few[-1] = product
-    if len(few) > 1 and few[0].shape[1] != few[0].shape[0]:
-        few = [few[0] @ few[-1], *few[1:-1]]
-    return few
+            merged[-1] = product
+    if len(merged) > 1 and merged[0].shape[1] != merged[0].shape[0]:
+        merged = [merged[0] @ merged[-1], *merged[1:-1]]
+    return merged
 
 
 def _halved(stack: Array) -> Array:
@@ -114,13 +116,14 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
         blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
         if all(abs(turned[b:, :b]).max() < _SETTLED for b in cuts):
             break
-    found = []
+    mu = []
     for block in blocks:
         product, scale = turned[block, block], 0.0
         for triangle in rounds[::-1]:
             product = product @ triangle[block, block]
             size = abs(product).max() or 1.0
+            # the logarithm of what was divided out: products of many factors overflow
             product, scale = product / size, scale + np.log(size)
         with np.errstate(over="ignore", invalid="ignore"):
-            found.append(np.linalg.eigvals(product) * np.exp(scale))
-    return np.concatenate(found)
+            mu.append(np.linalg.eigvals(product) * np.exp(scale))
+    return np.concatenate(mu)

@@ -103,11 +103,11 @@ class Cycle(HtmlRepr):
         number = np.clip(np.searchsorted(times, inside, side="right") - 1, 0, len(self.flights) - 1)
         if len({len(flight.states) for flight in self.flights}) > 1:
             raise BadInput("the flows have different states: look at them one by one in `flights`")
-        found = np.empty((len(self.flights[0].states), inside.size))
+        states = np.empty((len(self.flights[0].states), inside.size))
         for i, flight in enumerate(self.flights):
             mine = number == i
-            found[:, mine] = flight.at((inside[mine] - times[i]) / flight.duration)
-        return found[:, 0] if t.ndim == 0 else found
+            states[:, mine] = flight.at((inside[mine] - times[i]) / flight.duration)
+        return states[:, 0] if t.ndim == 0 else states
 
     @cached_property
     def max(self) -> dict[str, float]:
@@ -138,8 +138,8 @@ class Cycle(HtmlRepr):
     @property
     def multipliers(self) -> NDArray[np.complex128]:
         trivial = [] if math.isnan(self.trivial) else [self.trivial]
-        found = np.concatenate([self.others, trivial])
-        return found[np.argsort(-abs(found), kind="stable")]
+        mu = np.concatenate([self.others, trivial])
+        return mu[np.argsort(-abs(mu), kind="stable")]
 
     @property
     def unstable(self) -> int:
@@ -206,8 +206,8 @@ def orbit_of(point: Point) -> Cycle:
 
 
 def equations_of(point: Point) -> Equations:
-    found: Equations = point.curve.problem.residual
-    return found
+    equations: Equations = point.curve.problem.residual
+    return equations
 
 
 def _trivial(point: Point) -> float:
@@ -215,8 +215,8 @@ def _trivial(point: Point) -> float:
 
 
 def _extreme(name: str, sign: float, point: Point) -> float:
-    found: float = point.solution.extreme(name, sign)
-    return found
+    value: float = point.solution.extreme(name, sign)
+    return value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -259,8 +259,8 @@ class CycleProblem(Problem):
         return replace(self, residual=finer, start=finer.unknowns(finer.start))
 
     def unresolved(self, point: Point) -> str:
-        found: str = point.solution.coarse
-        return found
+        reason: str = point.solution.coarse
+        return reason
 
     def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
         problem = self
@@ -270,8 +270,8 @@ class CycleProblem(Problem):
 
     def having(self, *names: str) -> Problem:
         """The same, if the forcing keeps the period while these change."""
-        own = self.residual
-        refuse_false_period(own.flows, own.start, own.period, self.params, names)
+        equations = self.residual
+        refuse_false_period(equations.flows, equations.start, equations.period, self.params, names)
         return super().having(*names)
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:

@@ -100,16 +100,16 @@ def _same(now: Array, then: Array, least: float = 0.0) -> bool:
 def length_of(period: Function, params: Params) -> float:
     """The period at these parameters, or what is wrong with it."""
     try:
-        found = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
+        length = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
     except KeyError as error:
         if error.args[0] in params:
             raise
         raise BadInput(
             f"period asks for the parameter {error}; params has {list(params)}"
         ) from error
-    if not 0 < found < math.inf:
-        raise BadInput(f"the period is {found}; a positive time was expected")
-    return found
+    if not 0 < length < math.inf:
+        raise BadInput(f"the period is {length}; a positive time was expected")
+    return length
 
 
 def refuse_time(f: Function, t: float, x: Array, p: Params, names: tuple[str, ...] = ()) -> None:

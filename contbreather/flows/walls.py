@@ -65,11 +65,11 @@ class _Reached:
         """Their derivatives in z and s."""
         x, p, names = z[: curve.size], curve.params(z), curve.free
         t, state = self.equations.place(self.flow, s, x, p)
-        own = self._both(t, state, p, names)[1]
+        local = self._both(t, state, p, names)[1]
         n = state.size + 1  # of the state and the time
-        found = own[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
-        found[:, curve.size : -1] += own[:, n:]
-        return found
+        total = local[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
+        total[:, curve.size : -1] += local[:, n:]
+        return total
 
     def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
         """Both at a time and a state, and their derivatives in state, time and parameters."""
@@ -81,12 +81,12 @@ class _Reached:
         f, df = (
             of[..., 0] for of in slopes(self.equations.flows[self.flow].f, t, x[:, None], p, names)
         )
-        own, way = gradient(at), np.append(f, 1.0)
+        grad, way = gradient(at), np.append(f, 1.0)
         # (grad w . f)' = w'' f + grad w . f', and w'' f is how the gradient changes along f
         step = RELATIVE * (1 + np.linalg.norm(at)) / np.linalg.norm(way)
         turned = directional(gradient, at, step * way) / step
         value = values(self.wall, t, x[:, None], p)[0, 0]
-        return np.array([value, own[: n + 1] @ way]), np.stack([own, turned + own[:n] @ df])
+        return np.array([value, grad[: n + 1] @ way]), np.stack([grad, turned + grad[:n] @ df])
 
 
 class _Touched(_Reached):
@@ -113,7 +113,7 @@ class Touch:
 def lowest(orbit: Cycle) -> Touch | None:
     """Where an orbit comes closest to touching a wall of its flows, at the ends of these, too, or
     what ends one before it does; None without walls."""
-    found: list[Touch] = []
+    touches: list[Touch] = []
     flows = orbit.equations.flows
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         # without a reset it begins where another ended: the walls of sliding are zero there at SL
@@ -128,8 +128,8 @@ def lowest(orbit: Cycle) -> Touch | None:
             for j in _lows(v, s, begins, ends):
                 beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(_bottom(wall, flight, orbit.params, s[j], beside, ends))
-            found += [Touch(_wall(wall, flight, orbit.params, u)[0], i, u, wall) for u in places]
-    return min(found, key=lambda touch: touch.clearance, default=None)
+            touches += [Touch(_wall(wall, flight, orbit.params, u)[0], i, u, wall) for u in places]
+    return min(touches, key=lambda touch: touch.clearance, default=None)
 
 
 def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
@@ -154,6 +154,7 @@ def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, f
     at = np.array([s])
     value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p, ())
     n = len(flight.states)
+    # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
     rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
     return float(value[0, 0]), float(rate)
 
@@ -202,18 +203,18 @@ class _Arrivals:
     system: Filippov
 
     def __call__(self, point: Point) -> float:
-        return min((margin for margin, _, _ in self._found(point)), default=math.nan)
+        return min((margin for margin, _, _ in self._arrivals(point)), default=math.nan)
 
     def locus(self, point: Point) -> Locus:
-        _, i, field = min(self._found(point), key=lambda found: found[0])
+        _, i, field = min(self._arrivals(point), key=lambda arrival: arrival[0])
         tangent = _Reached(equations_of(point.ground), i, field)
         return Locus({}, tangent.conditions, tangent.derivative)
 
-    def _found(self, point: Point) -> list[tuple[float, int, Function]]:
+    def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:
         orbit: Cycle = point.ground.solution
         numbers = [self.system.flows.index(flow) for flow in orbit.equations.flows]
         fields = [self.system.to_minus.until, self.system.to_plus.until]
-        found = []
+        arrivals = []
         for i, flight in enumerate(orbit.flights):
             if numbers[i] >= len(fields):
                 continue  # it leaves the surface there
@@ -221,8 +222,8 @@ class _Arrivals:
             assert field is not None
             points_at_it = values(field, flight.last, flight.end[:, None], orbit.params)[0, 0]
             slides = follows >= len(fields)
-            found.append((float(points_at_it if slides else -points_at_it), i, field))
-        return found
+            arrivals.append((float(points_at_it if slides else -points_at_it), i, field))
+        return arrivals
 
 
 def sliding(system: Filippov) -> Event:

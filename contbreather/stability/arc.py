@@ -60,6 +60,7 @@ def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
 def sample(gamma: float, alpha: Array, spring: float = 0.0) -> Arc:
     """R, B, C at ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
     nu = angle(gamma, alpha, spring)
+    # v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2), without a difference next to either edge
     v = 4.0 * gamma * np.sin(alpha) * np.cos(alpha)
     return Arc(alpha, nu, v, *regular(gamma, nu, None, spring))
 
@@ -79,6 +80,7 @@ def curve(arc: Arc, k: float, b: float) -> tuple[Array, Array]:
     c, d = 1.0 + k, 0.5 * (1.0 - k)
     cc = c * c
     beta = b - cc * C
+    # F = v ((d + i c R)^2 + B beta) + v (g/pi) L with v g = -i, which is +i from inside
     smooth = v * (d * d - cc * R * R + B * beta + 2j * c * d * R)
     pole = (2.0 * c * d * nu + 1j * (cc * nu * (2.0 * R + nu * B) + beta)) / math.pi
     return smooth + pole, smooth - pole
@@ -151,9 +153,9 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
 def _filled(kernel: Kernel, gamma: float, k: float, b: float, spring: float, nu: float) -> Array:
     """What a function of `band_pairs` fills in."""
     data = np.array([gamma, k, (1.0 - k) / (1.0 + k), b, nu, spring])
-    found = np.zeros(12)
-    kernel(data, arc_table(), np.empty(band_pairs.SIZE), found)
-    return found
+    answer = np.zeros(12)
+    kernel(data, arc_table(), np.empty(band_pairs.SIZE), answer)
+    return answer
 
 
 @lru_cache(maxsize=1)
@@ -185,8 +187,8 @@ def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[Neimark
     k, _ = check_kb(k, 0.0)
     if gamma == 0.0 or k == 1.0:
         return ()
-    found = _filled(WINDOW, gamma, k, 0.0, spring, 0.0)
-    b, nu = found[5:9].reshape(2, 2)[:, : int(found[4])].tolist()
+    answer = _filled(WINDOW, gamma, k, 0.0, spring, 0.0)
+    b, nu = answer[5:9].reshape(2, 2)[:, : int(answer[4])].tolist()
     return tuple(sorted(map(NeimarkSacker, nu, b)))
 
 
@@ -233,10 +235,10 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
     if gamma == 0.0:
         return Window(0.0, -1.0)
     if k == 1.0:
-        found = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
-        if found[0] >= found[1]:
-            return Window(found[1], -1.0)
-        return Window(0.5 * (found[0] + found[1]), 0.25 * (found[0] - found[1]) ** 2)
+        ends = [_neutral_until(gamma, spring), _neutral_from(gamma, spring)]
+        if ends[0] >= ends[1]:
+            return Window(ends[1], -1.0)
+        return Window(0.5 * (ends[0] + ends[1]), 0.25 * (ends[0] - ends[1]) ** 2)
     return Window(*_filled(WINDOW, gamma, k, 0.0, spring, 0.0)[:4].tolist())
 
 
@@ -245,7 +247,8 @@ def _neutral_until(gamma: float, spring: float) -> float:
     edge = math.sqrt(spring + 4.0 * gamma)
 
     def needed(t: Array) -> Array:
-        nu = edge + (1.0 - edge) * t * t
+        nu = edge + (1.0 - edge) * t * t  # the root at the edge is smooth in t
+        # -pi/g = pi sqrt((nu^2 - spring)(nu - edge)(nu + edge))
         inverse = math.pi * np.sqrt((nu * nu - spring) * (1.0 - edge) * (nu + edge)) * t
         return _elastic(gamma, spring, nu, inverse)
 
@@ -259,7 +262,7 @@ def _neutral_from(gamma: float, spring: float) -> float:
     floor = math.sqrt(spring)
 
     def needed(t: Array) -> Array:
-        nu = floor * (1.0 - t * t)
+        nu = floor * (1.0 - t * t)  # spring - nu^2 = t^2 floor (floor + nu)
         below = floor * (floor + nu)
         inverse = -math.pi * np.sqrt(below * (below * t * t + 4.0 * gamma)) * t
         return -_elastic(gamma, spring, nu, inverse)
@@ -270,6 +273,7 @@ def _neutral_from(gamma: float, spring: float) -> float:
 def _elastic(gamma: float, spring: float, nu: Array, inverse: Array) -> Array:
     """The b with which D has a zero off the band for k = 1; ``inverse = -pi/g``."""
     R, B, C = regular(gamma, nu, None, spring)
+    # c = 2, d = 0: D = 0 where beta (1 - pi B/g) = 4 (-pi R^2/g - nu (2 R + nu B)), b = beta + 4 C
     return np.asarray(4.0 * (C + (inverse * R * R - nu * (2.0 * R + nu * B)) / (1.0 + inverse * B)))
 
 
@@ -277,7 +281,7 @@ def _highest(needed: Callable[[Array], Array]) -> float:
     """Of a function on [0, 1], by a grid that closes in on it."""
     t = np.linspace(0.0, 1.0, GRID + 1)
     values = needed(t)
-    for _ in range(4):
+    for _ in range(4):  # each grid is 32 times finer: to 1e-8 in t, which a maximum feels as 1e-16
         top = int(values.argmax())
         t = np.linspace(t[max(top - 1, 0)], t[min(top + 1, GRID)], GRID + 1)
         values = needed(t)

@@ -44,10 +44,10 @@ def band_averages(data: Any, table: Any, out: Any) -> None:
         value = in_gamma = 0.0
         power = below = 1.0  # x^i, x^(i-1)
         for i in range(j + 1):
-            own = out[PASCAL + i] * table[TABLE + TAILS + i]
-            value += own * power
+            term = out[PASCAL + i] * table[TABLE + TAILS + i]
+            value += term * power
             if i > 0:
-                in_gamma += own * 4.0 * i * below
+                in_gamma += term * 4.0 * i * below
             below = power
             power = power * x
         out[MEANS + j], out[MEANS + ORDERS + j] = value, in_gamma
@@ -92,7 +92,7 @@ def regular(data: Any, out: Any, nu: float) -> None:
         if m != 0:
             s = nu + 2.0 * m
             A = s * s - data[SPRING]
-            h = s * s / A / math.sqrt(1.0 - x / A)
+            h = s * s / A / math.sqrt(1.0 - x / A)  # -s^2 g(s)
             R -= h / s / math.pi
             B += h / (s * s) / math.pi
             C += (1.0 - h) / math.pi
@@ -116,10 +116,12 @@ def regular_slopes(data: Any, out: Any, nu: float) -> None:
             A = s2 - spring
             edge = A - x
             h = s2 / A / math.sqrt(1.0 - x / A)
+            # d ln h/ds = 2/s - s (A + edge)/(A edge), which would cancel for large s
             h_s = -h * (A * x + spring * (A + edge)) / (s * A * edge)
             out[IN_NU] -= (h_s - h / s) / s / math.pi
             out[IN_NU + 1] += (h_s - 2.0 * h / s) / s2 / math.pi
             out[IN_NU + 2] -= h_s / math.pi
+            # h = s^2/sqrt(A edge): by gamma edge falls by 4, by the spring A and edge by 1
             by_gamma = 2.0 * h / edge
             by_spring = 0.5 * h * (A + edge) / (A * edge)
             for place, slope in ((IN_GAMMA, by_gamma), (IN_SPRING, by_spring)):
@@ -131,7 +133,7 @@ def regular_slopes(data: Any, out: Any, nu: float) -> None:
 # --- the two equations and their derivatives ------------------------------------------------
 
 
-def on_arc(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
+def on_arc(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
     """F at an angle, and its derivatives in nu, gamma, k, b and the spring: six pairs."""
     gamma, nu = data[GAMMA], data[NU]
     tails(data, table, out)
@@ -139,28 +141,29 @@ def on_arc(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
     regular_slopes(data, out, nu)
     low = nu * nu - data[SPRING]
     high = 4.0 * gamma - low
+    # v^2 = low high: 2 v v' is 2 nu (high - low) by nu, 4 low by gamma, low - high by the spring
     v = math.sqrt(low * high)
-    pair(data, out, found, v)
-    slope(data, out, found, 1, v, 1.0, nu * (high - low) / v, IN_NU, 0.0, 0.0)
-    slope(data, out, found, 2, v, 0.0, 2.0 * low / v, IN_GAMMA, 0.0, 0.0)
-    slope(data, out, found, 3, v, 0.0, 0.0, -1, 1.0, 0.0)
-    slope(data, out, found, 4, v, 0.0, 0.0, -1, 0.0, 1.0)
-    slope(data, out, found, 5, v, 0.0, 0.5 * (low - high) / v, IN_SPRING, 0.0, 0.0)
+    pair(data, out, answer, v)
+    slope(data, out, answer, 1, v, 1.0, nu * (high - low) / v, IN_NU, 0.0, 0.0)
+    slope(data, out, answer, 2, v, 0.0, 2.0 * low / v, IN_GAMMA, 0.0, 0.0)
+    slope(data, out, answer, 3, v, 0.0, 0.0, -1, 1.0, 0.0)
+    slope(data, out, answer, 4, v, 0.0, 0.0, -1, 0.0, 1.0)
+    slope(data, out, answer, 5, v, 0.0, 0.5 * (low - high) / v, IN_SPRING, 0.0, 0.0)
     return 0
 
 
-def pair(data: Any, out: Any, found: Any, v: float) -> None:
+def pair(data: Any, out: Any, answer: Any, v: float) -> None:
     """Real and imaginary part of F."""
     nu, R, B, C = data[NU], out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
     c, d = 1.0 + data[K], 0.5 * (1.0 - data[K])
     cc = c * c
     beta = data[ENTRY] - cc * C
-    found[ANSWER] = v * (d * d - cc * R * R + B * beta) + 2.0 * c * d * nu / math.pi
-    found[ANSWER + 1] = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
+    answer[ANSWER] = v * (d * d - cc * R * R + B * beta) + 2.0 * c * d * nu / math.pi
+    answer[ANSWER + 1] = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
 
 
 def slope(
-    data: Any, out: Any, found: Any, which: int, v: float, by_nu: float, by_v: float, place: int,
+    data: Any, out: Any, answer: Any, which: int, v: float, by_nu: float, by_v: float, place: int,
     by_k: float, by_b: float,
 ) -> None:  # fmt: skip
     """Their derivative in one direction: its product rule, term by term."""
@@ -177,10 +180,10 @@ def slope(
     wave = nu * (2.0 * R + nu * B)
     by_wave = 2.0 * by_nu * (R + nu * B) + nu * (2.0 * by_R + nu * by_B)
     imag = 2.0 * (by_cd * v * R + cd * (by_v * R + v * by_R))
-    found[ANSWER + 2 * which] = (
+    answer[ANSWER + 2 * which] = (
         by_v * bulk + v * by_bulk + 2.0 * (by_cd * nu + cd * by_nu) / math.pi
     )
-    found[ANSWER + 2 * which + 1] = imag + (by_cc * wave + cc * by_wave + by_beta) / math.pi
+    answer[ANSWER + 2 * which + 1] = imag + (by_cc * wave + cc * by_wave + by_beta) / math.pi
 
 
 # --- between which values of b a pair is outside --------------------------------------------
@@ -210,7 +213,7 @@ def needed(data: Any, out: Any) -> float:
     return float(c * c * (C - nu * (2.0 * R + nu * B) - math.pi * data[Q] * v * R))
 
 
-def window(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
+def window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
     """Centre and square of the `Window`, and the angles at its ends, 0 where it has none; how many
     roots there are, the b of each and their angles."""
     tails(data, table, out)
@@ -224,34 +227,34 @@ def window(data: Vector, table: Vector, out: Vector, found: Vector) -> int:
     roots = 0
     if out[VALUES + top] > 0.0:
         for i in range(GRID):
-            roots += bracketed(data, out, found, roots, i * step, i * step + step,
+            roots += bracketed(data, out, answer, roots, i * step, i * step + step,
                                out[VALUES + i], out[VALUES + i + 1])  # fmt: skip
     else:
         local_maximum(data, out, top)
         middle = out[FOUND + 3]
         if out[FOUND + 4] > 0.0:  # a pair of roots between two nodes
             i = int(middle / step)
-            roots += bracketed(data, out, found, roots, i * step, middle,
+            roots += bracketed(data, out, answer, roots, i * step, middle,
                                out[VALUES + i], out[FOUND + 4])  # fmt: skip
-            roots += bracketed(data, out, found, roots, middle, i * step + step,
+            roots += bracketed(data, out, answer, roots, middle, i * step + step,
                                out[FOUND + 4], out[VALUES + i + 1])  # fmt: skip
-    found[4] = roots
+    answer[4] = roots
     for i in range(4):
-        found[5 + i] = found[i]
+        answer[5 + i] = answer[i]
     if roots == 2:
-        one, other = found[0], found[1]
-        found[0], found[1] = 0.5 * (one + other), 0.25 * (one - other) * (one - other)
-        if one > other:
-            found[2], found[3] = found[3], found[2]
+        first, second = answer[0], answer[1]
+        answer[0], answer[1] = 0.5 * (first + second), 0.25 * (first - second) * (first - second)
+        if first > second:
+            answer[2], answer[3] = answer[3], answer[2]
     else:
-        found[2] = found[3] = 0.0
+        answer[2] = answer[3] = 0.0
         local_maximum(data, out, top)
-        unopened(out, found)
+        unopened(out, answer)
     return 0
 
 
 def bracketed(
-    data: Any, out: Any, found: Any, count: int, low: float, high: float, first: float, last: float
+    data: Any, out: Any, answer: Any, count: int, low: float, high: float, first: float, last: float
 ) -> int:
     """The b of the one root between two angles, of which at most two are kept; how many there
     are: secants, kept inside."""
@@ -275,7 +278,7 @@ def bracketed(
             high = new
     equation(data, out, new)
     if count < 2:
-        found[count], found[2 + count] = needed(data, out), out[WAVE]
+        answer[count], answer[2 + count] = needed(data, out), out[WAVE]
     return 1
 
 
@@ -306,19 +309,21 @@ def around(data: Any, out: Any, middle: float, step: float) -> None:
 def parabola(out: Any) -> None:
     y0, y1, y2 = out[FOUND + 1], out[FOUND + 4], out[FOUND + 7]
     bend, tilt = 2.0 * y1 - y0 - y2, y2 - y0
+    # y1 + tilt x/2 - bend x^2/2 through all three, in units of the step; y1 + tilt vertex/4 on top
     vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
     out[FOUND + 9], out[FOUND + 10] = bend, vertex
     out[FOUND + 11] = y1 + 0.25 * tilt * vertex
 
 
-def unopened(out: Any, found: Any) -> None:
+def unopened(out: Any, answer: Any) -> None:
     """Where no b brings a pair out: how far it is from that."""
     b0, b1, b2 = out[FOUND + 2], out[FOUND + 5], out[FOUND + 8]
     bend, x, height = out[FOUND + 9], out[FOUND + 10], out[FOUND + 11]
     rise = 0.5 * (b2 - b0)
+    # the parabola has its roots sqrt(2 height/bend) from its vertex: b is rise times as far off
     square = 2.0 * height * rise * rise / bend if bend > 0.0 else -1.0
-    found[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
-    found[1] = min(square, 0.0)
+    answer[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
+    answer[1] = min(square, 0.0)
 
 
 ON_ARC, WINDOW = Kernel(on_arc), Kernel(window)

@@ -352,7 +352,7 @@ def everywhere(
 
 
 def around(
-    orbit: Impacts, series: Series, room: Workspace, terms: float, told: CircleSamples
+    orbit: Impacts, series: Series, room: Workspace, terms: float, circle: CircleSamples
 ) -> None:
     """Samples of F on half the circle, cut where an edge of the band lies, and what they tell.
 
@@ -362,18 +362,19 @@ def around(
     expand(orbit, series, room.sums)
     edge = 2.0 * math.sqrt(orbit.gamma)
     first, second = min(edge, 1.0 - edge), max(edge, 1.0 - edge)
-    found = told.found
-    found[TURNING], found[LEAST], found[RESOLVED], found[APPROACH] = 0.0, math.inf, 1.0, FARTHEST
-    told.used[0], low = 0, 0.0
+    summary = circle.found
+    summary[TURNING], summary[LEAST] = 0.0, math.inf
+    summary[RESOLVED], summary[APPROACH] = 1.0, FARTHEST
+    circle.used[0], low = 0, 0.0
     for which in range(3):
         high = min(0.5, first if which == 0 else second if which == 1 else 0.5)
         if high > low:
-            piece(orbit, room, terms, told, low, high)
+            piece(orbit, room, terms, circle, low, high)
             low = high
 
 
 def piece(
-    orbit: Impacts, room: Workspace, terms: float, told: CircleSamples, low: float, high: float
+    orbit: Impacts, room: Workspace, terms: float, circle: CircleSamples, low: float, high: float
 ) -> None:
     """One of them."""
     here, there, count = room.here, room.there, GRID + 1
@@ -386,7 +387,7 @@ def piece(
         if more == 0:
             break
         if count + more > MOST:
-            told.found[RESOLVED] = 0.0
+            circle.found[RESOLVED] = 0.0
             break
         to = 0
         for i in range(count):
@@ -397,12 +398,12 @@ def piece(
                 sample(orbit, room, there, to, 0.5 * (here[i, 0] + here[i + 1, 0]), low, high)
                 to += 1
         here, there, count = there, here, to
-    start = told.used[0]
+    start = circle.used[0]
     for i in range(count):
         for c in range(4):
-            told.samples[start + i, c] = here[i, c]
-    told.used[0] = start + count
-    tell(here, count, terms, told, low == 0.0, high == 0.5)
+            circle.samples[start + i, c] = here[i, c]
+    circle.used[0] = start + count
+    tell(here, count, terms, circle, low == 0.0, high == 0.5)
 
 
 def sample(
@@ -429,29 +430,34 @@ def is_wide(here: Matrix, count: int, i: int, terms: float) -> bool:
 
 
 def tell(
-    here: Matrix, count: int, terms: float, told: CircleSamples, from_one: bool, to_minus_one: bool
+    here: Matrix,
+    count: int,
+    terms: float,
+    circle: CircleSamples,
+    from_one: bool,
+    to_minus_one: bool,
 ) -> None:
     """What the samples of one piece tell."""
-    found = told.found
+    summary = circle.found
     for i in range(count - 1):
-        approach(here, i, found)
+        approach(here, i, summary)
     # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
     # real multiplier on the circle to within rounding is not outside
     if from_one:
         inside(here, 0, 1, count, CERTAIN * terms, -1.0)
-        found[START] = here[0, 2]
+        summary[START] = here[0, 2]
     if to_minus_one:
         inside(here, count - 1, -1, count, CERTAIN * terms, 1.0)
-        found[END] = here[count - 1, 2]
+        summary[END] = here[count - 1, 2]
     for i in range(count):
         a, b = here[i, 2], here[i, 3]
         size = math.sqrt(a * a + b * b) / terms
-        if size < found[LEAST]:
-            found[LEAST], found[WHERE] = size, here[i, 1]
+        if size < summary[LEAST]:
+            summary[LEAST], summary[WHERE] = size, here[i, 1]
         if i + 1 < count:
             c, d = here[i + 1, 2], here[i + 1, 3]
             turn = math.atan2(d * a - c * b, c * a + d * b)
-            found[TURNING] += -turn if turn < -HALF else turn
+            summary[TURNING] += -turn if turn < -HALF else turn
 
 
 def inside(here: Matrix, first: int, step: int, count: int, least: float, sign: float) -> None:
@@ -464,7 +470,7 @@ def inside(here: Matrix, first: int, step: int, count: int, least: float, sign: 
         here[i, 2], here[i, 3] = sign * max(size, 1e-300), 0.0
 
 
-def approach(here: Matrix, i: int, found: Vector) -> None:
+def approach(here: Matrix, i: int, summary: Vector) -> None:
     """How far a zero is off the circle, by a straight line between two samples, over its distance
     from +1 and -1, which are not meant."""
     step = here[i + 1, 1] - here[i, 1]
@@ -479,10 +485,10 @@ def approach(here: Matrix, i: int, found: Vector) -> None:
     kappa = here[i, 1] + t * step
     off = math.sqrt((re * re + im * im) / square) * step
     if off <= ON_CIRCLE:
-        found[RESOLVED] = 0.0
+        summary[RESOLVED] = 0.0
     if 0.0 < kappa < 0.5:
         off *= 1.0 / kappa + 1.0 / (0.5 - kappa)
-        found[APPROACH] = min(found[APPROACH], off)
+        summary[APPROACH] = min(summary[APPROACH], off)
 
 
 EVERYWHERE, AROUND = Kernel(everywhere), Kernel(around)

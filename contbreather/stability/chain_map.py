@@ -174,6 +174,7 @@ class OrbitMap:
             X[:, i, 0, j, 1] = entries.reach.T
             X[:, i, 1, j, 0] = entries.pull.T
         jumps = [saltation(self.k, self.periods * kick.b) - np.eye(2) for kick in self.kicks]
+        # D = det(1 - X (S - 1)): far off all of X is small, and nothing has a pole to border
         kicked = np.einsum("kiajb,jbc->kiajc", X, jumps).reshape(-1, 2 * m, 2 * m)
         return np.asarray(np.linalg.det(np.eye(2 * m) - kicked))
 
@@ -247,13 +248,14 @@ class OrbitMap:
         """
         if self.gamma == 0.0:
             return _counted(self._uncoupled())
-        found = self._circle.found
-        half_turns = round(found[TURNING] / math.pi)
-        certain = found[RESOLVED] and found[LEAST] > CERTAIN
-        certain = certain and abs(found[TURNING] / math.pi - half_turns) < 0.01
-        pairs = (1 - half_turns - int(found[START] > 0.0) - int(found[END] < 0.0)) // 2
-        nu = 2.0 * float(found[WHERE])
-        return Count(1 - half_turns, bool(certain), float(found[LEAST]), nu, pairs)
+        summary = self._circle.found
+        half_turns = round(summary[TURNING] / math.pi)
+        certain = summary[RESOLVED] and summary[LEAST] > CERTAIN
+        certain = certain and abs(summary[TURNING] / math.pi - half_turns) < 0.01
+        # D -> 1 far out: D < 0 at 1, where it has the sign of -F, or at -1 means one real beyond
+        pairs = (1 - half_turns - int(summary[START] > 0.0) - int(summary[END] < 0.0)) // 2
+        nu = 2.0 * float(summary[WHERE])
+        return Count(1 - half_turns, bool(certain), float(summary[LEAST]), nu, pairs)
 
     def unstable(self, threshold: float) -> int:
         """How many multipliers are outside the unit circle: exact, without a threshold."""
@@ -299,7 +301,7 @@ class OrbitMap:
         x, F = self._samples
         inner = np.flatnonzero((x > 0.0) & (x < 0.5))
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = F / np.gradient(F, x)
+            step = F / np.gradient(F, x)  # Newton's, from every sample
         best = inner[int(np.nanargmin(np.abs(step[inner])))]
         near = x[best] - step[best].real
         kappa = near if x[best - 1] < near < x[min(best + 1, x.size - 1)] else x[best]
@@ -319,15 +321,15 @@ class OrbitMap:
 
     def _uncoupled(self) -> Array:
         """gamma = 0: every impacting site for itself."""
-        found = []
+        mu = []
         for site in sorted({kick.site for kick in self.kicks}):
-            own = [kick for kick in self.kicks if kick.site == site]
-            M, ends = np.eye(2), [*own[1:], own[0]._replace(time=own[0].time + self.period)]
-            for kick, later in zip(own, ends, strict=True):
+            kicks = [kick for kick in self.kicks if kick.site == site]
+            M, ends = np.eye(2), [*kicks[1:], kicks[0]._replace(time=kicks[0].time + self.period)]
+            for kick, later in zip(kicks, ends, strict=True):
                 free = np.array([[1.0, later.time - kick.time], [0.0, 1.0]])
                 M = free @ saltation(self.k, kick.b) @ M
-            found.append(_pair(M))
-        return np.concatenate(found)
+            mu.append(_pair(M))
+        return np.concatenate(mu)
 
     def unstable_multipliers(self) -> Array:
         """The multipliers outside the unit circle on the infinite chain, largest first.
@@ -372,16 +374,16 @@ class OrbitMap:
         near = np.abs(share) < 4.0 * more
         depth = np.array([1e-4, 2e-3, 0.01, 0.04, 0.12, 0.3, 0.7])
         across = np.linspace(0.0, 0.5, 8 * more + 1)[:, None]
-        found = kappa[:-1][near] + share[near] * step[near]
-        return np.concatenate([found[found.imag < 0.0], (across - 1j * depth).ravel()])
+        zeros = kappa[:-1][near] + share[near] * step[near]
+        return np.concatenate([zeros[zeros.imag < 0.0], (across - 1j * depth).ravel()])
 
 
 @lru_cache(maxsize=512)
 def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    told = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
-    AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, told)
-    return told._replace(samples=told.samples[: told.used[0]].copy())
+    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, circle)
+    return circle._replace(samples=circle.samples[: circle.used[0]].copy())
 
 
 def _pair(M: Array) -> Array:
@@ -389,6 +391,7 @@ def _pair(M: Array) -> Array:
     impacts have it at +1 and -1, and neither is outside."""
     half, product = 0.5 * float(np.trace(M)), float(np.linalg.det(M))
     apart = half * half - product
+    # mu^2 - tr M mu + det M = 0; of two that meet rounding eps makes sqrt(eps)
     root = np.sqrt(complex(apart if abs(apart) > FLAT * np.sum(M * M) else 0.0))
     return np.array([half + root, half - root])
 
@@ -414,9 +417,9 @@ def _zeros(D: Callable[[Array], Array], kappa: Array, edge: float = 0.0) -> Arra
         h = np.minimum(1e-5, 0.03 * np.abs(kappa.imag))  # on this side of the circle
         return D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
 
-    found = newton(step, kappa, 40, 1e-11, 0.3, _outside, unit)
-    found = found[found.imag < -ON_CIRCLE]
-    return multipliers_of(2.0 * distinct(found, 1e-7 * unit(found)))
+    zeros = newton(step, kappa, 40, 1e-11, 0.3, _outside, unit)
+    zeros = zeros[zeros.imag < -ON_CIRCLE]
+    return multipliers_of(2.0 * distinct(zeros, 1e-7 * unit(zeros)))
 
 
 def _outside(kappa: Array) -> Array:

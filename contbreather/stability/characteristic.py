@@ -67,9 +67,10 @@ def mode_sums(mu: Array, modes: RingModes) -> tuple[Array, Array, Array, Array, 
     z = np.asarray(mu)[..., None]
     large = np.abs(z) > 1.0
     t = np.where(large, 1.0 / np.where(large, z, 1.0), z)  # |t| <= 1
+    # (1 - mu Q_w^-1)^-1 = (1 - mu Q_w)/(1 - 2 mu cos(pi w) + mu^2), beyond 1 by 1/mu: no overflow
     q = 1.0 / (1.0 - 2.0 * t * modes.cosine + t * t)
     scale = np.where(large, t * t, 1.0) * q  # = 1/(1 - 2 mu cos + mu^2)
-    slope = 2.0 * (modes.cosine - z) * scale
+    slope = 2.0 * (modes.cosine - z) * scale  # d ln scale/d mu
     first = scale * (1.0 - z * modes.cosine)
     other = -z * scale
     first_mu = first * slope - modes.cosine * scale
@@ -89,7 +90,7 @@ def determinant(mu: Array, modes: RingModes, k: float, b: float) -> tuple[Array,
     """D and dD/dmu by `mode_sums`: exact on a ring, and for |mu| far from 1 on the chain."""
     g11, g12, g21, g11_mu, g12_mu, g21_mu = mode_sums(mu, modes)
     c = 1.0 + k
-    a, f = 1.0 - c * g11, b - c * c * g21
+    a, f = 1.0 - c * g11, b - c * c * g21  # D = a^2 + G12 f
     value = a * a + g12 * f
     return value, -2.0 * c * a * g11_mu + g12_mu * f - c * c * g12 * g21_mu
 
@@ -118,6 +119,7 @@ def _alias0(
 
     ``continued``: also above the band, Im nu > 0, what comes through it from below.
     """
+    # g = -1/((nu^2 - spring) sqrt(1 - z)); on the band its limit is -i/v, sqrt(1 - z) imaginary
     z = 4.0 * gamma / (nu * nu - spring)
     r = np.sqrt(1.0 - z)
     if sites is None:
@@ -162,14 +164,14 @@ def _by_depth(
     values = _strip(nu)
     flat = values.ravel()
     deep = np.abs(flat.imag) > NEAR
-    found = np.empty((rows, flat.size), dtype=complex)
+    entries = np.empty((rows, flat.size), dtype=complex)
     if not np.all(deep):
         with np.errstate(divide="ignore", invalid="ignore"):
-            found[:, ~deep] = near(gamma, flat[~deep], sites, spring)
+            entries[:, ~deep] = near(gamma, flat[~deep], sites, spring)
     if np.any(deep):
         few = modes(gamma, MODES if sites is None else min(sites, MODES), spring)
-        found[:, deep] = far(np.exp(1j * np.pi * flat[deep]), few)
-    return _finite(found.reshape(rows, *values.shape), gamma, lattice)
+        entries[:, deep] = far(np.exp(1j * np.pi * flat[deep]), few)
+    return _finite(entries.reshape(rows, *values.shape), gamma, lattice)
 
 
 def _finite(value: Array, gamma: float, lattice: object) -> Array:
@@ -344,6 +346,7 @@ def D_gradient(
         g, g_nu, g_gamma = (part / math.pi for part in _alias0(gamma, x, sites, spring))
         (R, B, C), in_nu, in_gamma = regular_slopes(gamma, x, sites, spring)
         c, cc, a = 1.0 + k, (1.0 + k) ** 2, 0.5 * (1.0 - k) + 1j * (1.0 + k) * R
+        # D = a^2 + B beta + (g/pi) (wave - beta), g with its 1/pi
         beta, wave = b - cc * C, 2j * c * x * a - cc * x * x * B
         by_b = B - g  # D is linear in beta
 

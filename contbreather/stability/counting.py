@@ -113,7 +113,7 @@ def _crossings(F: Array, noise: float) -> int:
     if i.size == 0:
         return 0
     start, end = F[i], F[i + 1]
-    t = start.imag / (start.imag - end.imag)
+    t = start.imag / (start.imag - end.imag)  # where the chord meets the real axis
     left = start.real + t * (end.real - start.real) < 0.0
     up = np.where(above[i + 1], 1, -1)
     return int(np.sum(up[left]))
@@ -121,6 +121,7 @@ def _crossings(F: Array, noise: float) -> int:
 
 def ends(k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0) -> tuple[Any, ...]:
     """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
+    # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
     half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
     pitchfork, fold = half_c2 * psi + held, half_c2 * eta
     return (
@@ -139,9 +140,9 @@ def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]
 
 def _cleared(gamma: float, k: float, b: float, chain: InfiniteChain) -> tuple[float, ...]:
     """`ends_of`, where rounding is 0: a multiplier on the circle is not outside."""
-    beta0, one, fold, other = ends_of(gamma, k, b, chain)
-    beta0 = beta0 if abs(beta0) > ROUNDING * one else 0.0
-    return beta0, one, fold if abs(fold) > ROUNDING * other else 0.0, other
+    beta0, beta0_size, fold, fold_size = ends_of(gamma, k, b, chain)
+    beta0 = beta0 if abs(beta0) > ROUNDING * beta0_size else 0.0
+    return beta0, beta0_size, fold if abs(fold) > ROUNDING * fold_size else 0.0, fold_size
 
 
 def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Count:
@@ -153,7 +154,7 @@ def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Coun
     nearest = int(np.argmin(distances))
     where = (0.0, float(arc.nu[i + 1]), 1.0)[nearest]
     miss = window(gamma, k, chain.spring).miss(b)
-    room = 0.25 * (1.0 - chain.spring) - gamma
+    room = 0.25 * (1.0 - chain.spring) - gamma  # of the edge sqrt(spring + 4 gamma) up to nu = 1
     pairs = int(miss < -ROUNDING)
     certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > RIM
     if k < 1.0 and gamma > 0.0:
@@ -176,11 +177,11 @@ def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
 def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
     """`outside` of many maps of the chain without springs at once; -1 where that is too close to
     call, or not for such numbers."""
-    found = np.full(b.size, -1)
+    counts = np.full(b.size, -1)
     inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < 1.0 / NOISE)
     if inside.any():
-        found[inside] = _outside(gamma[inside], k[inside], b[inside])
-    return found
+        counts[inside] = _outside(gamma[inside], k[inside], b[inside])
+    return counts
 
 
 def _outside(gamma: Array, k: Array, b: Array) -> Array:
@@ -214,7 +215,9 @@ def _circle_count(gamma: float, k: float, b: float, lattice: Any, radius: float)
     turning = float(np.sum(np.angle(values[1:] * values[:-1].conj())))
     size = np.abs(values) / (abs(b) + 1.0)
     i = int(size.argmin())
+    # D -> 1 far out without a pole: a zero outside turns it by -2 pi, -pi on half the circle
     count = round(-turning / math.pi)
+    # a real zero beyond either end where D, 1 at infinity, is negative
     pairs = (count - int(values[0].real < 0.0) - int(values[-1].real < 0.0)) // 2
     return Count(count, bool(size[i] > ROUNDING), float(size[i]), float(x[i]), pairs)
 

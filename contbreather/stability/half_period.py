@@ -111,8 +111,8 @@ class HalfMap:
         if self.lattice.sites is not None:
             on = self.gamma, _depth(angle, radius), self.k, self.b, self.lattice
             return D_gradient(*on)
-        found = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
-        return OnArc(*(np.array(complex(*parts)) for parts in found))
+        arc = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
+        return OnArc(*(np.array(complex(*parts)) for parts in arc))
 
     def unstable(self, threshold: float) -> int:
         """How many multipliers are outside: isolated ones on the infinite chain, of a ring those
@@ -133,7 +133,7 @@ class HalfMap:
     @property
     def over_period(self) -> Array:
         """On a ring: the squares of the multipliers of the modes that the impact sees."""
-        return self.coupled**2
+        return self.coupled**2  # the monodromy matrix is (QS)^2, eq. (20)
 
     @cached_property
     def coupled(self) -> Array:
@@ -148,6 +148,7 @@ class HalfMap:
     @property
     def idle(self) -> float:
         """Largest modulus of the multipliers of all other modes of a ring, 0 if there are none."""
+        # odd modes: exp(+-i pi w) exactly, on the circle; rings of 1 and 2 sites have none
         return float((self.lattice.sites or 0) > 2)
 
     def over_reflection(self) -> OverReflection:

@@ -197,9 +197,9 @@ def closest_approach(gamma: float, k: float, b: float, spring: float = 0.0) -> A
     alpha = arc.alpha[best] - F[best] / speed[best]
     floor, edge = math.sqrt(spring), math.sqrt(spring + 4.0 * gamma)
     start = angle(gamma, alpha.real + 1j * min(max(alpha.imag, -0.5), 0.5), spring)
-    found = _newton(gamma, k, b, spring, np.array([start]), 12)
-    found = found[(found.real > floor) & (found.real < edge) & (np.abs(found.imag) < edge)]
-    nu = float(found[0].real) if found.size else float(arc.nu[best])
+    zeros = _newton(gamma, k, b, spring, np.array([start]), 12)
+    zeros = zeros[(zeros.real > floor) & (zeros.real < edge) & (np.abs(zeros.imag) < edge)]
+    nu = float(zeros[0].real) if zeros.size else float(arc.nu[best])
     share = (nu * nu - spring) / (4.0 * gamma)
     place = sample(gamma, np.array([math.asin(math.sqrt(min(max(share, 0.0), 1.0)))]), spring)
     return Approach(nu, float(np.abs(curve(place, k, b)[0][0])))

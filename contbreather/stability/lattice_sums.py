@@ -93,6 +93,7 @@ def alias(gamma: float, s: Array, sites: int | None = None, spring: float = 0.0)
     r = np.sqrt(1.0 - z)
     if sites is None:
         return np.asarray(1.0 / r)
+    # images around the ring: x^N with x + 1/x = 2 - s^2/gamma; z/(1 + r)^2 is (1 - r)/(1 + r)
     e = (-z / (1.0 + r) ** 2) ** sites
     return np.asarray((1.0 + e) / ((1.0 - e) * r))
 
@@ -105,7 +106,7 @@ def alias_slopes(gamma: float, s: Array, sites: int | None = None, r: Array | No
         r = np.sqrt(1.0 - z)
     h = 1.0 / r
     rr = 1.0 - z
-    h_s, h_gamma = -h * z / (s * rr), 2.0 * h / (s2 * rr)
+    h_s, h_gamma = -h * z / (s * rr), 2.0 * h / (s2 * rr)  # of (1 - z)^(-1/2)
     if sites is None:
         return Alias(np.asarray(h), np.asarray(h_s), np.asarray(h_gamma))
     if sites == 1:  # a single oscillator knows no coupling: g = -1/s^2
@@ -132,7 +133,7 @@ def _powers(x: Array) -> Array:
 def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
     """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    h = alias(gamma, s, sites, spring)
+    h = alias(gamma, s, sites, spring)  # s g = -h/s, g = -h/s^2, 1 + s^2 g = 1 - h
     hs = h / s
     tails = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
     r, b, c = tails.reshape(3, *nu.shape)
@@ -148,8 +149,8 @@ def regular_slopes(
 ) -> tuple[Regular, Regular, Regular]:
     """`regular` with its derivatives with respect to nu and to gamma."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    found = sprung(gamma, s, spring) if spring else alias_slopes(gamma, s, sites)
-    h, h_s, h_gamma = found
+    resolvent = sprung(gamma, s, spring) if spring else alias_slopes(gamma, s, sites)
+    h, h_s, h_gamma = resolvent
     coefficients, in_gamma = tail_coefficients(gamma, sites, spring)
     powers = _powers(nu * nu)
     r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(
@@ -181,5 +182,6 @@ def slope_at_zero(gamma: float) -> float:
     total = 0.0
     for m in range(1, EXACT + 1):
         h = 1.0 / math.sqrt(1.0 - gamma / (m * m))
+        # s = +-2 m: h/s^2 of B, h/s^2 - h_s/s of R, where s h_s = h - h^3
         total += h * (1.0 + h * h) / (2 * m * m)
     return total / math.pi + float(coefficients[0, 0] + coefficients[1, 0])

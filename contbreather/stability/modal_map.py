@@ -128,6 +128,7 @@ class ModalMap:
             y, v = fly(y, v)
             if blow is not None:
                 (loss, _), (b, _) = blow.saltation - np.eye(2)
+                # S - 1 = [[-(1 + k), 0], [b, -(1 + k)]] at one site
                 u, w = blow.shape @ y, blow.shape @ v
                 y = y + np.multiply.outer(blow.kick, loss * u)
                 v = v + np.multiply.outer(blow.kick, b * u + loss * w)
@@ -165,8 +166,8 @@ class ModalMap:
 
     def crosses(self, mu: float) -> float:
         """``det(M - mu)`` in units of what it is without impacts."""
-        own = self._tied if mu > 0.0 else self
-        return own.in_units_of_flight(own.matrix - mu * np.eye(2 * self.z.size), mu)
+        base = self._tied if mu > 0.0 else self
+        return base.in_units_of_flight(base.matrix - mu * np.eye(2 * self.z.size), mu)
 
     @cached_property
     def _tied(self) -> ModalMap:
@@ -181,8 +182,8 @@ class ModalMap:
     def in_units_of_flight(self, matrix: FloatArray, mu: float) -> float:
         """A determinant over that of all flights less mu."""
         sign, size = np.linalg.slogdet(matrix)
-        one, other = free_multipliers(self.z, self.damping, self.length)
-        unit = np.sort(np.maximum(abs(((one - mu) * (other - mu)).real), ROUNDING))
+        first, second = free_multipliers(self.z, self.damping, self.length)
+        unit = np.sort(np.maximum(abs(((first - mu) * (second - mu)).real), ROUNDING))
         # of modes alike a site that is hit holds one, and where that has the multiplier mu itself
         # nothing diverges
         held = len({blow.shape.tobytes() for blow in self.blows})
@@ -192,10 +193,10 @@ class ModalMap:
     def outermost(self, radius: float) -> float:
         """By how much the first pair has left a circle, negative where none has (far inside by as
         much as free modes); NaN where there is none."""
-        found = None
+        margin = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
-            found = self._reduced.outermost(radius)
-        return outermost(upper(self.coupled), radius) if found is None else found
+            margin = self._reduced.outermost(radius)
+        return outermost(upper(self.coupled), radius) if margin is None else margin
 
     def pairs(self, radius: float) -> tuple[float, int]:
         """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can

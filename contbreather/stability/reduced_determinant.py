@@ -71,11 +71,11 @@ class ReducedDeterminant:
         weights = np.empty((2, m, 2, m, 2, z.size))
         for i in range(m):
             for j in range(m):
-                own = flights[j + 1 : i + 1] if i > j else flights[j + 1 :] + flights[: i + 1]
-                P = _after(own) * (blows[i].shape * blows[j].kick)
+                passed = flights[j + 1 : i + 1] if i > j else flights[j + 1 :] + flights[: i + 1]
+                P = _after(passed) * (blows[i].shape * blows[j].kick)
                 kicked = np.eye(2) - blows[j].saltation
-                for which, one in enumerate((P, _after([back, P]))):
-                    weights[which, i, :, j] = np.einsum("abk,bc->ack", one, kicked)
+                for which, propagator in enumerate((P, _after([back, P]))):
+                    weights[which, i, :, j] = np.einsum("abk,bc->ack", propagator, kicked)
         later = np.zeros((m, 2, m, 2), dtype=bool)
         later[:] = np.tri(m, k=-1, dtype=bool)[:, None, :, None]
         self.later, self.one = np.flatnonzero(later), np.eye(2 * m)
@@ -121,14 +121,14 @@ class ReducedDeterminant:
         gap = low = radius - 1.0
         high, beyond = 0.0, 0  # nothing is beyond the one, so many pairs are beyond the other
         for _ in range(WIDER):
-            here = self.around(1.0 + gap)
-            if here is None:
+            nearest = self.around(1.0 + gap)
+            if nearest is None:
                 return None
-            found = abs(here.zeros)
-            pairs = (here.outside - self.beyond(1.0 + gap)) // 2 if here.outside else 0
+            moduli = abs(nearest.zeros)
+            pairs = (nearest.outside - self.beyond(1.0 + gap)) // 2 if nearest.outside else 0
             wanted, place = (pairs, gap) if pairs or not beyond else (beyond, low)
-            if np.count_nonzero(found > 1.0 + place) == wanted:
-                return max(float(found.max(initial=0.0)) / radius - 1.0, floor)
+            if np.count_nonzero(moduli > 1.0 + place) == wanted:
+                return max(float(moduli.max(initial=0.0)) / radius - 1.0, floor)
             if pairs:  # so many that not all were found
                 low, beyond = gap, pairs
             else:
@@ -166,8 +166,8 @@ class ReducedDeterminant:
             move = 2.0 * SLOPE * at / (after - before)
             return np.where(abs(move) < 1.0, move, math.nan)
 
-        found = newton(step, mu, STEPS, ROUGH)
-        return distinct(found[found.imag > REAL], APART)
+        zeros = newton(step, mu, STEPS, ROUGH)
+        return distinct(zeros[zeros.imag > REAL], APART)
 
 
 def _dips(D: Array) -> Array:
@@ -185,6 +185,6 @@ def _matrix(turn: ModalPropagator) -> Array:
 def _after(flights: list[Array]) -> Array:
     """One flight of every mode after the other, shape (2, 2, K)."""
     whole = flights[0]
-    for one in flights[1:]:
-        whole = np.einsum("abk,bck->ack", one, whole)
+    for flight in flights[1:]:
+        whole = np.einsum("abk,bck->ack", flight, whole)
     return np.asarray(whole)

@@ -104,12 +104,12 @@ def _wave_starts(gamma: float, k: float, b: float, sites: int) -> Array:
 
 
 def _wave_step(
-    gamma: float, k: float, b: float, sites: int, theta: Array, own: int | None
+    gamma: float, k: float, b: float, sites: int, theta: Array, resolvent_sites: int | None
 ) -> Array:
     """Newton's step for ``N theta + i log S = 0 (mod 2 pi)``."""
     edge = 2.0 * math.sqrt(gamma)
     nu, nu_theta = edge * np.sin(0.5 * theta), 0.5 * edge * np.cos(0.5 * theta)
-    value, slope, _ = regular_slopes(gamma, nu, own)
+    value, slope, _ = regular_slopes(gamma, nu, resolvent_sites)
     part = split(nu, k, b, value, slope)
     scale = 2.0 * math.pi * gamma
     sine, cosine = np.sin(theta), np.cos(theta)
@@ -126,9 +126,9 @@ def _waves(gamma: float, k: float, b: float, sites: int) -> Array:
     """Distinct multipliers in the open upper half plane found from real theta."""
     # for one wave around the ring at |s| >= 1, beyond the band, the ring is an infinite chain?
     reach = ((1.0 - math.sqrt(1.0 - 4.0 * gamma)) / (1.0 + math.sqrt(1.0 - 4.0 * gamma))) ** sites
-    own = None if reach < 1e-20 else sites
+    resolvent_sites = None if reach < 1e-20 else sites
     root = newton(
-        lambda theta: _wave_step(gamma, k, b, sites, theta, own),
+        lambda theta: _wave_step(gamma, k, b, sites, theta, resolvent_sites),
         _wave_starts(gamma, k, b, sites), STEPS, 1e-7 / sites, math.pi / sites,
     )  # fmt: skip
     root = np.abs(root.real) + 1j * root.imag
@@ -300,7 +300,7 @@ def _even_vector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> A
     """``(Q - mu)^-1 Q E z`` with z in the null space of ``1 + (S0 - 1) G``, mode by mode."""
     m = modes(gamma, ring.sites)
     diagonal = 1.0 - mu * m.cosine
-    own = np.array([[diagonal, -mu * m.sine_over_w], [mu * m.w_sine, diagonal]])
+    resolvent = np.array([[diagonal, -mu * m.sine_over_w], [mu * m.w_sine, diagonal]])
     if mu == 0.0:  # k = 0: the impact forgets
         determinants = np.ones_like(m.w)
     else:  # 1 - 2 mu cos(pi w) + mu^2, exact also where mu is next to exp(i pi w)
@@ -309,12 +309,12 @@ def _even_vector(ring: Ring, gamma: float, k: float, b: float, mu: complex) -> A
         determinants = 4.0 * mu * plus * minus
     if np.any(determinants == 0.0):
         return None  # mu is a multiplier of Q: none of the even sector's, unless by accident
-    own /= determinants  # (1 - mu Q_w^-1)^-1
+    resolvent /= determinants  # (1 - mu Q_w^-1)^-1
     kick = saltation(k, b) - np.eye(2)
-    z = np.linalg.svd(np.eye(2) + kick @ (own @ m.weight))[2][-1].conj()
+    z = np.linalg.svd(np.eye(2) + kick @ (resolvent @ m.weight))[2][-1].conj()
     n, j = np.arange(ring.sites), np.arange(m.w.size)
     waves = np.cos(2.0 * np.pi / ring.sites * (np.outer(n, j) % ring.sites)) * m.weight
-    return np.concatenate([waves @ (row[0] * z[0] + row[1] * z[1]) for row in own])
+    return np.concatenate([waves @ (row[0] * z[0] + row[1] * z[1]) for row in resolvent])
 
 
 def _odd_vector(ring: Ring, gamma: float, mu: complex) -> Array | None:

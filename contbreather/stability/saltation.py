@@ -31,8 +31,8 @@ def check_kb(k: float, b: float) -> tuple[float, float]:
     """k and b as floats, or say what they must be."""
     numbers = real(k), real(b)
     if any(
-        math.isnan(x) and not isinstance(given, float)
-        for x, given in zip(numbers, (k, b), strict=True)
+        math.isnan(x) and not isinstance(value, float)
+        for x, value in zip(numbers, (k, b), strict=True)
     ):
         raise BadInput(f"k = {k!r}, b = {b!r}: both must be real numbers.")
     parameter("k", numbers[0])
@@ -61,4 +61,6 @@ def saltation_entry(acceleration: float, w_minus: float, k: float) -> float:
     check_finite(k, acceleration, "acceleration")
     if not 0.0 < abs(real(w_minus)) < math.inf:
         raise BadInput(f"w_minus = {shown(w_minus)}: a finite velocity other than 0 was expected.")
+    # a smaller u meets the wall later: b = (u_after'' + k u_before'')/u', and without damping the
+    # forces do not jump with the velocity, so that both are u_0''
     return (1.0 + k) * acceleration / w_minus

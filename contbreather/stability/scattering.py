@@ -66,7 +66,7 @@ def _log_gain(arc: Arc, k: float, b: float) -> Array:
     excess = -8.0 * c * d / math.pi * arc.v * _margin(arc, k, b)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(excess == 0.0, 0.0, excess / out)
-    return np.asarray(0.5 * np.log1p(np.maximum(ratio, -1.0)))
+    return np.asarray(0.5 * np.log1p(np.maximum(ratio, -1.0)))  # ln|S| = ln(1 + (|S|^2 - 1))/2
 
 
 def scattering(gamma: float, nu: ArrayLike, k: float, b: float, spring: float = 0.0) -> Array:
@@ -126,6 +126,7 @@ def _zoom(
         i = np.clip(values.argmax(axis=1), 1, 7)
         left, right = alpha[rows, i - 1], alpha[rows, i + 1]
     low, top, high = values[rows, i - 1], values[rows, i], values[rows, i + 1]
+    # the vertex of the parabola through the last three samples
     bend = low - 2.0 * top + high
     with np.errstate(divide="ignore", invalid="ignore"):
         shift = np.where(bend < 0.0, 0.5 * (low - high) / bend, 0.0)
