@@ -36,10 +36,10 @@ def check_gamma(gamma: float, spring: float = 0.0) -> float:
     BadInput
         If the band ``[spring, spring + 4 gamma]`` of w^2 reaches the forcing frequency 1.
     """
-    found, held = real(gamma), real(spring)
-    if found >= 0.0 and held >= 0.0 and 4.0 * found < 1.0 - held:
-        return found
-    if not held:
+    coupling, stiffness = real(gamma), real(spring)
+    if coupling >= 0.0 and stiffness >= 0.0 and 4.0 * coupling < 1.0 - stiffness:
+        return coupling
+    if not stiffness:
         raise BadInput(f"gamma = {shown(gamma)}: {NUMBERS['gamma'].wanted}")
     raise BadInput(
         f"gamma = {gamma!r}, spring = {spring!r}: the band [spring, spring + 4 gamma] of w^2 must "
@@ -94,11 +94,12 @@ def _series(raw: _Raw, sites: int | None, spring: float) -> _Series:
     tail = np.concatenate([[raw.constant], raw.tail]) @ _shift(spring)
     powers = tail[1:] * q_moments(sites, 0)[1:]
     slopes = powers * np.arange(1, TERMS + 1)
-    held = [(weight * P / (P - spring), P - spring) for weight, P in raw.poles]
+    # with w^2 = s + x: w^2/(P - w^2) = s/(P - s) + P/(P - s) z/(1 - z), z = x/(P - s)
+    poles = [(weight * P / (P - spring), P - spring) for weight, P in raw.poles]
     constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
     # reversed once here, so that Horner runs straight through the tuple
     return _Series(
-        constant, tuple(held), tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
+        constant, tuple(poles), tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
     )
 
 
@@ -216,13 +217,14 @@ class Lattice:
     def dpowers(self, gamma: float, n: int) -> FloatArray:
         """Derivative of `powers` with respect to gamma."""
         j = np.arange(TERMS + 1)
-        own = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
-        return _shift(self.spring) @ own if self.spring else own
+        slopes = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
+        return _shift(self.spring) @ slopes if self.spring else slopes
 
     def spring_powers(self, gamma: float, n: int) -> FloatArray:
         """Derivative of `powers` with respect to the spring."""
-        own = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
-        return np.asarray(own)
+        # d/ds of (s + x)^j = j (s + x)^(j - 1)
+        slopes = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
+        return np.asarray(slopes)
 
     def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]:
         """Site n between two impacts of site 0, per unit p: its v, v' and v''.

@@ -165,10 +165,11 @@ class InfiniteChain(Lattice):
         gamma = self.check(gamma)
         r = math.sqrt(1.0 - 4.0 * gamma / (1.0 - self.spring))
         width = 2.0 * math.atanh(min(r, 1.0 - 1e-12))  # strip of analyticity about the real axis
+        # M = 2 half nodes on the circle are off by exp(-M width): exp(-40) is below rounding
         half = 8 + (int(40.0 / width) + int(reach) + 1) // 2
         theta = np.linspace(0.0, math.pi, half + 1)
         weight = np.full(half + 1, 1.0 / half)
-        weight[[0, -1]] *= 0.5
+        weight[[0, -1]] *= 0.5  # 0 and pi are their own mirror images
         return theta, weight, np.sqrt(self.spring + 4.0 * gamma * np.sin(0.5 * theta) ** 2)
 
 
@@ -225,7 +226,7 @@ class Ring(Lattice):
             q, c, weight = _quarter_waves(n)
             return float(np.dot(weight, q / ((1.0 - z) + z * c) ** 2))
         r, rho, sign, gap = self._laps(z)
-        t = (2.0 - gap) / gap
+        t = (2.0 - gap) / gap  # (1 + e)/(1 - e), e = sign rho^N: 1/r becomes t/r on a ring
         slope = sign * 4.0 * n * rho ** (n - 1) / ((1.0 + r) * gap) ** 2
         return (t + r * slope) / (2.0 * r**3)
 
@@ -280,6 +281,7 @@ class Ring(Lattice):
         gamma = check_gamma(gamma)
         m = np.asarray(n) % self.sites
         m = np.minimum(m, self.sites - m)
+        # the shorter way round and the longer one, each with all its laps
         r, rho, sign, lap = self._laps(4.0 * gamma)
         return np.asarray((-1.0) ** m * (rho**m + sign * rho ** (self.sites - m)) / (r * lap))
 
@@ -297,9 +299,9 @@ class Ring(Lattice):
             )
         ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
         behind = sign * (size - m) * rho ** (size - m - 1)
-        both = rho**m + sign * rho ** (size - m)
-        turn = (ahead + behind) + both * sign * size * rho ** (size - 1) / lap
-        slope = turn / (r * (1.0 + r)) ** 2 + both / (2.0 * r**3)
+        profile = rho**m + sign * rho ** (size - m)
+        turn = (ahead + behind) + profile * sign * size * rho ** (size - 1) / lap
+        slope = turn / (r * (1.0 + r)) ** 2 + profile / (2.0 * r**3)
         return np.asarray(4.0 * (-1.0) ** m * slope / lap)
 
     def _laps(self, z: float) -> tuple[float, float, float, float]:
@@ -342,7 +344,7 @@ class Ring(Lattice):
         with np.errstate(divide="ignore", invalid="ignore"):
             z = 4.0 * gamma / s2
             r = np.sqrt(1.0 - z)
-            e = (-z / (1.0 + r) ** 2) ** self.sites
+            e = (-z / (1.0 + r) ** 2) ** self.sites  # xi^N of (A3) at this s: one lap
             value = np.asarray(-(1.0 + e) / ((1.0 - e) * r * s2))
         if not np.all(np.isfinite(value)):
             raise BadInput(

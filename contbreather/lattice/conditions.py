@@ -18,7 +18,7 @@ from contbreather.parameters import NAMES, parameter
 def restitution_ratio(k: float) -> float:
     """``q = (1 - k)/(1 + k)``: the loss at an impact; `BadInput` unless k is in [0, 1]."""
     number = parameter("k", k)
-    return (1.0 - number) / (1.0 + number)
+    return (1.0 - number) / (1.0 + number)  # of (7) and (13): f'(phi) = p q
 
 
 Pair = tuple[float, float]  # low and high; infinite where there is no wall
@@ -44,11 +44,11 @@ class Walls:
         if walls is None or isinstance(walls, Walls):
             return walls or cls()
         if isinstance(walls, Mapping):
-            own = (
+            pairs = (
                 (whole("walls of site", site, 0), _pair(pair, f"walls[{site!r}]"))
                 for site, pair in walls.items()
             )
-            return cls(own=tuple(sorted(own)))
+            return cls(own=tuple(sorted(pairs)))
         return cls(_pair(walls, "walls"))
 
     @cached_property
@@ -61,7 +61,7 @@ class Walls:
 
     def position(self, site: int, wall: int) -> float:
         """Where its wall +1 or -1 is."""
-        return self.at(site)[wall > 0]
+        return self.at(site)[wall > 0]  # of (low, high)
 
     @property
     def symmetric(self) -> bool:
@@ -69,17 +69,17 @@ class Walls:
         return all(low == -high for low, high in (self.of_all, *self._by_site.values()))
 
 
-def _pair(given: Any, what: str) -> Pair:
-    if given is None:
-        given = (None, None)
+def _pair(ends: Any, name: str) -> Pair:
+    if ends is None:
+        ends = (None, None)
     try:
-        low, high = given
+        low, high = ends
         pair = (-math.inf if low is None else float(low), math.inf if high is None else float(high))
     except (TypeError, ValueError):
-        pair = (math.nan, math.nan)
+        pair = (math.nan, math.nan)  # refused below: nan < nan is false
     if not pair[0] < pair[1]:
         raise BadInput(
-            f"{what} = {given!r}: two numbers low < high are expected, None for a wall that is not "
+            f"{name} = {ends!r}: two numbers low < high are expected, None for a wall that is not "
             "there."
         )
     return pair
@@ -125,10 +125,10 @@ class Conditions:
 
     def at(self, params: Mapping[str, float]) -> Conditions:
         """The same with other values of its parameters."""
-        own = tuple(float(params.get(name, value)) for name, value in self.params.items())
+        values = tuple(float(params.get(name, value)) for name, value in self.params.items())
         # lattices of the same numbers are equal, and each keeps its name
         name = getattr(self.lattice, "name", "")
-        return _moved(self.forcing, self.walls, self.lattice, own, name)
+        return _moved(self.forcing, self.walls, self.lattice, values, name)
 
 
 @lru_cache(maxsize=256)

@@ -119,8 +119,8 @@ class Lattice:
         matrix = _matrix(self.stiffness)
         object.__setattr__(self, "stiffness", matrix)
         masses, drive = (
-            _row(what, value, len(matrix))
-            for what, value in (("masses", self.masses), ("drive", self.drive))
+            _row(name, value, len(matrix))
+            for name, value in (("masses", self.masses), ("drive", self.drive))
         )
         if (masses <= 0.0).any():
             n = int(masses.argmin())
@@ -160,11 +160,11 @@ class Lattice:
             raise BadInput(
                 f"the weights {weight!r} of the edges must be numbers, their stiffnesses: {error}."
             ) from error
-        own = {
+        attributes = {
             name: [graph.nodes[n].get(kind, 1.0) for n in graph]
             for name, kind in (("masses", "mass"), ("drive", "drive"))
         }
-        return cls(matrix, **{"name": "graph", **own, **more})
+        return cls(matrix, **{"name": "graph", **attributes, **more})
 
     # ------------------------------------------------------------------------ what it is
 
@@ -194,6 +194,7 @@ class Lattice:
         from scipy import linalg  # dear to import, and needed by finite lattices alone
 
         root = np.sqrt(self.masses)
+        # y = M^1/2 v turns L v = lam M v into a symmetric problem, with orthonormal y
         lam, vectors = linalg.eigh(self.stiffness / np.multiply.outer(root, root))
         # a body that moves as a whole has the frequency 0, not one of rounding
         lam[abs(lam) < 1e-13 * max(float(lam[-1]), 1.0)] = 0.0
@@ -202,6 +203,7 @@ class Lattice:
     @cached_property
     def uniform(self) -> bool:
         """Whether a drive without springs moves all sites alike."""
+        # row sums of a lattice that nothing ties to the ground are 0, but for rounding
         loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
         return bool(loose and (self.drive == 1.0).all())
 
@@ -214,8 +216,8 @@ class Lattice:
         """lam, shapes at all sites ``(N, K)`` and share in the drive of the modes it excites."""
         lam, shapes = self.spectrum
         share = (self.drive * self.masses) @ shapes
-        own = abs(share) > UNSEEN * max(float(abs(share).max()), UNSEEN)
-        return lam[own], shapes[:, own], share[own]
+        moved = abs(share) > UNSEEN * max(float(abs(share).max()), UNSEEN)
+        return lam[moved], shapes[:, moved], share[moved]
 
     @cached_property
     def _bonds(self) -> NDArray[np.bool_]:
@@ -275,21 +277,24 @@ def _seen(lattice: Lattice, hit: tuple[int, ...]) -> NormalModes:
     apart = np.flatnonzero(np.diff(lam) > ALIKE * max(float(lam[-1]), 1.0)) + 1
     values, shapes, unseen = [], [], []
     for space in np.split(np.arange(lam.size), apart):
-        own = vectors[:, space]
-        _, sizes, turned = np.linalg.svd(own[list(hit)])
+        modes = vectors[:, space]
+        # right singular vectors: combinations that show at these sites, and those that vanish there
+        _, sizes, turned = np.linalg.svd(modes[list(hit)])
         seen = int(np.count_nonzero(sizes > UNSEEN))
         values += [lam[space].mean()] * seen
         unseen += [lam[space].mean()] * (space.size - seen)
-        shapes.append(_upright(own @ turned[:seen].T, list(hit)))
+        shapes.append(_upright(modes @ turned[:seen].T, list(hit)))
     return NormalModes(np.array(values), np.array(unseen), np.hstack(shapes), lattice.masses)
 
 
-def _matrix(given: Any) -> FloatArray:
+def _matrix(stiffness: Any) -> FloatArray:
     """The stiffness as a dense matrix, or what is wrong with it."""
-    if hasattr(given, "toarray"):
-        _count("sites", max(given.shape))
+    if hasattr(stiffness, "toarray"):
+        _count("sites", max(stiffness.shape))
     try:
-        matrix = np.array(given.toarray() if hasattr(given, "toarray") else given, dtype=float)
+        matrix = np.array(
+            stiffness.toarray() if hasattr(stiffness, "toarray") else stiffness, dtype=float
+        )
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
@@ -309,33 +314,33 @@ def _matrix(given: Any) -> FloatArray:
     return matrix
 
 
-def _row(what: str, given: Any, sites: int) -> FloatArray:
+def _row(name: str, values: Any, sites: int) -> FloatArray:
     """One number for each site; ones unless given."""
     try:
-        row = np.ones(sites) if given is None else np.array(given, dtype=float)
+        row = np.ones(sites) if values is None else np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadInput(f"{what} = {given!r}: one number for each site is expected.") from error
+        raise BadInput(f"{name} = {values!r}: one number for each site is expected.") from error
     if row.shape != (sites,):
-        raise BadInput(f"{what} has shape {row.shape}; one number for each of {sites} sites.")
+        raise BadInput(f"{name} has shape {row.shape}; one number for each of {sites} sites.")
     if not np.isfinite(row).all():
-        raise BadInput(f"{what} = {row.tolist()}: finite numbers are expected.")
+        raise BadInput(f"{name} = {row.tolist()}: finite numbers are expected.")
     row.setflags(write=False)
     return row
 
 
-def finite(given: Any) -> Finite:
+def finite(lattice: Any) -> Finite:
     """A finite lattice as it was given; anything else is refused."""
     if (
-        isinstance(given, type)
-        or getattr(given, "sites", None) is None
-        or not hasattr(given, "basis")
+        isinstance(lattice, type)
+        or getattr(lattice, "sites", None) is None
+        or not hasattr(lattice, "basis")
     ):
         raise BadInput(
-            f"lattice = {given!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5) or "
-            "Lattice(stiffness)."
+            f"lattice = {lattice!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5) "
+            "or Lattice(stiffness)."
         )
-    lattice: Finite = given
-    return lattice
+    checked: Finite = lattice
+    return checked
 
 
 # --- rings --------------------------------------------------------------------------------------
@@ -362,6 +367,7 @@ class PlaneWaves(NamedTuple):
         return np.asarray(np.sqrt(self.weight) * np.where(self.sine, np.sin(angle), np.cos(angle)))
 
     def to_sites(self, modes: FloatArray) -> FloatArray:
+        # irfft gives the sum of weight Re(spectrum exp(i m x)): all orders twice but 0 and N/2
         scaled = modes / np.sqrt(self.weight)
         half = self.sites // 2 + 1
         spectrum = np.zeros((*modes.shape[:-1], half), dtype=complex)
@@ -370,6 +376,7 @@ class PlaneWaves(NamedTuple):
         return np.roll(np.fft.irfft(spectrum, self.sites), self.origin, axis=-1)
 
     def from_sites(self, values: FloatArray) -> FloatArray:
+        # sums of values cos and sin are its real part and minus its imaginary one
         spectrum = np.fft.rfft(np.roll(values, -self.origin, axis=-1))[..., self.order]
         return np.asarray(np.sqrt(self.weight) * np.where(self.sine, -spectrum.imag, spectrum.real))
 
@@ -394,7 +401,7 @@ def plane_waves(sites: int, hit: tuple[int, ...]) -> PlaneWaves:
         order,
         sine,
         np.where(alone, 1.0, 2.0) / sites,
-        4.0 * np.sin(np.pi * order / sites) ** 2,
+        4.0 * np.sin(np.pi * order / sites) ** 2,  # 2 - 2 cos theta
         4.0 * np.sin(np.pi * rest / sites) ** 2,
     )
 
@@ -450,17 +457,18 @@ def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lat
     """
     _count("rows x columns", _count("rows", rows) * _count("columns", columns))
     closed = flag("periodic", periodic)
-    one, other = (_closed(_path(int(count)), closed) for count in (rows, columns))
-    matrix = np.kron(one, np.eye(len(other))) + np.kron(np.eye(len(one)), other)
+    down, across = (_closed(_path(int(count)), closed) for count in (rows, columns))
+    # L = L_rows x 1 + 1 x L_columns, site (i, j) being number i columns + j
+    matrix = np.kron(down, np.eye(len(across))) + np.kron(np.eye(len(down)), across)
     kind = "torus" if periodic else "grid"
-    return Lattice(matrix, **{"name": f"{kind} of {len(one)} x {len(other)}", **more})
+    return Lattice(matrix, **{"name": f"{kind} of {len(down)} x {len(across)}", **more})
 
 
-def _count(what: str, given: Any) -> int:
-    count = whole(what, given, 1)
+def _count(name: str, value: Any) -> int:
+    count = whole(name, value, 1)
     if count > MOST:
         raise BadInput(
-            f"{what} = {count}: a lattice by its matrix has at most {MOST} sites; only rings, "
+            f"{name} = {count}: a lattice by its matrix has at most {MOST} sites; only rings, "
             "Ring(N), are larger."
         )
     return count

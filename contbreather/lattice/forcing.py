@@ -76,6 +76,7 @@ class Series:
         return self._arrays(np.asarray(t, dtype=float), order)
 
     def _loop(self, t: float, order: int) -> float:
+        # d/dt (a cos mt + b sin mt) = m (b cos mt - a sin mt); twice it is -m^2 of itself
         total = 0.0
         for m, a, b in self.harmonics:
             c, s = math.cos(m * t), math.sin(m * t)
@@ -90,12 +91,12 @@ class Series:
         value = slope = bend = 0.0
         for m, a, b in self.harmonics:
             c, s = math.cos(m * t), math.sin(m * t)
-            own = a * c + b * s
-            value, slope, bend = value + own, slope + m * (b * c - a * s), bend - m * m * own
+            term = a * c + b * s
+            value, slope, bend = value + term, slope + m * (b * c - a * s), bend - m * m * term
         return value, slope, bend
 
     def _arrays(self, t: FloatArray, order: int) -> FloatArray:
-        angle = np.multiply.outer(t, self.m)
+        angle = np.multiply.outer(t, self.m)  # signs and powers of m as in `_loop`
         weight = self.pair * (self.m[:, None] ** order) * (-1.0 if order % 4 >= 2 else 1.0)
         if order % 2:
             return np.asarray(np.cos(angle) @ weight[:, 1] - np.sin(angle) @ weight[:, 0])
@@ -105,6 +106,7 @@ class Series:
         """Values at ``2 pi j/size``, j = 0..size-1; size exceeds twice the highest harmonic."""
         spectrum = np.zeros(size // 2 + 1, dtype=complex)
         for m, cosine, sine in self.harmonics:
+            # irfft divides by size, and adds the conjugate at -m
             spectrum[m] = 0.5 * size * complex(cosine, -sine)
         return np.fft.irfft(spectrum, size)
 
@@ -186,16 +188,17 @@ def _peak(harmonics: Harmonics) -> float:
     series = Series(harmonics)
     highest = max(m for m, _, _ in harmonics)
     t = math.pi * np.arange(32 * highest) / (32 * highest)
-    values = np.abs(series.on_grid(64 * highest)[: t.size])
+    values = np.abs(series.on_grid(64 * highest)[: t.size])  # |f(t + pi)| = |f(t)|: half will do
     best = float(values.max())
     # every crest that could still win; the grid misses at most (highest h)^2/2 of a crest
     crest = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
     for start in t[crest & (values >= best * (1.0 - 0.01))]:
         x = float(start)
-        for _ in range(6):
+        for _ in range(6):  # Newton's iteration for f' = 0
             curvature = series.at(x, 2)
             if curvature == 0.0:
                 break
+            # no farther than a step of the grid for one harmonic, pi/32
             x -= max(-0.1, min(0.1, series.at(x, 1) / curvature))
         best = max(best, abs(series.at(x, 0)))
     return best
@@ -281,6 +284,7 @@ class Fourier(Periodic):
         check_size(max(abs(c) for _, c in self.cos + self.sin), "the forcing")
         c, s = dict(self.cos), dict(self.sin)
         orders = sorted({*c, *s})
+        # f'' = F, eq. (5): each harmonic over -m^2
         f = tuple((m, -c.get(m, 0.0) / m**2, -s.get(m, 0.0) / m**2) for m in orders)
         object.__setattr__(self, "_series", Series(f))
         object.__setattr__(self, "_slopes", {name: _unit(name) for name in self.params})
@@ -317,6 +321,7 @@ class Fourier(Periodic):
 def _unit(name: str) -> Series:
     """f of the force cos(m t) or sin(m t), by the name of its coefficient."""
     m = int(name[1:])
+    # f is linear in its coefficients: the slope in one is the f of that term alone
     return Series(((m, -1.0 / m**2, 0.0) if name[0] == "c" else (m, 0.0, -1.0 / m**2),))
 
 
@@ -324,12 +329,12 @@ def _times(m: int) -> str:
     return "t" if m == 1 else f"{m}t"
 
 
-def _coefficients(kind: str, given: Mapping[int, float] | None) -> tuple[tuple[int, float], ...]:
-    if given is None:
+def _coefficients(kind: str, terms: Mapping[int, float] | None) -> tuple[tuple[int, float], ...]:
+    if terms is None:
         return ()
-    if not isinstance(given, Mapping):
-        raise BadInput(f"{kind} = {given!r}: coefficients by harmonic were expected, {{1: -1.0}}.")
-    for m, value in given.items():
+    if not isinstance(terms, Mapping):
+        raise BadInput(f"{kind} = {terms!r}: coefficients by harmonic were expected, {{1: -1.0}}.")
+    for m, value in terms.items():
         if not isinstance(m, int | float | np.number):
             raise BadInput(
                 f"{kind} harmonic {shown(m)}: one of the odd harmonics 1, 3, 5, ... was expected, "
@@ -346,19 +351,19 @@ def _coefficients(kind: str, given: Mapping[int, float] | None) -> tuple[tuple[i
             raise BadInput(
                 f"{kind} harmonic {m}: its coefficient {value!r} is not a finite number."
             )
-    return tuple(sorted((int(m), float(v)) for m, v in given.items()))
+    return tuple(sorted((int(m), float(v)) for m, v in terms.items()))
 
 
-def check_size(largest: float, what: str) -> None:
+def check_size(largest: float, name: str) -> None:
     """Refuse coefficients whose squares or sums would overflow, or vanish."""
     if 0.0 < largest < 1.0 / LARGEST:
         raise BadInput(
-            f"{what} reaches {largest:.2g} only, too little to be computed with; the amplitude a "
+            f"{name} reaches {largest:.2g} only, too little to be computed with; the amplitude a "
             "multiplies any forcing, so scale it up."
         )
     if largest > LARGEST:
         raise BadInput(
-            f"{what} reaches {largest:.2g}, too large to be computed with; the amplitude a "
+            f"{name} reaches {largest:.2g}, too large to be computed with; the amplitude a "
             f"multiplies any forcing, so scale it down to at most {LARGEST:g}."
         )
 
@@ -398,25 +403,25 @@ class Samples(Periodic):
 
     def __init__(self, values: ArrayLike) -> None:
         try:
-            given = np.asarray(values, dtype=float)
+            samples = np.asarray(values, dtype=float)
         except (TypeError, ValueError, OverflowError):
-            given = np.full(1, np.nan)
-        if given.ndim != 1 or not np.all(np.isfinite(given)):
+            samples = np.full(1, np.nan)
+        if samples.ndim != 1 or not np.all(np.isfinite(samples)):
             raise BadInput("samples of the forcing must be one row of finite numbers.")
-        if given.size < 8 or given.size % 2:
+        if samples.size < 8 or samples.size % 2:
             raise BadInput(
-                f"{given.size} samples: give an even number, at least 8, on t = 2 pi j/M, "
+                f"{samples.size} samples: give an even number, at least 8, on t = 2 pi j/M, "
                 "so that every sample has its partner half a period later."
             )
-        object.__setattr__(self, "values", tuple(given.tolist()))
-        half = given.size // 2
-        size, worst = np.max(np.abs(given)), np.max(np.abs(given[:half] + given[half:]))
+        object.__setattr__(self, "values", tuple(samples.tolist()))
+        half = samples.size // 2
+        size, worst = np.max(np.abs(samples)), np.max(np.abs(samples[:half] + samples[half:]))
         if worst > 1e-9 * size:
             raise BadInput(
                 f"the samples are not antisymmetric: |F(t + pi) + F(t)| reaches {worst:.3g} where "
                 f"|F| reaches {size:.3g}; the symmetric breather needs F(t + pi) = -F(t)."
             )
-        object.__setattr__(self, "_series", Series(self._resolve(given, float(size))))
+        object.__setattr__(self, "_series", Series(self._resolve(samples, float(size))))
 
     @staticmethod
     def _resolve(values: FloatArray, size: float) -> Harmonics:
@@ -432,7 +437,7 @@ class Samples(Periodic):
                 f"{values.size // 4} still reach {tail / largest:.1e} of the largest, so it may be "
                 "aliased; sample finer, or smooth it, or give its harmonics with Fourier."
             )
-        return response_of(spectrum, 2e-16 * largest)
+        return response_of(spectrum, 2e-16 * largest)  # below it is rounding of the transform
 
     def describe(self) -> str:
         return f"F = a times {len(self.values)} samples, harmonics up to {self.highest}"
@@ -450,7 +455,7 @@ def spectrum_of(values: FloatArray) -> ComplexArray:
 
 def response_of(spectrum: ComplexArray, floor: float) -> Harmonics:
     """f from the odd harmonics of F, without what is only rounding."""
-    odd = enumerate(spectrum[1::2].tolist())
+    odd = enumerate(spectrum[1::2].tolist())  # C - i S, to be divided by -m^2
     return tuple(
         (m, -c.real / m**2, c.imag / m**2)
         for m, c in ((2 * i + 1, c) for i, c in odd)

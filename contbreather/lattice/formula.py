@@ -123,8 +123,8 @@ def _too_large(text: str) -> BadInput:
 
 
 def _names(tree: ast.AST) -> frozenset[str]:
-    found = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    return frozenset(found - FUNCTIONS.keys())
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return frozenset(names - FUNCTIONS.keys())
 
 
 def _terms(node: ast.expr, sign: float = 1.0) -> Iterator[Value]:
@@ -178,21 +178,21 @@ def _series_of(formula: Formula, values: tuple[tuple[str, float], ...]) -> dict[
         size *= 2
         formula.check_work(size)
         with np.errstate(all="ignore"):  # what is not finite is refused by name
-            spectra, found, resolved = _expanded(formula, params, size)
+            spectra, samples, resolved = _expanded(formula, params, size)
     at = " at " * bool(params) + ", ".join(f"{n} = {v:g}" for n, v in params.items())
-    what, largest = f"the forcing {shown(formula.text)}", float(abs(found[0]).max())
+    subject, largest = f"the forcing {shown(formula.text)}", float(abs(samples[0]).max())
     if not spectra[0].any():
         raise BadInput(
-            f"{what} is zero{at}; a breather needs one that moves it, for instance '-cos(t)'."
+            f"{subject} is zero{at}; a breather needs one that moves it, for instance '-cos(t)'."
         )
     if np.isfinite(largest):
-        check_size(largest, what)
-    for name, spectrum, row, fine in zip(["", *params], spectra, found, resolved, strict=True):
+        check_size(largest, subject)
+    for name, spectrum, row, fine in zip(["", *params], spectra, samples, resolved, strict=True):
         if name and not fine and abs(row).max() < 1e-15 * largest:
             spectrum[:] = 0.0  # a slope that is nothing but rounding
             continue
         slope = f"the forcing {shown(f'd/d{name} of {formula.text}')}"
-        _check(slope if name else what, at, spectrum, row, fine)
+        _check(slope if name else subject, at, spectrum, row, fine)
     floor = 1e-17 * float(abs(spectra[0]).max())
     responses = [Series(response_of(spectrum, floor)) for spectrum in spectra]
     return dict(zip(["", *params], responses, strict=True))
@@ -213,8 +213,8 @@ def _expanded(
         rows[0] = term(at)
         if params:
             rows[1:] = np.imag(term(beside)) / STEP
-        own, fine = _chopped(spectrum_of(rows[:, :size]) * turns, rows)
-        spectra, sizes, values = spectra + own, sizes + abs(own), values + rows
+        part, fine = _chopped(spectrum_of(rows[:, :size]) * turns, rows)
+        spectra, sizes, values = spectra + part, sizes + abs(part), values + rows
         resolved = resolved & fine
     spectra[abs(spectra) < 4e-16 * sizes] = 0.0  # terms that cancel
     # at last also terms that only their sum makes smooth
@@ -251,24 +251,24 @@ def _chopped(spectra: ComplexArray, values: FloatArray) -> tuple[ComplexArray, A
     return spectra, fine & largest.any()  # all zero: perhaps but for a peak that no sample saw
 
 
-def _check(what: str, at: str, spectrum: ComplexArray, row: FloatArray, resolved: bool) -> None:
+def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resolved: bool) -> None:
     """That F, or a slope of it, is finite, antisymmetric, resolved and 2 pi periodic."""
     size, even = float(abs(row).max()), abs(spectrum[::2])
     if not size <= LARGEST:
-        raise BadInput(f"{what} is not a finite real number at every t{at}.")
+        raise BadInput(f"{subject} is not a finite real number at every t{at}.")
     # what is not resolved may be so steep that the rounding of times shows
     if np.linalg.norm(even) > (1e-12 if resolved else 1e-6) * np.linalg.norm(spectrum):
         raise BadInput(
-            f"{what} is not antisymmetric: over a period it has the even harmonic "
+            f"{subject} is not antisymmetric: over a period it has the even harmonic "
             f"{2 * even.argmax()}; the breather needs F(t + pi) = -F(t), odd harmonics only."
         )
     if not resolved:
         raise BadInput(
-            f"{what} is not resolved by {FINEST // 4} harmonics (a jump, a kink, a pole, too steep "
-            "a flank?); give the harmonics you mean with Fourier."
+            f"{subject} is not resolved by {FINEST // 4} harmonics (a jump, a kink, a pole, too "
+            "steep a flank?); give the harmonics you mean with Fourier."
         )
     if abs(row[-12:-6] - row[-6:]).max() > 1e-9 * size:
-        raise BadInput(f"{what} is not 2 pi periodic.")
+        raise BadInput(f"{subject} is not 2 pi periodic.")
 
 
 # --- the forcing ----------------------------------------------------------------------------------
@@ -329,20 +329,20 @@ def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
     for name, value in params.items():
         if not is_finite(value):
             raise BadInput(f"forcing parameter {name} = {value!r} is not a finite number.")
-    text, free, given = shown(formula.text), formula.letters, frozenset(params)
+    text, free, named = shown(formula.text), formula.letters, frozenset(params)
     if taken := free & set(RESERVED):
         raise BadInput(
             f"{listed(taken)} in {text}: the names {', '.join(RESERVED)} are taken (the "
             "amplitude a multiplies any forcing by itself); rename it."
         )
-    if missing := free - given:
+    if missing := free - named:
         raise BadInput(f"{text} needs a value for {listed(missing)}; the time is t.")
-    if unknown := given - free:
+    if unknown := named - free:
         have = listed(free) or "none"
         raise BadInput(f"unknown forcing parameter {listed(unknown)}: {text} has {have}.")
 
 
-def forcing_of(given: Forcing | str | sympy.Expr | None, /, **params: float) -> Forcing:
+def forcing_of(forcing: Forcing | str | sympy.Expr | None, /, **params: float) -> Forcing:
     """A forcing from what was given: itself, a formula in t with values of the parameters in it, or
     nothing for the harmonic one.
 
@@ -351,14 +351,14 @@ def forcing_of(given: Forcing | str | sympy.Expr | None, /, **params: float) -> 
     >>> forcing_of("-cos(t) - 2.7*cos(3*t)").highest
     3
     """
-    given = HARMONIC if given is None else given
-    if isinstance(given, str) and given.replace(" ", "") == HARMONIC and not params:
+    forcing = HARMONIC if forcing is None else forcing
+    if isinstance(forcing, str) and forcing.replace(" ", "") == HARMONIC and not params:
         return Harmonic()
-    if isinstance(given, str) or hasattr(given, "free_symbols"):
-        return Symbolic(given, **params)
-    if isinstance(given, type) or not hasattr(given, "harmonics"):
+    if isinstance(forcing, str) or hasattr(forcing, "free_symbols"):
+        return Symbolic(forcing, **params)
+    if isinstance(forcing, type) or not hasattr(forcing, "harmonics"):
         raise BadInput(
-            f"forcing = {given!r}: F/a was expected, a formula in t such as '-cos(t)', or a "
+            f"forcing = {forcing!r}: F/a was expected, a formula in t such as '-cos(t)', or a "
             "Harmonic, Fourier, Symbolic or Samples."
         )
-    return given
+    return forcing

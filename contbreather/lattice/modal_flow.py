@@ -30,6 +30,7 @@ Array = NDArray[Any]
 SMALL = 0.25  # |x| below which differences of c and s go by their series
 # a driven mode this close to a harmonic answers it beyond all bounds
 RESONANT = 1e-12
+# (s - c)/x by powers of x
 _SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
 
 
@@ -99,7 +100,8 @@ def _falling(root: FloatArray, lost: FloatArray) -> tuple[FloatArray, FloatArray
 def propagator_slope(
     z: FloatArray, time: float, at: ModalPropagator, damping: float = 0.0
 ) -> ModalPropagator:
-    """Derivative of `turn` in z, exact for w -> 0 as well."""
+    """Derivative of `propagator` in z, exact for w -> 0 as well."""
+    # c'(x) = -s(x)/2 and dx/dz = t^2; with damping C has damping S/2 besides
     c_slope, s_slope = -0.5 * time * at.reach, _reach_slope(z, time, at, damping)
     lag = 0.5 * damping * s_slope
     return ModalPropagator(c_slope + lag, s_slope, at.reach + z * s_slope, c_slope - lag)
@@ -108,7 +110,7 @@ def propagator_slope(
 def propagator_slope_in_damping(
     z: FloatArray, time: float, at: ModalPropagator, damping: float
 ) -> ModalPropagator:
-    """Derivative of `turn` in the damping."""
+    """Derivative of `propagator` in the damping."""
     half = 0.5 * damping
     core = at.cosine - half * at.reach  # e^(-damping t/2) c(x)
     c_slope = -0.5 * time * core + 0.5 * half * time * at.reach
@@ -201,11 +203,11 @@ class Driven:
     def slope(self, name: str, site: int, t: float) -> tuple[float, float]:
         """Derivatives of displacement and velocity in gamma, spring, damping or a parameter of
         the forcing; 0 in all others."""
-        own = name in self.forcing.params
-        if own and self.alike:
+        drive = name in self.forcing.params
+        if drive and self.alike:
             return self.forcing.f_param(name, t, 0), self.forcing.f_param(name, t, 1)
         # in gamma: where all sites move alike no bond between them is stretched
-        if own or name in ("spring", "damping") or (name == "gamma" and not self.lattice.uniform):
+        if drive or name in ("spring", "damping") or (name == "gamma" and not self.lattice.uniform):
             return self._slope(name).at(site, t)[:2]
         return 0.0, 0.0
 
@@ -217,6 +219,7 @@ class Driven:
         lam = self._modes[0][:, None]
         rises: dict[str, Any] = {"gamma": lam, "spring": 1.0, "damping": 1j * m}
         rise = rises[name]
+        # d(F/gap) = -F/gap^2 d(gap), gap = z - m^2 + i m damping
         return Spectrum(m, self._filtered(m, F, -rise / self._gap(m, F)))
 
     @cached_property

@@ -32,12 +32,14 @@ class SpringResponse(Periodic):
     spring: float
 
     def __post_init__(self) -> None:
+        # -F_m/m^2 of the free lattice becomes F_m/(spring - m^2)
         object.__setattr__(self, "_series", Series(self._scaled(self.of.harmonics)))
 
     def _scaled(self, harmonics: Harmonics, power: int = 1) -> Harmonics:
         """Divided by ``1 - spring/m^2``; with the second power the slope of that."""
 
         def scale(m: int) -> float:
+            # d/ds of m^2/(m^2 - s) is m^2/(m^2 - s)^2
             return float(m * m / (m * m - self.spring) ** power)
 
         return tuple((m, scale(m) * A, scale(m) * B) for m, A, B in harmonics)

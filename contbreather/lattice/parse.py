@@ -38,6 +38,7 @@ def _usual(typed: str) -> Any:
     from contbreather.lattice.finite import Grid, OpenChain
 
     name, size, *ends = typed.lower().split(":") if ":" in typed else (typed, "")
+    # what is no size counts as 0, which no lattice has
     sizes = [int(word) if word.isdecimal() and len(word) < 10 else 0 for word in size.split("x")]
     if all(sizes):
         match name, len(sizes), ends:
@@ -61,8 +62,8 @@ def _of_matrix(path: str) -> Lattice:
         raise BadInput(f"no stiffness matrix in {path}: {error}") from error
     widths = {len(row) for row in rows}
     if widths != {len(rows)}:
-        found = f"{len(rows)} rows of {', '.join(map(str, sorted(widths))) or 'no'} numbers"
-        raise BadInput(f"no stiffness matrix in {path}: {found}; a square matrix is expected")
+        shape = f"{len(rows)} rows of {', '.join(map(str, sorted(widths))) or 'no'} numbers"
+        raise BadInput(f"no stiffness matrix in {path}: {shape}; a square matrix is expected")
     return Lattice(rows)
 
 
@@ -104,12 +105,13 @@ def as_code(typed: str) -> str:
 def walls_by(typed: Sequence[str], sites: int | None) -> Any:
     """The walls of `--walls` as `symmetric` takes them; None where none were typed."""
     of_all = [_pair(text, text) for text in typed if ":" not in text]
-    own = dict(_own(text) for text in typed if ":" in text)
-    if len(of_all[:1]) + len(own) < len(typed):
+    by_site = dict(_of_site(text) for text in typed if ":" in text)
+    # fewer than were typed: a second pair for all sites, or one site twice
+    if len(of_all[:1]) + len(by_site) < len(typed):
         raise BadInput(f"--walls {' '.join(typed)}: one pair for all sites, one for each of them")
-    if not own or sites is None:
-        return of_all[0] if of_all else own or None
-    return {**dict.fromkeys(range(sites), *of_all), **own} if of_all else own
+    if not by_site or sites is None:
+        return of_all[0] if of_all else by_site or None
+    return {**dict.fromkeys(range(sites), *of_all), **by_site} if of_all else by_site
 
 
 def as_typed(walls: Walls) -> str:
@@ -122,14 +124,14 @@ def as_typed(walls: Walls) -> str:
     """
     usual = walls.of_all == Walls().of_all
     pairs = ([] if usual else [("", walls.of_all)]) + [(f"{n}:", pair) for n, pair in walls.own]
-    ends = {-math.inf: "none", math.inf: "none"}
+    ends = {-math.inf: "none", math.inf: "none"}  # no wall on that side
     return " ".join(
         f"{site}{ends.get(low, repr(low))},{ends.get(high, repr(high))}"
         for site, (low, high) in pairs
     )
 
 
-def _own(text: str) -> tuple[int, Any]:
+def _of_site(text: str) -> tuple[int, Any]:
     site, _, pair = text.partition(":")
     if not site.isdecimal():
         raise BadInput(f"--walls {text}: SITE:LOW,HIGH is expected, for instance 3:none,0.8")

@@ -77,6 +77,7 @@ class Wave:
         """The same for n = 1 as a function of ``y = pi - s`` in [-pi, pi], derivatives in y."""
         z, (c, s) = y * y, cosine_and_sine(y)
         P, dP, bend, jerk = polynomial(self.powers, z)
+        # derivatives of P(y^2) in y; bend is P''/2 and jerk P'''/6
         a, b, c2, s2 = self.first, self.second, c * c - s * s, 2.0 * c * s
         four = (
             P + a * c + b * c2,
@@ -86,8 +87,8 @@ class Wave:
         )
         if self.modes is None:
             return four
-        more = _mode_by_mode(self.modes, y)
-        return tuple(one + other for one, other in zip(four, more, strict=True))
+        modes = _mode_by_mode(self.modes, y)
+        return tuple(smooth + mode for smooth, mode in zip(four, modes, strict=True))
 
     def slope_ratio(self, y: float) -> tuple[float, float]:
         """``slope/y`` and its derivative in y for n = 1, smooth through mid period y = 0."""
@@ -238,6 +239,7 @@ def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tu
     theta, weight, w = lattice.nodes(gamma)
     W, amplitude = periods * w, weight * np.cos(distance * theta)  # in units of n
     off = np.abs(W - np.round(W))
+    # W = 0, a mean, is no harmonic: its static push is balanced by the offsets
     clash = np.flatnonzero((off < APART) & (W > 0.5))
     if clash.size:
         raise BadInput(
@@ -261,8 +263,10 @@ def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tu
 def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[ModeSums, ModeSums]:
     sine, cosine = np.sin(math.pi * W), np.cos(math.pi * W)  # of the whole period
     alpha = a / (2.0 * W * sine)  # g_w = cos(W y)/(2 W sin(W pi))
+    # the static part 1/(w^2 T) is taken out, with T = 2 pi in units of n
     value = ModeSums(W, alpha, np.zeros_like(W), -float(np.sum(a / (2.0 * math.pi * W * W))))
     speed = W / (2.0 * gamma)  # dW/dgamma
+    # d(log alpha)/dW = -1/W - pi cot(pi W), and d(cos W y)/dW = -y sin(W y) is the part beta
     alpha_slope = -alpha * (1.0 / W + math.pi * cosine / sine) * speed
     constant = float(np.sum(a / (math.pi * W**3) * speed))
     return value, ModeSums(W, alpha_slope, -alpha * speed, constant)
@@ -301,6 +305,7 @@ def wave_table(
         harmonic, n2, quarter = lattice.first_harmonic, 1, 0.25
         powers = np.asarray(x**_ORDERS)
     moments = n2 * moments_of(lattice, distances) * powers
+    # <cos/(4 - w^2)> is a quarter of <cos/(1 - w^2)> at a quarter of the coupling
     first, second = n2 * harmonic(scaled, n), n2 * quarter * harmonic(0.25 * scaled, n)
     return periods * _rows(moments, first, second)
 

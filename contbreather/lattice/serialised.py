@@ -39,7 +39,7 @@ def _formula(formula: str, values: dict[str, float]) -> Symbolic:
 @serialised(
     "held", SpringResponse, lambda forcing: {"of": to_dict(forcing.of), "spring": forcing.spring}
 )
-def _held(of: Any, spring: float) -> SpringResponse:
+def _spring_response(of: Any, spring: float) -> SpringResponse:
     return spring_response(of, spring)
 
 
@@ -54,6 +54,7 @@ def _lattice_to_dict(lattice: Lattice) -> dict[str, Any]:
         "rows": rows.tolist(),
         "columns": columns.tolist(),
         "entries": entries.tolist(),
+        # ones are what a lattice has unless it is told otherwise
         **{name: values.tolist() for name, values in weights.items() if (values != 1.0).any()},
     }
 
@@ -69,7 +70,7 @@ def _lattice(
     drive: list[float] | None = None,
 ) -> Lattice:
     matrix = np.zeros((sites, sites))
-    matrix[rows, columns] = matrix[columns, rows] = entries
+    matrix[rows, columns] = matrix[columns, rows] = entries  # symmetric: a file has its upper half
     return Lattice(matrix, masses, drive, name=name)
 
 

@@ -187,8 +187,8 @@ def _loss(point: Point) -> int:
     it: on which side there is one real multiplier more outside."""
     along = point.direction
     step = math.copysign(_ASIDE, along[-1]) / np.linalg.norm(along) * along
-    found = [_outside(point.curve, point.z + side * step) for side in (-1.0, 1.0)]
-    low, high = (one if one is not None else _other(found[1 - i]) for i, one in enumerate(found))
+    counts = [_outside(point.curve, point.z + side * step) for side in (-1.0, 1.0)]
+    low, high = (n if n is not None else _other(counts[1 - i]) for i, n in enumerate(counts))
     if low == high:
         raise Undefined("no real multiplier passes 1 there: no normal form of this kind")
     return 1 if high > low else -1

@@ -87,19 +87,20 @@ def by_differences(
     first unknowns are the times of impacts, which stay in their order: where sites that are
     coupled change it there is a kink."""
 
-    def near(both: Array) -> Array:
-        return conditions(curve, both[: z.size], both[z.size :])
+    def near(variables: Array) -> Array:
+        return conditions(curve, variables[: z.size], variables[z.size :])
 
-    both, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
+    variables, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
     orbit = Point(curve, z).solution
-    finer = np.full(both.size, RELATIVE / step)
+    finer = np.full(variables.size, RELATIVE / step)  # what `differences` divides its own step by
     finer[: orbit.times.size] = RELATIVE / min(step, _in_order(orbit))
-    return differences(near, both, columns, scales=scales, finer=finer, one_sided=True)
+    return differences(near, variables, columns, scales=scales, finer=finer, one_sided=True)
 
 
 def _in_order(orbit: Any) -> float:
     """A relative step of times that keeps impacts in their order, but for those at once."""
     times = np.sort(orbit.times)
+    # two steps, which is as far as five points go, are then half the shortest gap at most
     gaps = np.diff(times, append=times[0] + orbit.section.length)
     return float(gaps[gaps > AT_ONCE].min() / (4.0 * max(1.0, abs(times).max())))
 
@@ -131,6 +132,8 @@ def by_impacts(conditions: Conditions, curve: Curve, z: Array, extra: Array) -> 
     columns = by_differences(conditions, curve, z, extra, others, step)
     rows = np.zeros((len(columns), z.size + extra.size))
     rows[:, others] = columns
+    # what the map knows is y = S x, so dF/dx = (dF/dy) S; along a column of pinv(S) one entry of y
+    # changes alone
     values = [(abs(impact.velocity), abs(impact.acceleration)) for impact in flight.arrivals]
     sizes = [max(pair[: 1 + i]) for pair in values for i in range(2)]
     for shown, moved, large in zip(

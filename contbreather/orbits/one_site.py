@@ -58,17 +58,18 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     rest = _at_rest(section, on)
     q, r = _answer(rest)
     chi, loss, forced = _closure(rest, q, r)
-    found = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
-    if not found:
+    roots = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
+    if not roots:
         weak = "is too weak to bring it to its walls; take a larger a."
         raise NoSolution(
             f"no symmetric orbit of site {site} on the {on.lattice.describe()} at a = {on.a!r} "
             f"(gamma = {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the "
             f"forcing {'does not move it.' if forced is None else weak}"
         )
+    # J = -2p times the state of a unit impulse
     return tuple(
         Orbit(ExactModes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
-        for p, phi in sorted(((width * p, phi) for p, phi in found), reverse=True)
+        for p, phi in sorted(((width * p, phi) for p, phi in roots), reverse=True)
     )
 
 
@@ -102,10 +103,11 @@ def _at_rest(section: Section, on: Conditions) -> ExactModes:
 def _closure(rest: ExactModes, q: FloatArray, r: FloatArray) -> tuple[float, float, Forcing | None]:
     """chi, q + 2 delta and f of the closure; no f where nothing moves the site."""
     e, on, (site, _) = rest.shapes[0], rest.conditions, rest.section.impacts[0]
+    # per unit p, J = -2p; without damping r is -1/2 before and 1/2 after a unit impulse
     chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
-    own = rest.forced.harmonics(site)
-    moved = any(A or B for _, A, B in own)
-    cos, sin = {m: A for m, A, _ in own}, {m: B for m, _, B in own}
+    series = rest.forced.harmonics(site)
+    moved = any(A or B for _, A, B in series)
+    cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}
     forced = Fourier.from_response(cos, sin) if moved else None
     return chi, restitution_ratio(on.k) + 2.0 * excess, forced
 

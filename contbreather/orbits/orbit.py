@@ -86,10 +86,10 @@ class Orbit(PeriodicMotion, HtmlRepr):
         -------
         u, v : ndarray, shape (sites,)
         """
-        own = self._on_ring(sites)
-        if own.lattice.sites is None:
+        orbit = self._on_ring(sites)
+        if orbit.lattice.sites is None:
             raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
-        return own.representation.state(number("t", t, -math.inf, math.inf, "a time"))
+        return orbit.representation.state(number("t", t, -math.inf, math.inf, "a time"))
 
     # ------------------------------------------------------------------ what it is asked about
 
@@ -108,19 +108,21 @@ class Orbit(PeriodicMotion, HtmlRepr):
         lattice = lattice_of(lattice) if isinstance(lattice, InfiniteChain) else finite(lattice)
         if lattice == self.lattice:
             return self
-        found = self.representation.on(lattice) or self._guessed_on(lattice)
-        if found.repeats and not self.repeats:
+        # the representation's own way there, or else Newton's iteration from the same impacts
+        orbit = self.representation.on(lattice) or self._guessed_on(lattice)
+        if orbit.repeats and not self.repeats:
             raise NotConverged(
                 f"no orbit of {self.describe()} is close by on the {lattice.describe()}: Newton's "
                 "iteration ends at one whose second half repeats the first; follow its bifurcation "
                 "there instead, switch(branch.first(...)).",
-                residual=found.residual,
-                last=found,
+                residual=orbit.residual,
+                last=orbit,
             )
-        return found
+        return orbit
 
     def _guessed_on(self, lattice: Any) -> Orbit:
         hit, on = self.section.hit, replace(self.conditions, lattice=lattice)
+        # where they are no unknowns of their own all sites are off centre by the same
         offsets = self.offsets or (self.c,) * len(hit)
         if lattice.sites is not None:  # they belong to the sites from left to right
             there = sorted(zip((site % lattice.sites for site in hit), offsets, strict=True))
@@ -137,7 +139,8 @@ class Orbit(PeriodicMotion, HtmlRepr):
         first, second = self.impacts[:half], self.impacts[half:]
         ahead = self.times[half:] - self.times[:half] - 0.5 * self.section.length
         grown = np.abs(self.impulses[half:]) - np.abs(self.impulses[:half])
-        same = [one.site for one in first] == [one.site for one in second]
+        # walls and impulses may have changed sign: then it is a mirror image
+        same = [impact.site for impact in first] == [impact.site for impact in second]
         return same and max(np.abs(ahead).max(), np.abs(grown).max()) < ALIKE
 
     def solved(self) -> Orbit:
@@ -194,14 +197,15 @@ class Orbit(PeriodicMotion, HtmlRepr):
         >>> b.stability().unstable, b.stability(sites=400).stable
         (2, False)
         """
-        own = self._on_ring(sites)
-        if threshold is not None and own.lattice.sites is None:
+        orbit = self._on_ring(sites)
+        if threshold is not None and orbit.lattice.sites is None:
             raise BadInput(
                 f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is "
                 "exact; ask for stability(sites=N, threshold=...)."
             )
-        found = verdict(own.map, THRESHOLD if threshold is None else threshold)
-        return found if self.vanishing is None else found.blank()
+        answer = verdict(orbit.map, THRESHOLD if threshold is None else threshold)
+        # where an impact vanishes (19) has a pole, and no multiplier means anything
+        return answer if self.vanishing is None else answer.blank()
 
     def certify(self, *, within: float = 1e-8) -> Certificate:
         """Prove by interval arithmetic that an exact breather is within so much of this one in p
@@ -244,18 +248,19 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         >>> round(float(abs(b.multipliers(sites=400)).max()), 6)
         1.129438
         """
-        own = self._on_ring(sites)
-        if own.lattice.sites is None:
+        orbit = self._on_ring(sites)
+        if orbit.lattice.sites is None:
             raise BadInput(
                 "the infinite chain has a continuous spectrum; ask for multipliers(sites=N) on a "
                 "ring of N, or for stability().multipliers, the isolated ones outside the circle."
             )
-        if flag("half", half) and not own.symmetric:
+        if flag("half", half) and not orbit.symmetric:
             raise BadInput("this orbit is not known by half its period: it has no half map.")
-        if self.vanishing is not None:
-            return np.full(2 * own.lattice.sites, complex(math.nan, math.nan))
-        found: ComplexArray = own.map.multipliers()
-        return found if half or not own.symmetric else found * found
+        if self.vanishing is not None:  # (19) divides by the velocity before the impact
+            return np.full(2 * orbit.lattice.sites, complex(math.nan, math.nan))
+        mu: ComplexArray = orbit.map.multipliers()
+        # u(t + T/2) = -u(t): the map over the period is the square of the half map
+        return mu if half or not orbit.symmetric else mu * mu
 
     @property
     def problem(self) -> Problem:
@@ -281,21 +286,21 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
     def _again(self, longer: Section) -> Orbit:
         """One section and the next as one."""
         impacts = self.section.course(self.impacts, 2)
-        found = self.representation.rewritten(longer, impacts, self.offsets)
-        assert found is not None  # every representation can be repeated
-        return Orbit(found)
+        representation = self.representation.rewritten(longer, impacts, self.offsets)
+        assert representation is not None  # every representation can be repeated
+        return Orbit(representation)
 
     def table(self) -> Sheet:
         """Its parameters, and what there is of p, phi, times, impulses."""
-        found = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
-        if self.symmetric and self.section.count == 1:
-            found |= {"p": self.p, "phi": self.phi, "chi": self.chi}
-            found["max |u_1|"] = self.admissibility().max_neighbour
+        rows = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
+        if self.symmetric and self.section.count == 1:  # p and phi of (11), |u_1| of (15)
+            rows |= {"p": self.p, "phi": self.phi, "chi": self.chi}
+            rows["max |u_1|"] = self.admissibility().max_neighbour
         else:
-            for i, one in enumerate(self.impacts, start=1):
-                found |= {f"t{i}": one.time, f"impulse {i}": one.impulse}
-            found |= {"c": self.c} if self.c else {}
-        return Sheet.of(found.items(), digits=15)
+            for i, impact in enumerate(self.impacts, start=1):
+                rows |= {f"t{i}": impact.time, f"impulse {i}": impact.impulse}
+            rows |= {"c": self.c} if self.c else {}
+        return Sheet.of(rows.items(), digits=15)
 
     def __repr__(self) -> str:
         values = {**self.conditions.params, "t": ", ".join(f"{t:.8g}" for t in self.times)}
@@ -304,6 +309,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
             for name, value in values.items()
         )
         margins = self.admissibility()
+        # at a located grazing the margin is 0 but for rounding: no reason to refuse it
         mark = "" if margins.ok or abs(margins.margin) < 1e-9 else f"; {margins.reason}"
         return f"<Orbit of {self.describe()}; {shown}; residual {self.residual:.1e}{mark}>"
 
@@ -344,11 +350,12 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for _, kind in sorted(REPRESENTATIONS.items()):
+        for _, kind in sorted(REPRESENTATIONS.items()):  # the cheapest first
             if kind.suits(on, section):
                 return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:
             break
+        # u(t + T/2) = -u(t): the other wall half a period later, with the opposite impulse
         times = np.concatenate([times, times + section.length])
         impulses, section = np.concatenate([impulses, -impulses]), section.unfolded()
     raise BadInput(
@@ -360,9 +367,9 @@ def orbit_of(
 
 
 def _settled(problem: Problem) -> Orbit:
-    solved, found = problem.solve(tolerance=1e-11)
+    solved, solution = problem.solve(tolerance=1e-11)
     orbit = orbit_at(solved)
-    checked(orbit, found.iterations)
+    checked(orbit, solution.iterations)  # not all that solves the equations is an orbit
     return orbit
 
 
@@ -383,19 +390,19 @@ def checked(orbit: Orbit, iterations: int | None = None) -> None:
         check_order(orbit.section, orbit.times)
     except BadInput as error:
         raise refuse(str(error)) from error
-    for one, velocity in zip(orbit.impacts, orbit.incoming.tolist(), strict=True):
-        if velocity * one.wall <= 0.0:
+    for impact, velocity in zip(orbit.impacts, orbit.incoming.tolist(), strict=True):
+        if velocity * impact.wall <= 0.0:  # from inside they have the same sign
             raise refuse(
-                f"at t = {one.time:.9g} site {one.site} comes to its wall from outside, with the "
-                f"velocity {velocity * one.wall:.6g}."
+                f"at t = {impact.time:.9g} site {impact.site} comes to its wall from outside, with "
+                f"the velocity {velocity * impact.wall:.6g}."
             )
 
 
 def orbit_at(problem: Problem) -> Orbit:
     """The orbit that a problem of orbits starts from."""
     curve = Curve(problem, ())
-    found: Orbit = Point(curve, curve.start).solution
-    return found
+    orbit: Orbit = Point(curve, curve.start).solution
+    return orbit
 
 
 def with_parameters(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:

@@ -102,6 +102,7 @@ def _crosses(mu: float, point: Point) -> float:
     orbit = solution_at(point)
     if _is_blurred(orbit.map):
         return math.nan
+    # J points away from the wall: each is positive as long as the site comes to it from inside
     pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
     return float(orbit.map.crosses(mu) * math.prod(pushes))
 
@@ -110,6 +111,7 @@ def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
     along = breathers_along(points)
     if along is None:
         return None
+    # |J| = 2p, eq. (4)
     return along.map.crosses(mu) * 2.0 * along.p, along.map.beyond(mu) if counted else None
 
 
@@ -132,18 +134,20 @@ def _beyond(mu: float, point: Point) -> float:
 
 def _real_locus(mu: float, point: Point) -> Locus:
     orbit = solution_at(point)
+    # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
     return replace(locus, domain={"gamma": (WEAK, math.inf)}) if _drifts(mu, orbit) else locus
 
 
 def _examine_real(mu: float, point: Point) -> Examined:
     orbit = solution_at(point)
-    size = np.prod(1.0 + np.abs(orbit.entries))
-    value = orbit.map.on_circle(0.5 * (1.0 - mu))
+    size = np.prod(1.0 + np.abs(orbit.entries))  # D is linear in each entry b of (19)
+    value = orbit.map.on_circle(0.5 * (1.0 - mu))  # D(mu) = det(1 + (S - 1) G(mu))
     if not abs(value) < _ZERO * size:
         return f"D({mu:g}) = {value.real:.2g} is not zero"
     if not orbit.symmetric:
         return ""
+    # at the fold (14) the half map QS has the multiplier -1
     if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
         return "a fold of the closure, not a pitchfork"
     return bends(point)
@@ -213,6 +217,7 @@ class _Pair:
         """Over a section, which may be half the period."""
         if map.lattice.sites is None:
             return OnCircle(lattice=self.lattice)
+        # multipliers over the period are the squares of those over half of it
         half = isinstance(map, HalfMap) or map.sign < 0
         radius = math.sqrt(self.threshold) if half else self.threshold
         return OnCircle(radius, lattice=self.lattice)
@@ -246,8 +251,8 @@ class _Pair:
             map = replace(map, k=_NEARLY)  # on the circle itself a side is rounding
         elif "k" in point.curve.varied and _is_elastic(map):
             map = replace(map, k=_ALL_BUT)
-        found: tuple[float, int] = map.pairs()
-        return found
+        answer: tuple[float, int] = map.pairs()
+        return answer
 
     def locus(self, point: Point) -> Locus:
         map = self.map(point)
@@ -309,7 +314,7 @@ class _Next:
 def _turns_real(radius: float, point: Point) -> Iterator[Event]:
     """R1, R2: the pair has become a double real multiplier; the curve would come back over itself.
     Of half a symmetric orbit both 1 and -1 are 1 over the whole period."""
-    known, half = {e.kind: e for e in point.curve.problem.events}, solution_at(point).symmetric
+    events, half = {e.kind: e for e in point.curve.problem.events}, solution_at(point).symmetric
     plus, minus = (("R1", "PF"), ("R1", "LP")) if half else (("R1", "LP"), ("R2", "PD"))
     for mu, (kind, meets) in ((1.0, plus), (-1.0, minus)):
         yield CodimensionTwo(
@@ -317,7 +322,8 @@ def _turns_real(radius: float, point: Point) -> Iterator[Event]:
             partial(_from_real, mu),
             examine=partial(_is_double, mu * radius),
             ends="branch",
-            base=known[meets if radius == 1.0 else "NS"],
+            # on another circle than that of modulus 1 no LP, PF or PD meets it
+            base=events[meets if radius == 1.0 else "NS"],
         )
 
 
@@ -329,6 +335,7 @@ def _is_double(mu: float, point: Point) -> str:
     map = point.ground.solution.map
     if np.sort(abs(map.coupled - mu))[1] > DOUBLE:
         return f"{mu:.6g} is not a double multiplier"
+    # a Jordan block has one null vector; two multipliers that only pass each other have two
     pair = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)), compute_uv=False)[-2]
     return "" if pair > DOUBLE else f"two multipliers {mu:.6g} that pass each other and stay a pair"
 
@@ -340,6 +347,7 @@ def _examine_angle(point: Point) -> str:
         if _is_elastic(solution_at(point).map):
             return ""
         return "a pair was seen to leave or to turn real, but no angle solves the locus"
+    # exp(i pi nu) is real at nu = 0 and 1
     if not 2e-6 < abs(float(nu)) < 1.0 - 2e-6:
         return "a real multiplier passes the circle, no pair"
     return ""
@@ -371,9 +379,9 @@ class DeferredEvent(Event):
         return self.of(point.ground.curve.problem).value(point)
 
     def _locus(self, point: Point) -> Locus:
-        own = self.of(point.ground.curve.problem).locus
-        assert own is not None  # each of these events has one
-        return own(point)
+        locus = self.of(point.ground.curve.problem).locus
+        assert locus is not None  # each of these events has one
+        return locus(point)
 
     def of(self, problem: Problem) -> Event:
         return self.choose(problem)
@@ -383,16 +391,16 @@ class DeferredEvent(Event):
         return self.form
 
 
-def _own(kind: str) -> Event:
+def _deferred(kind: str) -> Event:
     return DeferredEvent(kind, choose=partial(_of_kind, kind))
 
 
 def _of_kind(kind: str, problem: Problem) -> Event:
-    found = next((event for event in problem.events if event.kind == kind), None)
-    if found is None:
+    event = next((event for event in problem.events if event.kind == kind), None)
+    if event is None:
         have = ", ".join(event.kind for event in problem.events) or "no events"
         raise BadInput(f"no {kind} of this problem ({problem.label}, {have}): {WHY[kind]}.")
-    return found
+    return event
 
 
 def pitchfork() -> Event:
@@ -412,7 +420,7 @@ def pitchfork() -> Event:
     >>> round(branch.first("PF")["a"], 12)
     0.777632425944
     """
-    return _own("PF")
+    return _deferred("PF")
 
 
 def period_doubling() -> Event:
@@ -427,7 +435,7 @@ def period_doubling() -> Event:
     >>> round(branch.first("PD")["a"], 9)
     0.925512006
     """
-    return _own("PD")
+    return _deferred("PD")
 
 
 def grazing() -> Event:
@@ -435,7 +443,7 @@ def grazing() -> Event:
 
     Where an impact itself loses its momentum, that end is labelled VI, a vanishing impact.
     """
-    return _own("GR")
+    return _deferred("GR")
 
 
 def neimark_sacker(
@@ -471,7 +479,7 @@ def neimark_sacker(
     """
     every = flag("every", every)
     if on is None and threshold is None and not every:
-        return _own("NS")
+        return _deferred("NS")
     modulus = THRESHOLD if threshold is None else threshold
     form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}
     if not (on is None or isinstance(on, InfiniteChain)):

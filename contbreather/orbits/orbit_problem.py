@@ -66,10 +66,11 @@ class OrbitProblem(Problem):
     def simpler(self, point: Point) -> Problem | None:
         """With fewer impacts; or as any two of one site by the four equations that they have."""
         orbit: Orbit = point.solution
-        found = (simpler_than(orbit) or orbit).problem
-        return found if len(found.start) < len(self.start) else None
+        smaller = (simpler_than(orbit) or orbit).problem
+        return smaller if len(smaller.start) < len(self.start) else None
 
     def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+        # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
     def wider(self, names: tuple[str, ...]) -> Problem:
@@ -124,6 +125,7 @@ def _from_dict(
     start: Mapping[str, Any],
     params: Params,
 ) -> Problem:
+    # a dict keeps its order, which is that of the unknowns
     x = np.concatenate([np.ravel(value) for value in start.values()])
     return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
 
@@ -139,7 +141,7 @@ def unstable_by(threshold: float, lattice: Any = None) -> UnstableDimension:
 
 
 def _unstable(threshold: float, lattice: Any, point: Point) -> float:
-    if point.solution.vanishing is not None:
+    if point.solution.vanishing is not None:  # (19) has a pole there: no count means anything
         return math.nan
     map = point.solution.map
     count: float = (map if lattice is None else map.on(lattice)).unstable(threshold)
@@ -158,7 +160,9 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     p, phi, *free = points.z.T
     values = curve.fixed | dict(zip(curve.free, free, strict=True))
     a, gamma, k = (np.broadcast_to(values[name], p.shape) for name in ("a", "gamma", "k"))
+    # b of (19) is infinite at p = 0, where an impact vanishes: those rows are not used
     with np.errstate(all="ignore"):
+        # entries of (19), which with gamma and k say all about multipliers
         b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.means(gamma, "eta"))[1]
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)

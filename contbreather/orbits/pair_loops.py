@@ -120,9 +120,9 @@ def flight(data: Any) -> None:
         value = slope = 0.0
         high, low = 1.0, 0.0  # x^j, and its derivative in gamma
         for j in range(TERMS):
-            own = data[WEIGHTS + i * TERMS + j] * data[MOMENTS + j]
-            value += own * high
-            slope += own * low
+            term = data[WEIGHTS + i * TERMS + j] * data[MOMENTS + j]
+            value += term * high
+            slope += term * low
             low = 4.0 * (j + 1) * high
             high = high * x
         data[OWN + 1 + i], data[SLOPE + 1 + i] = value, slope

@@ -149,21 +149,23 @@ class PeriodicMotion:
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
         """All impacts of a period in order of time."""
-        found = []
+        hits = []
         for half in range(2 if self.symmetric else 1):
             side = 1 - 2 * half  # u(t + T/2) = -u(t)
-            for one, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
-                before = -side * one.impulse / (1.0 + self.k)
+            for impact, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
+                before = -side * impact.impulse / (1.0 + self.k)
                 # just after the impact a damped site is braked the other way
                 after = side * w + self.damping * (1.0 + self.k) * before
-                time = one.time + half * self.section.length
-                found.append(Hit(one.site, side * one.wall, time, before, -self.k * before, after))
-        return tuple(sorted(found, key=lambda hit: hit.time))
+                time = impact.time + half * self.section.length
+                hits.append(
+                    Hit(impact.site, side * impact.wall, time, before, -self.k * before, after)
+                )
+        return tuple(sorted(hits, key=lambda hit: hit.time))
 
     @property
     def p(self) -> float:
         """Half the momentum of each impact, where all are the same."""
-        sizes = 0.5 * np.abs(self.impulses)
+        sizes = 0.5 * np.abs(self.impulses)  # |J| = 2p, eq. (4)
         if np.ptp(sizes) > SAME * sizes.max():
             raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
         return float(sizes[0])
@@ -172,6 +174,7 @@ class PeriodicMotion:
     def phi(self) -> float:
         """Time of the impact on the wall +1 of a symmetric orbit of one site."""
         self._need_one("phi")
+        # (3): the wall +1 at phi, the wall -1 half a period later
         late = 0.0 if self.impacts[0].wall > 0 else self.section.length
         return math.remainder(self.impacts[0].time + late, self.period)
 
@@ -200,6 +203,7 @@ class PeriodicMotion:
         if not self.section.mirrored:
             raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
         first, second = self.times.reshape(2, -1)
+        # equal flights: the mirror image of an impact comes half a period after it
         late = (second - first) % self.period - 0.5 * self.period
         return float(late[abs(late).argmax()])
 
@@ -238,8 +242,8 @@ class PeriodicMotion:
         return self._profile(n, t, 2)
 
     def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
-        found = self.representation.profile(whole_sites(n), numbers("t", t), order)
-        return float(found) if np.ndim(found) == 0 else found
+        values = self.representation.profile(whole_sites(n), numbers("t", t), order)
+        return float(values) if np.ndim(values) == 0 else values
 
     def describe(self) -> str:
         return f"{self.section.describe()} on the {self.lattice.describe()}"

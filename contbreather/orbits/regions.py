@@ -81,8 +81,8 @@ class Region:
 
     def __repr__(self) -> str:
         words = f"{self.verdict or 'no verdict'} around ({self.x:.6g}, {self.y:.6g})"
-        told = "" if self.verdict else f": {self.describe()}"
-        return f"<Region {words}, {len(self.outline) - 1} corners{told}>"
+        reason = "" if self.verdict else f": {self.describe()}"
+        return f"<Region {words}, {len(self.outline) - 1} corners{reason}>"
 
 
 def regions(
@@ -103,15 +103,15 @@ def regions(
     size = np.where(high > low, high - low, 1.0)
     return tuple(
         _region(piece, low, size, count, lower)
-        for piece in _pieces([(one - low) / size for one in lines])
+        for piece in _pieces([(line - low) / size for line in lines])
     )
 
 
-def box_of(given: object) -> Array:
+def box_of(corners: object) -> Array:
     """A rectangle as two pairs of numbers, or a sentence."""
-    box = numbers("box", given)
+    box = numbers("box", corners)
     if box.shape != (2, 2):
-        raise BadInput(f"box = {shown(given)}: ((x0, x1), (y0, y1)) was expected.")
+        raise BadInput(f"box = {shown(corners)}: ((x0, x1), (y0, y1)) was expected.")
     return box
 
 
@@ -144,15 +144,15 @@ def _region(piece: Any, low: Array, size: Array, count: Count, lower: Lower | No
     radius = shapely.maximum_inscribed_circle(piece, tolerance=CENTRED)
     places = low + size * _spread(piece, np.array(radius.coords[0]), radius.length)
     counts = tuple(count(x, y) for x, y in places.tolist())
-    told: tuple[float | None, ...] = ()
+    momenta: tuple[float | None, ...] = ()
     if lower is not None:
         pairs = zip(places.tolist(), counts, strict=True)
-        told = tuple(lower(x, y) if own is None else None for (x, y), own in pairs)
+        momenta = tuple(lower(x, y) if unstable is None else None for (x, y), unstable in pairs)
     outline, *holes = (
         low + size * np.array(ring.coords) for ring in (piece.exterior, *piece.interiors)
     )
     x, y = places[0].tolist()
-    return Region(outline, tuple(holes), x, y, float(radius.length), counts, told)
+    return Region(outline, tuple(holes), x, y, float(radius.length), counts, momenta)
 
 
 def _spread(piece: Any, centre: Array, room: float) -> Array:
@@ -161,12 +161,12 @@ def _spread(piece: Any, centre: Array, room: float) -> Array:
 
     x0, y0, x1, y1 = piece.bounds
     grid = np.meshgrid(np.linspace(x0, x1, CANDIDATES), np.linspace(y0, y1, CANDIDATES))
-    nodes = np.column_stack([one.ravel() for one in grid])
+    nodes = np.column_stack([coordinate.ravel() for coordinate in grid])
     nodes = nodes[shapely.contains_xy(piece, nodes)]
     off = shapely.distance(shapely.points(nodes), piece.boundary)
     nodes = np.vstack([centre, nodes[off > min(RIM, 0.5 * room)]])
     places, far = [centre], np.full(len(nodes), np.inf)
-    for _ in range(PROBES - 1):
+    for _ in range(PROBES - 1):  # each as far as can be from all before it
         far = np.minimum(far, np.sum((nodes - places[-1]) ** 2, axis=1))
         places.append(nodes[int(far.argmax())])
     return np.array(places)

@@ -107,6 +107,7 @@ class Representation(Protocol):
         """The `Orbit` of another lattice by means of its own; None where that needs another."""
 
 
+# by rank: the closed form costs least, exact modes, which suit any finite lattice, most
 REPRESENTATIONS: dict[int, type[Representation]] = {}
 R = TypeVar("R", bound=type[Representation])
 

@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
 
 SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for polynomials of degree 5
 Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
 WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
@@ -129,6 +129,7 @@ class Section:
     def mirrored(self) -> bool:
         """Whether the second half hits the opposite walls: half a symmetric orbit may do for it."""
         half = self.impacts[: self.count // 2]
+        # the forcing of the second half is the opposite one, F(t + pi n) = -F(t), for odd n only
         opposite = tuple((n, -wall) for n, wall in half)
         return self.sign > 0 and self.turns % 2 == 1 and self.impacts == half + opposite
 
@@ -136,18 +137,19 @@ class Section:
     def repeats(self) -> tuple[tuple[int, int], ...]:
         """Impacts of one site at one wall that follow each other, by index."""
         last: dict[int, int] = {}
-        found = []
+        pairs = []
         for j, (site, wall) in enumerate(self.impacts):
             i = last.get(site)
             if i is not None and self.impacts[i][1] == wall:
-                found.append((i, j))
+                pairs.append((i, j))
             last[site] = j
-        return tuple(found)
+        return tuple(pairs)
 
     def unfolded(self) -> Section:
         """The impacts of the full period, without use of the symmetry."""
         if not self.symmetric:
             return self
+        # u(t + T/2) = -u(t): the opposite wall half a period later
         mirrored = tuple((n, -wall) for n, wall in self.impacts)
         return Section(self.impacts + mirrored, self.turns)
 
@@ -162,7 +164,7 @@ class Section:
     def course(self, impacts: Sequence[Impact], sections: int) -> tuple[Impact, ...]:
         """The impacts of so many sections, given those of one: each section repeats the one before
         with its sign."""
-        T, sign = self.length, self.sign
+        T, sign = self.length, self.sign  # u(t + T) = sign u(t)
         return tuple(
             Impact(n, sign**i * wall, t + i * T, sign**i * J)
             for i in range(sections)
@@ -185,13 +187,13 @@ class Section:
 
     def around(self, sites: int) -> Section:
         """With its sites counted modulo the size of a lattice."""
-        found = tuple((site % sites, wall) for site, wall in self.impacts)
-        if len({site for site, _ in found}) < len(self.hit):
+        impacts = tuple((site % sites, wall) for site, wall in self.impacts)
+        if len({site for site, _ in impacts}) < len(self.hit):
             raise BadInput(
                 f"the impacting sites {list(self.hit)} fall together on a lattice of {sites} "
                 "sites: take a larger one."
             )
-        return self if found == self.impacts else replace(self, impacts=found)
+        return self if impacts == self.impacts else replace(self, impacts=impacts)
 
     def moved(self, lattice: Any) -> Section:
         """On another lattice: sites go around a ring, elsewhere they stay what they are."""
@@ -284,6 +286,7 @@ def check_both_walls(section: Section, on: Conditions) -> None:
     walls = {wall for _, wall in section.impacts}
     if section.symmetric or len(walls) == 2 or on.spring >= WEAK:
         return
+    # the lowest mode that impacts excite has w = 0 where nothing ties the lattice to the ground
     if on.lattice.sites is not None and on.lattice.basis(section.hit).lam.min() >= WEAK:
         return
     raise ImpossibleSequence(
@@ -297,8 +300,9 @@ def check_both_walls(section: Section, on: Conditions) -> None:
 def check_order(section: Section, times: Any) -> None:
     """`BadInput` unless the impacts of each site come in order, within one section."""
     for site in section.hit:
-        own = [j for j, (n, _) in enumerate(section.impacts) if n == site]
-        for j, later in zip(own, [*own[1:], own[0]], strict=True):
+        indices = [j for j, (n, _) in enumerate(section.impacts) if n == site]
+        # after the last impact of a section comes the first, a section later
+        for j, later in zip(indices, [*indices[1:], indices[0]], strict=True):
             length = times[later] - times[j] + (section.length if later <= j else 0.0)
             if length <= 0.0:
                 after = f"t{later + 1}" + (" + a section" if later <= j else "")
@@ -331,15 +335,16 @@ def told_apart(
 ) -> FloatArray:
     """Conditions that impacts are on their walls, those of impacts that repeat at a wall per time
     since the one before: a mean velocity, from `speed` where a quotient would be all rounding."""
-    found = walls.copy()
+    conditions = walls.copy()
     for i, j in section.repeats:
         gap = times[j] - times[i]
         near = speed is not None and abs(gap) < SHORT
+        # Gauss's rule over the gap; its weights add up to 2
         mean = speed(i, j, 0.5 * gap * (1.0 + _NODES)) if near and speed else None
         if mean is None and gap == 0.0:
             raise ArithmeticError(f"impacts {i + 1} and {j + 1} of one site come at one time")
-        found[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * _WEIGHTS @ mean
-    return found
+        conditions[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * _WEIGHTS @ mean
+    return conditions
 
 
 def told_apart_slopes(
@@ -347,9 +352,9 @@ def told_apart_slopes(
 ) -> FloatArray:
     """Derivatives of what is told apart, from those of the conditions; unknowns begin with the
     times."""
-    found = told_apart(section, times, slopes)
+    rows = told_apart(section, times, slopes)
     for i, j in section.repeats:
-        own = told[j] / (times[j] - times[i])
-        found[j, i] += own
-        found[j, j] -= own
-    return found
+        change = told[j] / (times[j] - times[i])  # d(w/gap) = dw/gap - (w/gap) d(gap)/gap
+        rows[j, i] += change
+        rows[j, j] -= change
+    return rows

@@ -160,10 +160,10 @@ class SectionFlight:
         for lag, j in [*lags, (self.section.length, 0)]:
             fly = propagator(self.z, lag - now, self.conditions.damping)
             end = fly(q, r)
-            one = self._arrival(j, start + lag, *end) if len(legs) < len(lags) else None
-            legs.append(ShootingInterval(at, j, start + now, lag - now, fly, q, r, *end, one))
-            if one is not None:
-                loss = (1.0 + self.conditions.k) * one.velocity
+            arrival = self._arrival(j, start + lag, *end) if len(legs) < len(lags) else None
+            legs.append(ShootingInterval(at, j, start + now, lag - now, fly, q, r, *end, arrival))
+            if arrival is not None:
+                loss = (1.0 + self.conditions.k) * arrival.velocity
                 at, now, q, r = j, lag, end[0], end[1] - loss * self.kicks[j]  # u' -> -k u'
         return tuple(legs)
 
@@ -194,7 +194,7 @@ class SectionFlight:
 
     @property
     def accelerations(self) -> FloatArray:
-        return np.array([one.acceleration for one in sorted(self.arrivals)])
+        return np.array([arrival.acceleration for arrival in sorted(self.arrivals)])
 
     @property
     def x(self) -> FloatArray:
@@ -226,9 +226,9 @@ class SectionFlight:
     @property
     def chi(self) -> float:
         """Of the impact of one site: where it is without its forced motion, per unit p."""
-        (one,), a = self.impacts, self.conditions.a
-        place = self.conditions.walls.position(one.site, one.wall)
-        return 2.0 * (place - a * self.forced.at(one.site, one.time)[0]) / abs(one.impulse)
+        (impact,), a = self.impacts, self.conditions.a
+        place = self.conditions.walls.position(impact.site, impact.wall)
+        return 2.0 * (place - a * self.forced.at(impact.site, impact.time)[0]) / abs(impact.impulse)
 
     def at(self, n: int, t: float) -> tuple[float, float, float]:
         """Displacement, velocity and acceleration of one site at one time."""
@@ -247,7 +247,7 @@ class SectionFlight:
     def state(self, t: float) -> tuple[FloatArray, FloatArray]:
         a, free = self.conditions.a, self.modes(np.array(t))
         forced = (a * self.forced.everywhere(t, order) for order in (0, 1))
-        u, v = (self.basis.to_sites(own) + f for own, f in zip(free, forced, strict=True))
+        u, v = (self.basis.to_sites(modal) + f for modal, f in zip(free, forced, strict=True))
         return u, v
 
     def modes(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -298,8 +298,8 @@ class SectionFlight:
 
     def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
         q, r = self.modes(t)
-        own = (q, r, self.pulled(q, r))[order]
-        free = np.einsum("...k,...k->...", self.basis.at(n), own)
+        amplitudes = (q, r, self.pulled(q, r))[order]
+        free = np.einsum("...k,...k->...", self.basis.at(n), amplitudes)
         forced = self.forced.everywhere(t, order)
         if forced.shape[-1] == 1:
             return np.asarray(free + self.conditions.a * forced[..., 0])
@@ -322,49 +322,50 @@ class SectionFlight:
             return None
         fly = propagator(self.z, since[:, None], self.conditions.damping)
         forced = self.forced.everywhere(leg.since + since, 1)  # of all sites alike, or of each
-        own = forced[:, self.section.impacts[i][0] if forced.shape[-1] > 1 else 0]
+        at_site = forced[:, self.section.impacts[i][0] if forced.shape[-1] > 1 else 0]
         free = fly.swing * leg.r - fly.pull * leg.q
-        return np.asarray(free @ self.shapes[i] + self.conditions.a * own)
+        return np.asarray(free @ self.shapes[i] + self.conditions.a * at_site)
 
     @cached_property
     def _walls(self) -> FloatArray:
         """How far sites are beyond their walls at their impacts."""
         value = np.empty(self.t.size)
         for leg in self.legs[:-1]:
-            one: Any = leg.arrival
-            own = float(self.shapes[one.which].dot(leg.q_end))
-            forced = self.conditions.a * self.forced.at(one.site, one.time)[0]
-            wall = self.conditions.walls.position(one.site, one.wall)
-            value[one.which] = own + forced - wall
+            arrival: Any = leg.arrival
+            motion = float(self.shapes[arrival.which].dot(leg.q_end))
+            forced = self.conditions.a * self.forced.at(arrival.site, arrival.time)[0]
+            wall = self.conditions.walls.position(arrival.site, arrival.wall)
+            value[arrival.which] = motion + forced - wall
         return told_apart(self.section, self.t, value, self._speed_between)
 
     def tangents(self, names: Sequence[str] = ()) -> Tangents:
         """Derivatives along the flight, in t, q, r, then in `names`."""
-        m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
+        m, K, diagonal = self.t.size, self.q.size, np.arange(self.q.size)
         width = m + 2 * K
         walls, speeds = np.zeros((2, m, width + len(names)))
         Y, R = np.zeros((2, K, width + len(names)))
-        Y[own, m + own] = R[own, m + K + own] = 1.0  # dq/dq, dr/dr
+        Y[diagonal, m + diagonal] = R[diagonal, m + K + diagonal] = 1.0  # dq/dq, dr/dr
         starts = []
         for leg in self.legs:
             starts.append((Y, R))
             Y, R = self._carried(leg, Y, R, names)
-            one = leg.arrival
-            if one is None:
+            arrival = leg.arrival
+            if arrival is None:
                 break
-            e = self.shapes[one.which]
+            e = self.shapes[arrival.which]
             wall, speed = e @ Y, e @ R
             for i, name in enumerate(names, start=width):
-                moved = self.driven(name, one.site, one.time)
+                moved = self.driven(name, arrival.site, arrival.time)
                 wall[i] += moved[0]
                 speed[i] += moved[1]
-            _, tilt, bend = self.forced.at(one.site, one.time)
-            wall[one.which] += self.conditions.a * tilt  # the forced motion goes on with its time
-            speed[one.which] += self.conditions.a * bend
+            _, tilt, bend = self.forced.at(arrival.site, arrival.time)
+            # the forced motion goes on with its time
+            wall[arrival.which] += self.conditions.a * tilt
+            speed[arrival.which] += self.conditions.a * bend
             loss = (1.0 + self.conditions.k) * speed
-            loss[width:] += [one.velocity if name == "k" else 0.0 for name in names]
-            walls[one.which], speeds[one.which] = wall, speed
-            R = R - np.multiply.outer(self.kicks[one.which], loss)
+            loss[width:] += [arrival.velocity if name == "k" else 0.0 for name in names]
+            walls[arrival.which], speeds[arrival.which] = wall, speed
+            R = R - np.multiply.outer(self.kicks[arrival.which], loss)
         return Tangents(walls, speeds, starts, Y, R)
 
     def _carried(
@@ -395,12 +396,13 @@ class SectionFlight:
 
     def jacobian(self, names: Sequence[str] = ()) -> FloatArray:
         """Derivative of `residual` in (t, q, r) and `names`, shape ``(m + 2K, m + 2K + ...)``."""
-        m, K, own = self.t.size, self.q.size, np.arange(self.q.size)
-        found, sign = self.tangents(names), self.section.sign
-        walls = told_apart_slopes(self.section, self.t, self._walls, found.walls)
-        matrix = np.vstack([walls, found.Y, found.R])
-        matrix[m + own, m + own] -= sign  # the section closes with its sign: q(T) = sign q(0)
-        matrix[m + K + own, m + K + own] -= sign
+        m, K, diagonal = self.t.size, self.q.size, np.arange(self.q.size)
+        tangents, sign = self.tangents(names), self.section.sign
+        walls = told_apart_slopes(self.section, self.t, self._walls, tangents.walls)
+        matrix = np.vstack([walls, tangents.Y, tangents.R])
+        # the section closes with its sign: q(T) = sign q(0)
+        matrix[m + diagonal, m + diagonal] -= sign
+        matrix[m + K + diagonal, m + K + diagonal] -= sign
         return matrix
 
     def slopes_at(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
@@ -431,30 +433,30 @@ class SectionFlight:
         """
         Y, R = np.eye(2 * self.q.size).reshape(2, self.q.size, -1)
         rows = []
-        for leg, one in zip(self.legs, self.arrivals, strict=False):
+        for leg, arrival in zip(self.legs, self.arrivals, strict=False):
             Y, R = leg.propagator(Y, R)
-            e = self.shapes[one.which]
+            e = self.shapes[arrival.which]
             speed = e @ R
             rows += [speed, -(e * self.z) @ Y - self.conditions.damping * speed]
-            R = R - np.multiply.outer(self.kicks[one.which], (1.0 + self.conditions.k) * speed)
+            R = R - np.multiply.outer(self.kicks[arrival.which], (1.0 + self.conditions.k) * speed)
         return np.array(rows)
 
     @cached_property
     def map(self) -> ModalMap:
         """What small perturbations become over a section."""
-        on, blows = self.conditions, []
-        for one in self.arrivals:
+        on, saltations = self.conditions, []
+        for hit in self.arrivals:
             # velocity and acceleration change sign with the side; braked less after the impact
             # than before, a site turns round faster by damping (1 + k) v
-            b = saltation_entry(one.acceleration, one.velocity, on.k) + (1.0 + on.k) * on.damping
-            shape, kick = self.shapes[one.which], self.kicks[one.which]
-            blows.append(ModalSaltation(shape, kick, saltation(on.k, b)))
+            b = saltation_entry(hit.acceleration, hit.velocity, on.k) + (1.0 + on.k) * on.damping
+            shape, kick = self.shapes[hit.which], self.kicks[hit.which]
+            saltations.append(ModalSaltation(shape, kick, saltation(on.k, b)))
         unseen, turns = (
             on.gamma * self.basis.unseen + on.spring,
             tuple(x.propagator for x in self.legs),
         )
-        own = self.z, unseen, turns, tuple(blows), self.section.length, self.section.sign
-        return ModalMap(on.lattice, on.gamma, on.damping, *own)
+        flown = self.z, unseen, turns, tuple(saltations), self.section.length, self.section.sign
+        return ModalMap(on.lattice, on.gamma, on.damping, *flown)
 
     @cached_property
     def condition(self) -> float:
@@ -472,8 +474,8 @@ class SectionFlight:
         z = np.sort(self.z[self.z > 0.0])
         if z.size == 0:
             return None
-        one, _ = free_multipliers(z, self.conditions.damping, self.section.length)
-        gap = abs(one - self.section.sign)
+        multipliers, _ = free_multipliers(z, self.conditions.damping, self.section.length)
+        gap = abs(multipliers - self.section.sign)
         j = int(gap.argmin())
         return Resonance(j + 1, math.sqrt(float(z[j])), float(gap[j]))
 

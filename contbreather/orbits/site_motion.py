@@ -175,6 +175,7 @@ class ChainMotion(SiteMotion):
     def far_of(self, a: Any) -> Any:
         if not self.endless:
             return 1.0
+        # far from all impacts u_n = c + a f(t)
         return 1.0 - abs(self._far_offset) - a * self.forcing.peak()
 
     def far_time(self) -> float:
@@ -213,16 +214,17 @@ class ClosedFormMotion(ChainMotion):
 
 def phase(breather: Any, t: float) -> tuple[float, float]:
     """Time from the middle of the flight, and its sign."""
-    flights = math.floor((t - breather.phi) / math.pi)
+    flights = math.floor((t - breather.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
     sign = -1.0 if flights % 2 else 1.0
     return t - breather.phi - (flights + 0.5) * math.pi, sign
 
 
 @lru_cache(maxsize=64)
 def _odd_responses(lattice: Lattice, gamma: float, sites: tuple[int, ...]) -> Responses:
-    """To the impulse -2p, of which `Flight` is the response per unit p."""
+    """To the impulse -2p, of which `FreeFlight` is the response per unit p."""
     table = np.zeros((len(sites), POWERS + 2))
     np.matmul(lattice.powers(gamma, sites), -0.5 * _WEIGHTS, out=table[:, :POWERS])
+    # in `FreeFlight` it is -(4/pi) g sin y; J = -2p halves it and takes the sign away
     table[:, POWERS] = 2.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites))  # of sin y
     rows, none = np.arange(len(sites))[:, None], np.empty((len(sites), 0))
     largest = bounds(table, _odd_basis())
@@ -278,29 +280,31 @@ class ModalMotion(SiteMotion):
         if self.walls(site) != self.walls(other):
             return 0.0
         walks = _walks(self.lattice, self.hit)
-        told = walks[:, site, 1:] if site == other else walks[:, site] - walks[:, other]
-        unlike = (abs(told) > _ALIKE).any(axis=1)
+        apart = walks[:, site, 1:] if site == other else walks[:, site] - walks[:, other]
+        unlike = (abs(apart) > _ALIKE).any(axis=1)
         return float(unlike.argmax()) if unlike.any() else math.inf
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
     ) -> tuple[Motion, Sequence[int]]:
-        flight, few = self.representation, np.array(idle, dtype=int)
+        flight, candidates = self.representation, np.array(idle, dtype=int)
         size = points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
-        profiles = flight.displacements(times)[:, few].T
-        if few.size:
-            low, high = self._places(few.tolist())[:, 1:].T[:, :, None]
+        profiles = flight.displacements(times)[:, candidates].T
+        if candidates.size:
+            low, high = self._places(candidates.tolist())[:, 1:].T[:, :, None]
             gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
-            if touching is not None and touching in few:
-                image = profiles[few == touching]
+            if touching is not None and touching in candidates:
+                image = profiles[candidates == touching]
                 gaps[abs(profiles - image).max(axis=1) <= IMAGE] = math.inf
             wanted = gaps <= gaps.min() + LOW * max(abs(gaps.min()), LOW)
             # far away sites move alike: of those the first
-            wanted &= np.isin(np.arange(few.size), np.unique(gaps.round(12), return_index=True)[1])
-            wanted |= np.isin(few, list(near))
-            few, profiles = few[wanted], profiles[wanted]
-        idle = few.tolist()
+            wanted &= np.isin(
+                np.arange(candidates.size), np.unique(gaps.round(12), return_index=True)[1]
+            )
+            wanted |= np.isin(candidates, list(near))
+            candidates, profiles = candidates[wanted], profiles[wanted]
+        idle = candidates.tolist()
         sites = (*self.hit, *idle)
         legs = flight.legs[1:]
         starts = np.array([leg.since for leg in legs])

@@ -29,7 +29,7 @@ REACH = 10.0  # how far a window without end is looked at
 Window = tuple[float, float]
 
 
-def find_symmetric(free: str, within: Window, *, root: int | None = None, **given: Any) -> Any:
+def find_symmetric(free: str, within: Window, *, root: int | None = None, **conditions: Any) -> Any:
     """An admissible symmetric breather somewhere in the window of one parameter.
 
     Parameters
@@ -37,11 +37,11 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
     free : str
         The parameter: a, gamma, k, damping, spring or one of the forcing.
     within : (float, float)
-        Where to look for it. A value of `free` among `given` is tried first.
+        Where to look for it. A value of `free` among `conditions` is tried first.
     root : int, optional
         Which solution of (11), by falling p; unless given the first one, and any other only where
         that is admissible nowhere in the window.
-    **given
+    **conditions
         The others, and all that `symmetric` takes: forcing, lattice, site, walls.
 
     Returns
@@ -63,7 +63,7 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
     reason, refusal = "", None
     check_kind(free, str, "the name of a parameter")
     whole("root", 1 if root is None else root, 1)
-    missing = {*NEEDED} - {free, *given}
+    missing = {*NEEDED} - {free, *conditions}
     if missing:
         raise BadInput(f"a breather needs {' and '.join(sorted(missing))}, too")
     within = windows({free: within})[free]
@@ -71,52 +71,57 @@ def find_symmetric(free: str, within: Window, *, root: int | None = None, **give
         raise BadInput(f"the window of {free!r} is empty: ({within[0]:g}, {within[1]:g})")
     # an upper breather, wherever in the window, before a lower one
     numbers: tuple[int | None, ...] = (1, None) if root is None else (root,)
-    for number, value in product(numbers, _places(free, within, given)):
+    for number, value in product(numbers, _places(free, within, conditions)):
         try:
-            found = rooted(symmetric_roots(**_with(given, free, value)), number)
+            orbit = rooted(symmetric_roots(**_with(conditions, free, value)), number)
         except NoSolution as error:
             reason = str(error)
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
             refusal = refusal or error
         else:
-            verdict = found.admissibility()
+            verdict = orbit.admissibility()
             if verdict.ok:
-                return found
+                return orbit
             reason = f"at {free} = {value:.6g} {verdict.reason}"
     if refusal is not None and not reason:
         raise refusal
-    fixed = [f"{n} = {given[n]:g}" for n in NAMES if n in given and n != free]
+    fixed = [f"{n} = {conditions[n]:g}" for n in NAMES if n in conditions and n != free]
     raise NoSolution(
         f"no breather with {', '.join(fixed)} for {free} between {within[0]:g} and "
         f"{within[1]:g}: {reason}"
     )
 
 
-def _with(given: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
+def _with(conditions: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
     """What is given, with another value of a parameter, be it one of the forcing."""
-    forcing = forcing_of(given.get("forcing"))
+    forcing = forcing_of(conditions.get("forcing"))
     if name in forcing.params:
-        return {**given, "forcing": forcing.at(**{name: value})}
+        return {**conditions, "forcing": forcing.at(**{name: value})}
     one_of("the parameter", name, (*NAMES, *forcing.params))
-    return {**given, name: value}
+    return {**conditions, name: value}
 
 
-def _places(free: str, within: Window, given: Mapping[str, Any]) -> Iterator[float]:
+def _places(free: str, within: Window, conditions: Mapping[str, Any]) -> Iterator[float]:
     """Where to look for a breather in a window: first next to the fold, then evenly spread."""
     low, high = within
-    first = given.get(free, 0.0 if free in OPTIONAL else None)
+    first = conditions.get(free, 0.0 if free in OPTIONAL else None)
     near = [] if first is None else [first]
     if free == "a":
-        width = abs(Walls.given(given.get("walls")).position(given.get("site", 0), 1))
+        width = abs(Walls.given(conditions.get("walls")).position(conditions.get("site", 0), 1))
+        # beyond a = width the far field of one harmonic, a cos t, hits the walls as well
         high = min(high, max(width if math.isfinite(width) else 1.0, 2.0 * low))
-        if not isinstance(given.get("lattice"), Lattice):
-            fold = smallest_amplitude(given["gamma"], given["k"], given.get("forcing"))
+        if not isinstance(conditions.get("lattice"), Lattice):
+            fold = smallest_amplitude(
+                conditions["gamma"], conditions["k"], conditions.get("forcing")
+            )
+            # breathers begin at the fold (14) and end where the neighbour comes to its wall, (15)
             near += [factor * fold for factor in (1.5, 1.1, 1.01)]
     else:
         low, high = max(low, -REACH), min(high, REACH)
     yield from (value for value in near if within[0] <= value <= within[1])
+    # every other value first, then those between them
     spread = np.linspace(low, high, 41)[[*range(1, 41, 2), *range(0, 41, 2)]].tolist()
-    yield from (value for value in spread if free != "a" or value > 0.0)
+    yield from (value for value in spread if free != "a" or value > 0.0)  # no forcing, no breather
 
 
 def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Problem:
@@ -131,7 +136,7 @@ def find_event(
     *,
     within: Mapping[str, Window] | None = None,
     threshold: float = THRESHOLD,
-    **given: Any,
+    **conditions: Any,
 ) -> Point:
     """The first event of a kind on branches of symmetric breathers, or on the arms that leave them:
     where a `boundary` can begin.
@@ -142,13 +147,13 @@ def find_event(
         LP, PF, NS, GR: what such a breather has; PD, which its arms have.
     pair : (str, str)
         The branches are in the second parameter, at some values of the first one, or at the one
-        among `given`.
+        among `conditions`.
     within : dict, optional
         Windows of both.
     threshold : float
         Modulus over 2 pi from which a multiplier counts as unstable, on finite lattices; not for
         arms, which are judged by the paper's.
-    **given
+    **conditions
         As for `find_symmetric`.
 
     Raises
@@ -172,9 +177,10 @@ def find_event(
     checked = windows(within)
     span, reach = (checked.get(name) or window_of(name) for name in pair)
     reason, refusal = "", None
-    for value in _combed(first, given.get(first), span):
+    for value in _combed(first, conditions.get(first), span):
         try:
-            start = find_symmetric(free, reach, **{"root": 1, **_with(given, first, value)})
+            # root 1 is that with the largest p, an upper breather
+            start = find_symmetric(free, reach, **{"root": 1, **_with(conditions, first, value)})
         except NoSolution as error:
             reason = str(error)
             continue
@@ -184,6 +190,7 @@ def find_event(
         problem = problem_with(start, *pair, threshold=threshold)
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)
+        # a symmetric breather breaks its symmetry (PF) before it can double its period
         for followed in _with_arms(branch, {free: reach}) if kind == "PD" else (branch,):
             for point in followed.special:
                 if point.kind == kind and point.located:
@@ -203,15 +210,15 @@ def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]
             yield switch(point, within=within, progress=False)[0]
 
 
-def _combed(name: str, given: float | None, span: Window) -> Iterator[float]:
+def _combed(name: str, value: float | None, span: Window) -> Iterator[float]:
     """Where to look for a first point: evenly spread, the middle first; damping and springs, which
     need not be there, without them before that."""
-    if given is not None:
-        if not span[0] <= given <= span[1]:
+    if value is not None:
+        if not span[0] <= value <= span[1]:
             raise BadInput(
-                f"{name} = {given:g} is outside of the window {span[0]:g} to {span[1]:g}"
+                f"{name} = {value:g} is outside of the window {span[0]:g} to {span[1]:g}"
             )
-        yield given
+        yield value
         return
     if name in OPTIONAL and span[0] == 0.0:
         yield 0.0

@@ -53,7 +53,8 @@ def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamm
 
 def saltation(a: Any, k: Any, p: Any, d2f: Any, eta: Any) -> tuple[Any, Any]:
     """The acceleration of site 0 at its impacts and the entry b of (19), of numbers or arrays."""
-    acceleration = a * d2f - p * eta
+    acceleration = a * d2f - p * eta  # u'' = a f'' + v'', eq. (5)
+    # b = (1 + k) u''/u', with u' = 2 p/(1 + k) before the impact
     return acceleration, 0.5 * (1.0 + k) ** 2 * acceleration / p
 
 
@@ -87,7 +88,7 @@ class SymmetricBreather:
     def __post_init__(self) -> None:
         object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
         self.lattice.check(self.gamma)
-        restitution_ratio(self.k)
+        restitution_ratio(self.k)  # refuses what is not in [0, 1]
         parameter("a", self.a)
         if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
             raise BadInput(
@@ -110,9 +111,9 @@ class SymmetricBreather:
 
     @property
     def error(self) -> float:
-        here = {"a": self.a, "gamma": self.gamma, "k": self.k}
+        params = {"a": self.a, "gamma": self.gamma, "k": self.k}
         closure = Closure(self.forcing, self.lattice)
-        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), here))))
+        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), params))))
 
     # ------------------------------------------------------------------ what follows from (11)
 
@@ -172,13 +173,14 @@ class SymmetricBreather:
         y, sign = self._phase(t)
         # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
         first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
-        own = np.asarray(FreeFlight(first, ()).at(y)[order])
+        response = np.asarray(FreeFlight(first, ()).at(y)[order])
         away = self.lattice.distance(n)
         for m in np.unique(away[away <= TERMS]):
             at = away == m
-            own[at] = self.flight(int(m)).at(y[at])[order]
+            response[at] = self.flight(int(m)).at(y[at])[order]
         f = self.forcing
-        return np.asarray(self.a * (f.f, f.df, f.d2f)[order](t) + self.p * sign * own)
+        # u = a f + p v, eqs. (5) and (12)
+        return np.asarray(self.a * (f.f, f.df, f.d2f)[order](t) + self.p * sign * response)
 
     def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site at one time."""

@@ -33,10 +33,10 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
     shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
     hit, walls = orbit.section.hit, orbit.walls
     others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
-    orders = [one for one in _exchanges(_answers(orbit)) if _idle_alike(orbit, one)]
+    orders = [order for order in _exchanges(_answers(orbit)) if _idle_alike(orbit, order)]
     for order, shift in product(orders, shifts):
         places = {site: hit[i] for site, i in zip(hit, order, strict=True)}
-        moved = [(walls.at(one), walls.at(to)) for one, to in places.items() if one != to]
+        moved = [(walls.at(site), walls.at(to)) for site, to in places.items() if site != to]
         if (not moved and not shift) or (moved and (others or any(a != b for a, b in moved))):
             continue
         image = shifted(orbit, shift, places)
@@ -74,10 +74,11 @@ def _idle_alike(orbit: Orbit, order: tuple[int, ...]) -> bool:
         return True  # of a chain or a ring every exchange is a symmetry
     basis = lattice.basis(hit)
     answers = (basis.shapes / (1.0 + basis.lam)) @ basis.at(hit).T
-    own = np.pi * lattice.masses + np.e * lattice.drive
+    # incommensurable weights: no usual mass makes up for another drive
+    key = np.pi * lattice.masses + np.e * lattice.drive
     # one number for each site, of all that it is and does
     weights = np.sqrt(2.0 + np.arange(len(order)))
-    before, after = np.sort([answers @ weights + own, answers[:, list(order)] @ weights + own])
+    before, after = np.sort([answers @ weights + key, answers[:, list(order)] @ weights + key])
     return bool(abs(before - after).max() <= ALIKE * abs(before).max())
 
 
@@ -88,26 +89,26 @@ def shifted(orbit: Orbit, shift: int, places: Mapping[int, int] | None = None) -
     Examples
     --------
     >>> from contbreather.orbits.constructors import asymmetric
-    >>> one = asymmetric(0.82, 0.04, 0.8)
-    >>> other = shifted(one, 1)
-    >>> abs(other.displacement(0, 1.0) + one.displacement(0, 1.0 + math.pi)) < 1e-14
+    >>> orbit = asymmetric(0.82, 0.04, 0.8)
+    >>> image = shifted(orbit, 1)
+    >>> abs(image.displacement(0, 1.0) + orbit.displacement(0, 1.0 + math.pi)) < 1e-14
     True
     """
     section, sign, places = orbit.section, -1 if shift % 2 else 1, places or {}
     moved = [
         Impact(places.get(n, n), sign * wall, t - shift * math.pi, sign * J)
-        for n, wall, t, J in sorted(orbit.impacts, key=lambda one: one.time)
+        for n, wall, t, J in sorted(orbit.impacts, key=lambda impact: impact.time)
     ]
-    found: list[tuple[float, int, Any, list[Impact]]] = []
+    fits: list[tuple[float, int, Any, list[Impact]]] = []
     for window in _windows(moved, section):
         if impacts := _named(window, section):
-            times = np.array([one.time for one in impacts])
+            times = np.array([impact.time for impact in impacts])
             times -= orbit.period * round((times[0] - orbit.times[0]) / orbit.period)
-            found.append((float(abs(times - orbit.times).sum()), len(found), times, impacts))
-    if not found:
+            fits.append((float(abs(times - orbit.times).sum()), len(fits), times, impacts))
+    if not fits:
         return None
-    _, _, times, impacts = min(found)
-    impulses = [one.impulse for one in impacts]
+    _, _, times, impacts = min(fits)
+    impulses = [impact.impulse for impact in impacts]
     at = {places.get(n, n): sign * c for n, c in zip(section.hit, orbit.offsets, strict=False)}
     offsets = [at[n] for n in section.hit if at]
     try:
@@ -130,10 +131,10 @@ def _named(window: Sequence[Impact], section: Section) -> list[Impact]:
     """Its impacts in the order of a section, in which those of different sites may overtake each
     other. Empty if it has others."""
     of_site: dict[int, deque[Impact]] = {n: deque() for n in section.hit}
-    for one in window:
-        of_site[one.site].append(one)
+    for impact in window:
+        of_site[impact.site].append(impact)
     impacts = [of_site[n].popleft() for n, _ in section.impacts if of_site[n]]
-    return impacts if tuple(one[:2] for one in impacts) == section.impacts else []
+    return impacts if tuple(impact[:2] for impact in impacts) == section.impacts else []
 
 
 def simpler_than(orbit: Orbit) -> Orbit | None:
@@ -165,12 +166,12 @@ def _first_of(orbit: Orbit, section: Section) -> tuple[Impact, ...]:
 
 def _parts(orbit: Orbit) -> Iterator[Section]:
     """Sections of which the orbit may consist, going by its walls."""
-    own, turns = orbit.section.impacts, orbit.section.turns
+    impacts, turns = orbit.section.impacts, orbit.section.turns
     if orbit.symmetric:
         return
     for parts in (2, 3, 5, 7):
-        m = len(own) // parts
-        if m and turns % parts == 0 and own == own[:m] * parts:
-            yield Section(own[:m], turns // parts)
+        m = len(impacts) // parts
+        if m and turns % parts == 0 and impacts == impacts[:m] * parts:
+            yield Section(impacts[:m], turns // parts)
     if orbit.section.mirrored and orbit.walls.symmetric:
-        yield Section(own[: len(own) // 2], turns, -1)
+        yield Section(impacts[: len(impacts) // 2], turns, -1)

@@ -81,10 +81,10 @@ class Zones(Columns, HtmlRepr):
     def columns(self) -> dict[str, Any]:
         """Those of all curves, by their kind and the number of the piece; first where they are."""
         curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
-        found = stacked(
+        table = stacked(
             ({"curve": kind, "piece": i}, {**b.columns(), "phi": phase(b)}) for kind, i, b in curves
         )
-        return {name: found[name] for name in (*PLACE, *found) if name in found}
+        return {name: table[name] for name in (*PLACE, *table) if name in table}
 
     @property
     def special(self) -> tuple[Point, ...]:
@@ -92,14 +92,14 @@ class Zones(Columns, HtmlRepr):
 
         The pieces of the paper's rule on a ring are one curve.
         """
-        found: list[Point] = []
+        points: list[Point] = []
         for kind in reversed(KINDS):
             for point in (p for branch in self.curves[kind] for p in branch.special):
                 if not is_meeting(point) or point.kind == JOINT:
                     continue
-                if not any(self._same(point, one) for one in found):
-                    found.append(point)
-        return tuple(found)
+                if not any(self._same(point, other) for other in points):
+                    points.append(point)
+        return tuple(points)
 
     def table(self) -> Sheet:
         """Where curves meet: the two kinds, stability first, and the breather there."""
@@ -113,10 +113,10 @@ class Zones(Columns, HtmlRepr):
         """The two kinds of curves of each special point, stability first."""
         return ["-".join(sorted(p.kind.split("-"), key=ORDER.index)) for p in self.special]
 
-    def _same(self, one: Point, other: Point) -> bool:
+    def _same(self, point: Point, other: Point) -> bool:
         """Whether two meetings are one, seen from either curve."""
-        kinds = [set(point.kind.split("-")) for point in (one, other)]
-        return kinds[0] == kinds[1] and all(abs(one[n] - other[n]) < 1e-6 for n in self.pair)
+        kinds = [set(meeting.kind.split("-")) for meeting in (point, other)]
+        return kinds[0] == kinds[1] and all(abs(point[n] - other[n]) < 1e-6 for n in self.pair)
 
     @cached_property
     def regions(self) -> tuple[Region, ...]:
@@ -128,6 +128,7 @@ class Zones(Columns, HtmlRepr):
         """Those of a part of the plane, ``((0, 0.25), (0, 1))``: abscissa first."""
         lines = [np.column_stack([branch[name] for name in self.pair]) for _, branch in self]
         if lines and self.ceiling is not None:
+            # a max|f| = 1, where impacts vanish: no branch of breathers runs along p = 0
             lines.append(np.array([(x, self.ceiling) for x in box[0]]))
         lower = None if self.past_folds else self.lower
         return regions(lines, box, self.unstable, lower) if lines else ()
@@ -135,8 +136,9 @@ class Zones(Columns, HtmlRepr):
     def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
         """What the curves span in both parameters, and on to a window where breathers go on."""
         columns = [[branch[name] for _, branch in self] for name in self.pair]
-        spans = [(min(map(np.min, own)), max(map(np.max, own))) for own in columns]
+        spans = [(min(map(np.min, values)), max(map(np.max, values))) for values in columns]
         if self.ceiling is not None:
+            # a is the ordinate of each plane that it is in
             spans[1] = spans[1][0], max(spans[1][1], self.ceiling)
         for i, name in enumerate(self.pair if within is not None else ()):
             across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
@@ -162,13 +164,13 @@ class Zones(Columns, HtmlRepr):
             for breather in self.breathers(x, y)
             if family_of(breather) in self.families
         ]
-        return min(counts, default=None)
+        return min(counts, default=None)  # stable where any breather is
 
     def lower(self, x: float, y: float) -> float | None:
         """The largest p of the lower breathers at a place of the plane, None where there is none;
         they may be there without the upper one."""
-        found = [b.p for b in self.breathers(x, y) if family_of(b) == "lower"]
-        return max(found, default=None)
+        momenta = [b.p for b in self.breathers(x, y) if family_of(b) == "lower"]
+        return max(momenta, default=None)
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
         """All admissible breathers at a place of the plane, of both families, by falling p."""
@@ -177,10 +179,10 @@ class Zones(Columns, HtmlRepr):
 
     def told(self) -> Iterator[str]:
         """A sentence on each region without upper breathers in which there are lower ones."""
-        for one in self.regions:
-            if any(one.lower):
-                place = f"({', '.join(self.pair)}) = ({one.x:.4g}, {one.y:.4g})"
-                yield f"Around {place} {one.describe()}"
+        for region in self.regions:
+            if any(region.lower):
+                place = f"({', '.join(self.pair)}) = ({region.x:.4g}, {region.y:.4g})"
+                yield f"Around {place} {region.describe()}"
 
     @cached_property
     def model(self) -> dict[str, Any]:
@@ -216,11 +218,11 @@ class Zones(Columns, HtmlRepr):
 def admissible(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     """All roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
     resonance."""
-    try:
-        found = symmetric_roots(at["a"], at["gamma"], at["k"], **model)
+    try:  # below the fold (14) no impulse solves (11)
+        roots = symmetric_roots(at["a"], at["gamma"], at["k"], **model)
     except (NoSolution, Resonance):
         return ()
-    return tuple(breather for breather in found if least_margin(breather.motion) > 0.0)
+    return tuple(breather for breather in roots if least_margin(breather.motion) > 0.0)
 
 
 def phase(curve: Branch) -> Array:

@@ -92,8 +92,8 @@ class Search:
         return self.zones(interrupted=True) if any(self.curves.values()) else None
 
     def run(self, shown: Counter) -> None:
-        found = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
-        if not any(found):
+        scans = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
+        if not any(scans):
             raise BadInput(
                 f"no breather at {self.name} = {self.value:g} for {self._searched()}; "
                 "widen the window, or choose another value"
@@ -117,14 +117,14 @@ class Search:
 
     def _scan(self, x: float, shown: Counter) -> bool:
         """Trace branches at one value of the first parameter, and every new event on them."""
-        found = False
+        any_branch = False
         for branch in self._branches(x, shown):
-            found = True
+            any_branch = True
             for point in branch.special:
                 if point.kind in KINDS and point.located and self._begins(point):
                     self._follow(point, shown)
                     self.kept.look(True, self.so_far)
-        return found
+        return any_branch
 
     def _begins(self, point: Point) -> bool:
         """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
@@ -170,9 +170,9 @@ class Search:
         for y in (*_comb(free, self.within), *self._next_to_folds(x)):
             for breather in self._breathers(x, y):
                 problem, phi = self._problem(breather), breather.phi
-                here = {free: y, "p": breather.p, "phi": phi, "t1": phi}
+                place = {free: y, "p": breather.p, "phi": phi, "t1": phi}
                 names = (free, *self._apart(problem))
-                if any(_on_curve(b, here, names, PASSED) for b in traced):
+                if any(_on_curve(b, place, names, PASSED) for b in traced):
                     continue
                 branch = trace(
                     problem,
@@ -190,16 +190,16 @@ class Search:
         if self.pair[1] != "a" or "damping" in self.model:
             return []
         at = {self.name: self.value, self.pair[0]: x}
-        found = folds(at["gamma"], at["k"], **self.model)
+        amplitudes = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]
-        beside = [factor * a for a in found for factor in NEXT]
+        beside = [factor * a for a in amplitudes for factor in NEXT]
         return [a for a in beside if low <= a <= high]
 
     def _breathers(self, x: float, y: float) -> list[Orbit]:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        found = admissible(values, **self.model)
-        return [b for b in found if self.past_folds or family_of(b) == "upper"]
+        breathers = admissible(values, **self.model)
+        return [b for b in breathers if self.past_folds or family_of(b) == "upper"]
 
     def _follow(self, point: Point, shown: Counter) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it

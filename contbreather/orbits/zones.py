@@ -128,13 +128,14 @@ def zones(
     {'LP': 1, 'GR': 1, 'PF': 1, 'NS': 1}
     """
     every: dict[str, Any] = {"k": k, "gamma": gamma, "a": a}
-    given = {name: v for name, v in every.items() if v is not None}
-    if len(given) != 1:
+    fixed = {name: v for name, v in every.items() if v is not None}
+    if len(fixed) != 1:
         raise BadInput(
-            f"zones need exactly one of k, gamma and a fixed, got {given or 'none'}; "
+            f"zones need exactly one of k, gamma and a fixed, got {fixed or 'none'}; "
             "zones(k=0.8) draws the plane (gamma, a)"
         )
-    ((name, value),) = given.items()
+    ((name, value),) = fixed.items()
+    # a diagram for each; a string is iterable too, but no values
     if np.iterable(value) and not isinstance(value, str):
         shared: dict[str, Any] = {"forcing": forcing, "lattice": lattice, "within": within}
         shared |= {"progress": progress}
@@ -144,7 +145,7 @@ def zones(
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
     model["forcing"] = forcing_of(forcing)
     search = Search(name, value, model, windows(within), threshold, past_folds)
-    line = line_of(progress, lambda own: Counter(own, search.pair[0]))
+    line = line_of(progress, lambda shown: Counter(shown, search.pair[0]))
     with (
         checkpoint(save, "zones") as search.kept,
         line as shown,
@@ -155,9 +156,9 @@ def zones(
     return search.zones()
 
 
-def _fixed(name: str, given: Any) -> float:
+def _fixed(name: str, raw: Any) -> float:
     """The value of the parameter that is fixed, or a sentence."""
-    value = parameter(name, given)
+    value = parameter(name, raw)
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
@@ -185,6 +186,7 @@ def model_of(
                 "damping and springs; name a lattice, Ring(20) for instance"
             )
         return {"lattice": place}
+    # chain and ring without losses have closed forms; spring=0.0 asks for exact modes of a ring
     ringlike = not isinstance(place, Finite) and spring is None
     if ringlike and not (site or damping or walls is not None):
         return {"lattice": place}
@@ -194,6 +196,7 @@ def model_of(
             "damping, springs and walls of its own; leave it out"
         )
     more: dict[str, Any] = {"damping": damping, "spring": 0.0 if spring is None else spring}
+    # a, gamma and k are stand-ins here: each breather of the diagram brings its own
     on = Conditions(1.0, 0.0, 0.5, **more, walls=Walls.given(walls), lattice=place).checked()
     check_walls(Section(((site, 1),), sign=-1).placed(place), on)
     return {"lattice": place, "site": site, **more, "walls": on.walls}
@@ -211,6 +214,7 @@ def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, 
         add_partial_result(done.append),
     ):
         for value in values:
+            # a file then holds the diagrams that are done and as much of this one as there is
             inner = Inner(kept, lambda piece: (*done, piece))
             done.append(zones(**{name: value}, **shared, save=inner))
         kept.finish(tuple(done))

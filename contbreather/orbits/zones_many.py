@@ -65,12 +65,13 @@ def zones_many(
 
     Examples
     --------
-    >>> few = {"gamma": (0.0, 0.05)}
-    >>> for diagram in zones_many([0.7, 0.8], within=few, executor=1):
+    >>> window = {"gamma": (0.0, 0.05)}
+    >>> for diagram in zones_many([0.7, 0.8], within=window, executor=1):
     ...     print(diagram)
     <Zones of upper breathers in ('gamma', 'a') at k = 0.7; LP: 1, GR: 1, PF: 1, NS: 0>
     <Zones of upper breathers in ('gamma', 'a') at k = 0.8; LP: 1, GR: 1, PF: 1, NS: 0>
     """
+    # planes beforehand: what is refused is refused before a worker begins
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
     on: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
     shared: dict[str, Any] = {"lattice": lattice, "within": within, "threshold": threshold}
@@ -90,19 +91,19 @@ class Slice:
 def drawn(where: Slice, **shared: Any) -> Zones:
     """The diagram in one plane."""
     fixed: dict[str, Any] = {where.name: where.value}
-    found: Zones = zones(**fixed, forcing=where.forcing, **shared, progress=False)
-    return found
+    diagram: Zones = zones(**fixed, forcing=where.forcing, **shared, progress=False)
+    return diagram
 
 
 def slices_of(
-    given: Mapping[str, float | Sequence[float] | None],
+    values_of: Mapping[str, float | Sequence[float] | None],
     over: Mapping[str, float | Sequence[float]] | None,
     forcing: Forcing | str | None,
 ) -> list[Slice]:
     """All planes, those of the first value first."""
     over = {} if over is None else over
     check_kind(over, Mapping, "a dict of parameters of the forcing with their values")
-    fixed = {name: values for name, values in given.items() if values is not None}
+    fixed = {name: values for name, values in values_of.items() if values is not None}
     if len(fixed) != 1:
         raise BadInput(
             f"many diagrams need values of exactly one of {', '.join(PAIRS)}, got "
@@ -114,6 +115,7 @@ def slices_of(
         if other not in drive.params:
             have = ", ".join(drive.params) or "none"
             raise BadInput(f"no parameter {other!r} of the forcing {drive!r}; it has {have}")
-    asked = {name: values, **over}
-    grid = {one: row(one, of, "values of it").tolist() for one, of in asked.items()}
+    axes = {name: values, **over}
+    grid = {axis: row(axis, of, "values of it").tolist() for axis, of in axes.items()}
+    # what is left beside the fixed parameter belongs to the forcing
     return [Slice(name, at.pop(name), drive.at(**at) if at else drive) for at in combinations(grid)]
