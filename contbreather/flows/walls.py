@@ -128,7 +128,11 @@ def lowest(orbit: Cycle) -> Touch | None:
             for j in _lows(v, s, begins, ends):
                 beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(_bottom(wall, flight, orbit.params, s[j], beside, ends))
-            touches += [Touch(_wall(wall, flight, orbit.params, u)[0], i, u, wall) for u in places]
+            at = np.array(places)
+            off = values(wall, flight.start + flight.duration * at, flight.at(at), orbit.params)[0]
+            touches += [
+                Touch(c, i, u, wall) for c, u in zip(off.tolist(), at.tolist(), strict=True)
+            ]
     return min(touches, key=lambda touch: touch.clearance, default=None)
 
 
