@@ -14,7 +14,8 @@ from ..errors import BadInput
 from .defining_systems import Singular, singular_between
 from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN, Undefined
-from .point import Event, Point
+from .point import Event, Many, Point
+from .points import Points
 
 Value = float | int
 
@@ -45,6 +46,22 @@ def counted(event: Event, value: Any) -> Value:
             f"the test of {event.kind} gave {value!r}; one real number was expected, or NaN where "
             "it has no value"
         ) from error
+
+
+def measure_many(event: Event, points: Points) -> Many | None:
+    """The tests and counts of an event at many points; None where each has to be asked."""
+    answer = event.many and event.many(points)
+    if not answer:
+        return None
+    test, count = answer
+    shapes = [np.shape(column) for column in (test, count) if column is not None]
+    wanted = [(len(points),)] * (2 if event.count else 1)
+    if shapes != wanted:
+        raise BadInput(
+            f"many of {event.kind} gave arrays of shapes {shapes}; {wanted} were expected, a test "
+            f"{'and a count ' if event.count else ''}for each point"
+        )
+    return test, count
 
 
 def count_at(event: Event, point: Point) -> int | float:

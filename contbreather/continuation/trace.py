@@ -30,7 +30,7 @@ from .newton import Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
-from .samples import Value, count_at, counted, measure
+from .samples import Value, count_at, counted, measure, measure_many
 from .starts import (
     Within,
     all_of,
@@ -410,11 +410,10 @@ class ContinuationIterator:
     def _looked_ahead(self, end: int) -> bool:
         """The same by tests of all points at once, if all events say these."""
         buffer, events, earlier, point = self.stepper, self.events, self.earlier, self._taken
-        batched = [event.many for event in events if event.many]
-        if len(batched) < len(events) or earlier is None:
+        if earlier is None or not all(event.many for event in events):
             return False
         points = Points.of(buffer.points[buffer.used : end])
-        values = [value for many in batched if (value := many(points))]
+        values = [value for event in events if (value := measure_many(event, points))]
         if len(values) < len(events):
             return False
         places = np.concatenate([[earlier[0], point.arclength], points.arclength])

@@ -113,10 +113,10 @@ def fill(group: h5py.Group, columns: Values, attributes: Values, prefix: str = "
     for scale in scales.values():  # the words are netCDF's
         scale.make_scale(b"This is a netCDF dimension but not a netCDF variable.%10d" % scale.size)
     for name, (dimensions, values, flags) in variables.items():
-        own = f"{_NAMESAKE}{name}" if name in scales else name
-        one = _made(group, own, values.shape, data=values, fillvalue=flags.get("_FillValue"))
-        _describe(one, flags)
-        for axis, dimension in zip(one.dims, dimensions, strict=True):
+        label = f"{_NAMESAKE}{name}" if name in scales else name
+        variable = _made(group, label, values.shape, data=values, fillvalue=flags.get("_FillValue"))
+        _describe(variable, flags)
+        for axis, dimension in zip(variable.dims, dimensions, strict=True):
             axis.attach_scale(scales[dimension])
 
 

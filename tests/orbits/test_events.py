@@ -60,6 +60,14 @@ def test_events_say_of_many_points_what_they_say_of_each(k: float, on: dict[str,
     assert (again["a"] == branch["a"]).all()
 
 
+def test_tests_of_many_points_that_do_not_fit_are_refused() -> None:
+    breather, steps = cb.symmetric(0.5, 0.06, 0.6), cb.Steps(largest=0.02)
+    within: dict[str, Any] = {"within": {"a": (0.3, 0.8)}, "steps": steps}
+    short = cb.Event("UZ", lambda p: p["a"], many=lambda points: (points.z[1:, 2], None))
+    with pytest.raises(cb.BadInput, match=r"many of UZ gave arrays of shapes \[\(\d+,\)\]"):
+        cb.trace(breather, "a", events=[short], **within)
+
+
 @pytest.mark.parametrize(
     ("lattice", "free"), [(CHAIN, "gamma"), (cb.Ring(6), "a")], ids=["coupling", "ring"]
 )
