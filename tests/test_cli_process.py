@@ -18,8 +18,18 @@ import pytest
 import contbreather.__main__ as entry
 from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
-from contbreather.cli.interrupts import Act, CutShort, _Watch, computing, end, kept, watched
-from contbreather.cli.streams import abandon, prepare, trouble
+from contbreather.cli.process import (
+    Act,
+    CutShort,
+    _Watch,
+    abandon,
+    computing,
+    end,
+    kept,
+    prepare,
+    trouble,
+    watched,
+)
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]

@@ -1,20 +1,89 @@
-"""`contbreather run`: a whole study out of its file, or the rest of it."""
+"""`contbreather figure`, `explore`, `run`: the paper, the explorer, studies, each a package."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
-from contbreather.cli.interrupts import end, kept
-from contbreather.cli.options import Workers
-from contbreather.cli.output import note, say, to_json
+from contbreather.cli.options import Whole, Workers
+from contbreather.cli.output import Output, note, say, to_json
+from contbreather.cli.process import computing, end, kept
 from contbreather.errors import BadInput, NotConverged
 
 if TYPE_CHECKING:
     from contbreather.studies import Report
+
+
+def figure(number: str | None = None, *, into: Output = Output()) -> None:
+    """A figure of the paper, with what is exact beside what the paper says, and our verdict.
+
+    It is drawn to the file that --output names; without --output, --csv and --json to figure2.png
+    for figure 2, and so on, in the current directory.
+
+    Parameters
+    ----------
+    number
+        2 to 8, as numbered in the captions.
+    """
+    from contbreather.paper import FIGURES
+
+    if number is None or number not in map(str, FIGURES):
+        there = ", ".join(map(str, FIGURES))
+        raise BadInput(f"figure {number or '(none given)'}: there are the figures {there}")
+    if into == Output():
+        into = replace(into, output=f"figure{number}.png")
+    into.check()
+    with computing():
+        drawing = FIGURES[int(number)]()
+    rows = list(drawing.rows())
+    content: dict[str, Any] = {"figure": int(number), "caption": drawing.caption, "rows": rows}
+    if hasattr(drawing, "numbers"):  # what the caption's verdict is made of
+        content["numbers"] = drawing.numbers
+    into.leave(lambda: content, [drawing.caption], lambda: (rows, list(rows[0])), drawing.draw)
+
+
+def explore(
+    run: str | None = None,
+    /,
+    *,
+    k: float = 0.8,
+    port: Whole = 0,
+    address: str = "127.0.0.1",
+    origin: tuple[str, ...] = (),
+    headless: bool = False,
+) -> None:
+    """Zones, branches and breathers to click through, in a browser; Ctrl-C ends it.
+
+    Parameters
+    ----------
+    run
+        A file with curves to begin with.
+    k
+        Restitution of the first zone diagram.
+    port
+        Where to listen; any free port unless given.
+    address
+        Of this machine, on which others may reach it; 127.0.0.1, this machine alone, unless given.
+    origin
+        HOST:PORT of a page from elsewhere that may talk to it, behind a proxy for instance.
+    headless
+        Do not open a browser.
+    """
+    from contbreather.explorer import Explorer
+    from contbreather.explorer.server import server_for
+
+    with computing():
+        explorer = Explorer(run=run, k=k)
+        server, url = server_for(explorer, port=port, address=address, origins=origin)
+        say(f"The explorer is at {url} (Ctrl-C ends it).")
+        if not headless:
+            server.io_loop.add_callback(server.show, "/")
+        server.start()
+        server.io_loop.start()  # Ctrl-C stops it between two callbacks, not in the middle of one
+        raise KeyboardInterrupt
 
 
 def run(
