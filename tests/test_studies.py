@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,8 @@ import xarray
 import contbreather as cb
 from contbreather.orbits.start_search import window_of
 from contbreather.orbits.zones_many import Slice
-from contbreather.studies import Report, plan, read, tasks
+from contbreather.studies import Report, cluster, plan, read, tasks
 from contbreather.studies import run as conduct
-from contbreather.studies.cluster import cluster
 from contbreather.studies.tasks import Worker, tasks_of
 
 from .apart import HUNG
@@ -659,7 +659,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
     study.write_text(SMALL.partition("[arms")[0].replace("[0.02, ", "[0.02, 0.03, "))
     done = conduct(study, executor=1)
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", HUNG)
+    monkeypatch.setattr(import_module("contbreather.studies.run"), "PATIENCE", HUNG)
     waiting = ("connect", "tcp")
     distributed.dask.config.set({f"distributed.comm.timeouts.{one}": HUNG for one in waiting})
     local = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
@@ -678,7 +678,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", 0.1)
+    monkeypatch.setattr(import_module("contbreather.studies.run"), "PATIENCE", 0.1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(cb.BadInput, match="no cluster answers at"), cluster(address):
             pass

@@ -120,24 +120,24 @@ def run(
     json
         Print one JSON object.
     """
-    from contbreather.studies import plan
-    from contbreather.studies import run as conduct
-    from contbreather.studies.cluster import cluster as dask
+    from contbreather import studies
 
     if study is None:
         raise BadInput("which study? Name its file: contbreather run study.toml")
     if cluster is not None and workers is not None:
         raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
     if dry_run:
-        planned = plan(study, folder=folder, again=again)
+        planned = studies.plan(study, folder=folder, again=again)
         if json:
             to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.parts()})
         else:
             say(planned)
         return
     tell = None if sys.stderr.isatty() else note
-    with nullcontext(workers) if cluster is None else dask(cluster) as executor:
-        report, cut = kept(conduct, study, folder=folder, executor=executor, again=again, tell=tell)
+    with nullcontext(workers) if cluster is None else studies.cluster(cluster) as executor:
+        report, cut = kept(
+            studies.run, study, folder=folder, executor=executor, again=again, tell=tell
+        )
     if json:
         written = [str(path) for path in report.written]
         to_json({**asdict(report), "folder": str(report.folder), "written": written})
