@@ -14,10 +14,18 @@ from typing import Any
 from contbreather.checks import whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
-from contbreather.explorer.jobs import Job, JobThread, Progress
+from contbreather.explorer.jobs import (
+    Computation,
+    Job,
+    JobThread,
+    OnLattice,
+    Progress,
+    arguments,
+    breather,
+    point_of,
+)
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
-from contbreather.explorer.work import OnLattice, Work, arguments, breather, point_of
 from contbreather.files import writable
 from contbreather.lattice import Ring
 from contbreather.lattice.parse import as_typed
@@ -298,7 +306,7 @@ class Session:
 
     # ---------------------------------------------------------------------------------- long work
 
-    def begin(self, work: Work) -> None:
+    def begin(self, computation: Computation) -> None:
         """Do it in the background.
 
         Raises
@@ -310,10 +318,12 @@ class Session:
         def taken(value: Any, cut: bool) -> None:
             note = "  # was stopped: what is seen is a piece of it" if cut else ""
             if cut:
-                self.message = f"{work.title}: stopped; what was done is kept."
-            self._take(work.name, (*work.setup, f"{{}} = {work.code}{note}"), value)
+                self.message = f"{computation.title}: stopped; what was done is kept."
+            self._take(
+                computation.name, (*computation.setup, f"{{}} = {computation.code}{note}"), value
+            )
 
-        self._run(work.title, work.job, taken)
+        self._run(computation.title, computation.job, taken)
 
     def _run(self, title: str, job: Job, taken: Callable[[Any, bool], object]) -> None:
         if self.busy:

@@ -16,7 +16,7 @@ import contbreather as cb
 from contbreather.explorer import summary, views
 from contbreather.explorer.preview import Preview, preview_of
 from contbreather.explorer.state import Chosen, Named, State
-from contbreather.explorer.theme import DARK, LIGHT
+from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import canvas, plot
 from contbreather.plotting.zones import LINES, SHADES
