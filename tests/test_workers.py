@@ -263,7 +263,7 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
         "workers",
         "orbits.zones_many",
         "orbits.atlas",
-        "plotting.atlas",
+        "plotting.zones",
         "studies.run",
         "studies.validation",
     ],
