@@ -14,8 +14,8 @@ import xarray
 
 import contbreather as cb
 from contbreather.orbits.atlas import save_atlas, words
-from contbreather.plotting import zones as zones_drawn
 from contbreather.plotting import plot_atlas
+from contbreather.plotting import zones as zones_drawn
 
 FEW = {"gamma": (0.0, 0.02)}
 DRIVE = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)

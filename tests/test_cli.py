@@ -49,12 +49,6 @@ def numbers(row: dict[str, str]) -> dict[str, float]:
 # --- what is refused ----------------------------------------------------------------------------
 
 
-def test_bad_input_is_refused_the_same_way_with_json(run: Run) -> None:
-    status, out, err = run("point --a 0.01 --gamma 0.1 --k 0.8 --json")
-    assert (status, out) == (BAD_INPUT, "")
-    assert "the smallest a is" in err
-
-
 def test_bad_places_are_refused_before_anything_is_computed(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

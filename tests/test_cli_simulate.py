@@ -127,15 +127,6 @@ def test_last_state_starts_the_next_run_at_its_own_time(run):
     assert "lost_after" not in content  # nobody said that it began as a breather
 
 
-def test_state_that_cannot_be_read_is_refused_with_the_systems_reason(run):
-    run("--version")
-    Path("picture").write_bytes(b"\x89PNG\xff")
-    for name, reason in (("nowhere", "No such file or directory"), ("picture", "it is not text")):
-        status, out, err = run(f"{LOST} --periods 1 --start {name}")
-        assert (status, out) == (BAD_INPUT, "")
-        assert f"cannot read {name}: {reason}; JSON with u, v and t" in err
-
-
 def test_two_columns_are_a_state_and_set_the_length_of_the_ring(run):
     run("--version")
     Path("state.csv").write_text("u,v\n0.1,0.2\n0.0,-0.3\n-0.5,0\n")

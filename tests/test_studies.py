@@ -391,13 +391,6 @@ def test_a_study_with_a_mistake_is_refused(text: str, reason: str, tmp_path: Pat
     assert reason in str(refused.value)
 
 
-def test_a_study_that_is_not_there_is_refused(run: Command) -> None:
-    assert run("run")[0] == 2
-    status, _, err = run("run nowhere.toml")
-    assert (status, "nowhere.toml" in err) == (2, True)
-    assert run("run x.toml --workers 1 --cluster tcp://a:1")[0] == 2
-
-
 def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) -> None:
     (tmp_path / "spring.csv").write_text("1, -1\n-1, 1\n")
     path = tmp_path / "study.toml"
@@ -710,10 +703,3 @@ def test_the_studies_that_are_shipped_run(path: Path, tmp_path: Path) -> None:
     report = conduct(path, folder=tmp_path, executor=1)
     assert report.failed == {}
     assert all(made.stat().st_size > 10_000 for made in report.written)
-
-
-def test_the_command_asks_for_a_study(run: Command) -> None:
-    status, _, said = run("run")
-    assert (status, said.strip()) == (
-        2, "contbreather: which study? Name its file: contbreather run study.toml"
-    )  # fmt: skip
