@@ -19,9 +19,8 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from contbreather.cli import BAD_INPUT, DONE, FAILED
 from contbreather.cli.output import to_csv
-from contbreather.errors import NotConverged
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability.arc import on_arc
@@ -56,24 +55,6 @@ def test_bad_places_are_refused_before_anything_is_computed(
     monkeypatch.setattr(cb, "zones_many", computed)
     assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
     assert not computed.called
-
-
-@pytest.mark.parametrize(
-    ("error", "status", "words"),
-    [
-        (
-            NotConverged("Newton's iteration went nowhere"),
-            FAILED,
-            "Newton's iteration went nowhere",
-        ),
-        (KeyboardInterrupt(), INTERRUPTED, "interrupted"),
-    ],
-)
-def test_what_the_library_raises_has_its_sentence_and_status(
-    run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, status: int, words: str
-) -> None:
-    monkeypatch.setattr("contbreather.orbits.symmetric_roots", Mock(side_effect=error))
-    assert run(POINT) == (status, "", f"contbreather: {words}\n")
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE, run_summary
-from contbreather.cli.output import say, to_csv, to_json
+from contbreather.cli.output import say, to_json
 from contbreather.simulation import open_recording, there_and_back
 
 from .typed import Run, table
@@ -147,17 +147,6 @@ def test_what_is_not_finite_is_null_in_json_and_never_a_number(capsys) -> None:
         "deep": {"here": [None, 0.0]},
         "whole": 3,
     }
-
-
-def test_what_is_absent_is_an_empty_cell_and_infinity_a_word(tmp_path: Path) -> None:
-    rows = [{"a": 0.1, "b": math.nan, "c": None}, {"a": math.inf, "b": 0.0, "c": 7}, {"b": 1 / 3}]
-    made = to_csv(str(tmp_path / "t.csv"), rows, ["c", "a", "b"])
-    lines = made.read_text().split("\n")
-    assert lines[0] == "c,a,b"
-    first, second, third = (line.split(",") for line in lines[1:4])
-    assert (first[0], float(first[1]), first[2]) == ("", 0.1, "")
-    assert (second[0], second[1], float(second[2])) == ("7", "inf", 0.0)
-    assert (third[0], third[1], float(third[2])) == ("", "", 1 / 3)
 
 
 # --- boundary, point, branch ----------------------------------------------------------------------

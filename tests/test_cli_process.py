@@ -50,14 +50,6 @@ def surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 # --- streams --------------------------------------------------------------------------------------
 
 
-def test_standard_output_that_is_not_there_says_so_when_it_is_written_to(monkeypatch) -> None:
-    monkeypatch.setattr(sys, "stdout", None)
-    prepare()
-    with pytest.raises(OSError, match="it is closed") as caught:
-        print("something")
-    assert caught.value.errno == errno.EBADF
-
-
 def test_standard_error_that_is_not_there_takes_anything(monkeypatch) -> None:
     monkeypatch.setattr(sys, "stderr", None)
     prepare()
@@ -448,20 +440,6 @@ def test_an_interruption_says_what_it_brings() -> None:
     failed = NotConverged("no way")
     assert math.isnan(failed.residual)
     assert (failed.iterations, failed.last) == (None, None)
-
-
-@pytest.mark.apart
-@pytest.mark.parametrize("what", ["a table", "JSON"])
-def test_what_a_full_standard_output_cannot_take_is_noticed_before_the_end(
-    monkeypatch, capsys, what: str
-) -> None:
-    """All of it fits into the buffer: only the flush hears of the full disk."""
-    with open("/dev/full", "w") as full:
-        monkeypatch.setattr(sys, "stdout", full)
-        status = main(POINT if what == "JSON" else POINT[:-1])
-        monkeypatch.undo()
-        said = "contbreather: cannot write to standard output: No space left on device\n"
-        assert (status, capsys.readouterr().err) == (FAILED, said)
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure_to_speak_of(monkeypatch, capsys) -> None:
