@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex, to_rgb
 
 from contbreather.orbits.zones import zones
 from contbreather.paper import FIGURES, chain_lengths, figure2, figure3, figure4
-from contbreather.paper.figure2 import TRANSITIONS, Figure2
+from contbreather.paper.figures234 import TRANSITIONS, Figure2
 from contbreather.paper.time_series import Curve, Panel, TimeSeries
 
 T = np.linspace(0.0, 2.0, 9)
