@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from pathlib import Path
 
 import pytest
-
-import contbreather
-
-PACKAGE = Path(contbreather.__file__).parent
 
 # Where one name has several meanings: whose is whose, as the pages of these functions say.
 WHOSE = {
@@ -40,14 +35,3 @@ def test_what_is_not_said_is_as_its_page_says(name: str) -> None:
     given = inspect.signature(getattr(module, own)).parameters
     for parameter, value in WHOSE[name].items():
         assert given[parameter].default == value, parameter
-
-
-def test_the_threshold_of_the_paper_is_the_same_everywhere() -> None:
-    found = []
-    for path in sorted(PACKAGE.rglob("*.py")):
-        inside = path.relative_to(PACKAGE).with_suffix("").parts
-        if inside[-1].startswith("__") or inside[0] == "cli":
-            continue
-        module = importlib.import_module(".".join(("contbreather", *inside)))
-        found += [getattr(module, name) for name in ("THRESHOLD", "PAPER") if hasattr(module, name)]
-    assert set(found) == {1.005}

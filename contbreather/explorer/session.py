@@ -420,7 +420,10 @@ class Session:
         BadInput
             If there are none, or the file cannot be written.
         """
-        results = self._results()
+        state = self.state
+        results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
+        results |= {curve.code.translate(PLAIN): curve.branch for curve in state.curves}
+        results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
         if not results:
             raise BadInput("there is nothing to save yet: trace a branch first.")
         save(path, **results)
@@ -434,13 +437,6 @@ class Session:
             lambda _: self.save(target),
             lambda file, _: self.tell(f"Wrote {file}."),
         )
-
-    def _results(self) -> dict[str, Any]:
-        state = self.state
-        results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
-        results |= {curve.code.translate(PLAIN): curve.branch for curve in state.curves}
-        results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
-        return results
 
     def figure(self, what: str, suffix: str) -> bytes:
         """The zones, the branches or the simulation as a figure for a journal.

@@ -192,15 +192,11 @@ def plot_section(
     with drawing(ax) as (drawn, axes):
         axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
         axes.set(xlabel=f"$u_{{{site}}}$", ylabel=rf"$\dot u_{{{site}}}$")
-        _not_finer(axes, u, v)
+        # a fixed point is a point, however deep its rounding could be zoomed into
+        for values, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
+            if np.ptp(values) < 1e-3:
+                limits(values.mean() - 1e-3, values.mean() + 1e-3)
     return drawn
-
-
-def _not_finer(axes: Axes, u: Array, v: Array) -> None:
-    """A fixed point is a point, however deep its rounding could be zoomed into."""
-    for values, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
-        if np.ptp(values) < 1e-3:
-            limits(values.mean() - 1e-3, values.mean() + 1e-3)
 
 
 def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:

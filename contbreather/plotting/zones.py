@@ -348,7 +348,8 @@ def _lines(
     """The curves of each kind at each value of the third parameter."""
     for name, value in at.items():
         if name not in atlas or not np.isclose(atlas[name], value).any():
-            raise BadInput(f"at {name} = {value!r}: the atlas has {_values(atlas, name)}")
+            there = np.unique(atlas[name]).tolist() if name in atlas else list(atlas)
+            raise BadInput(f"at {name} = {value!r}: the atlas has {there}")
     rows = np.all([np.isclose(atlas[name], value) for name, value in at.items()], axis=0)
     existing = _words(atlas.kind, "flag_meanings")
     for kind in kinds:
@@ -362,10 +363,6 @@ def _lines(
             points = space[curve == number]
             lines[kind].setdefault(float(points[0, 1]), []).append(points)
     return lines
-
-
-def _values(atlas: Dataset, name: str) -> object:
-    return np.unique(atlas[name]).tolist() if name in atlas else f"{list(atlas)}"
 
 
 def _draw(

@@ -215,10 +215,6 @@ def _branch(task: Task, folder: Path) -> Branch:
     return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
 
 
-def _arms(task: Task, folder: Path) -> tuple[Branch, ...]:
-    return switch(_source(task, folder), within=_within(task), progress=False)
-
-
 def _boundary(task: Task, folder: Path) -> Branch:
     first, second = task.asked["pair"]
     steps, point = _steps(task.asked), _source(task, folder)
@@ -235,7 +231,9 @@ def _zones(task: Task, folder: Path) -> Any:
 
 _COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {
     "branch": _branch,
-    "arms": _arms,
+    "arms": lambda task, folder: switch(
+        _source(task, folder), within=_within(task), progress=False
+    ),
     "boundary": _boundary,
     "zones": _zones,
 }
