@@ -133,9 +133,9 @@ class Output:
         """Refuse files that cannot be written before anything is computed, `more` by their options
         among them, and one place for two things, however its name is written: two files, a file
         and what is `read`, or what is printed."""
-        written = {"--csv": self.csv, "--save": self.kept}
-        written |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
-        written = {option: path for option, path in written.items() if path is not None}
+        typed = {"--csv": self.csv, "--save": self.kept}
+        typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
+        written = {option: path for option, path in typed.items() if path is not None}
         for option, path in written.items():
             _check_place(option, path)
         taken = {identity(path): name for name, path in (read or {}).items() if path is not None}

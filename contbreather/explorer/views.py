@@ -213,9 +213,10 @@ class ZonesView:
         """Mark what is looked at, if it lies in this plane and is of this lattice."""
         (x, y), (name, value) = drawn.pair, drawn.fixed
         orbit = None if chosen is None else chosen.orbit
-        there = orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9
-        seen = there and is_of(drawn, orbit)
-        _fill(self.here, [(getattr(orbit, x), getattr(orbit, y))] if seen else [])
+        here = []
+        if orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9 and is_of(drawn, orbit):
+            here = [(getattr(orbit, x), getattr(orbit, y))]
+        _fill(self.here, here)
 
 
 def _at(fixed: tuple[str, float]) -> str:
