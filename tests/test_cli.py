@@ -90,9 +90,7 @@ def test_point_on_a_ring_follows_the_paper_s_rule(run: Run) -> None:
     assert strict(run(line)[1])["ring"]["threshold"] == 1.005
 
 
-def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(
-    run: Run,
-) -> None:
+def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(run: Run) -> None:
     out = run("point --a 0.2 --gamma 0.11 --k 0.8 --json")[1]
     multipliers = [complex(*pair) for pair in strict(out)["multipliers"]]
     assert multipliers == cb.symmetric(0.2, 0.11, 0.8).stability().multipliers.tolist()
@@ -108,9 +106,7 @@ def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Run) -> None:
         assert len(content["other_roots"]) == 3
 
 
-def test_people_read_a_verdict_that_names_its_chain_and_threshold(
-    run: Run,
-) -> None:
+def test_people_read_a_verdict_that_names_its_chain_and_threshold(run: Run) -> None:
     _, out, _ = run(f"{POINT} --sites 40")
     assert "Infinite chain: stable" in out
     assert "Ring of 40:" in out
@@ -126,9 +122,7 @@ def test_solution_through_a_wall_is_not_called_a_breather(run: Run) -> None:
     assert content["max_neighbour"] > 1
 
 
-def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
-    run: Run,
-) -> None:
+def test_nothing_is_said_of_the_stability_of_what_is_no_breather(run: Run) -> None:
     """Its multipliers are inside the circle, but the chain has no such motion."""
     assert cb.symmetric(0.9, 0.1, 0.8, root=1).stability().unstable == 0
     line = "point --a 0.9 --gamma 0.1 --k 0.8 --sites 40 --root 1"
@@ -611,9 +605,7 @@ def test_a_window_that_is_cut_says_so(run: Run) -> None:
     assert run(line.replace("0.3", "0.24"))[2] == ""
 
 
-def test_without_meetings_there_is_a_sentence_and_no_empty_table(
-    run: Run,
-) -> None:
+def test_without_meetings_there_is_a_sentence_and_no_empty_table(run: Run) -> None:
     out = run("zones --a 0.3 --gamma-window 0.05 0.1 --csv z.csv")[1]
     assert out.startswith("No two curves meet there.\nPoints on the curves at a = 0.3: NS ")
     assert "┃" not in out

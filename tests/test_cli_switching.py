@@ -21,9 +21,7 @@ DIAGRAM = "diagram --free a --gamma 0.04 --k 0.8"
 # --- switch ---------------------------------------------------------------------------------------
 
 
-def test_both_arms_are_told_with_normal_form_stability_and_end(
-    run: Run,
-) -> None:
+def test_both_arms_are_told_with_normal_form_stability_and_end(run: Run) -> None:
     status, out, err = run(f"{SWITCH} -o arms.png")
     assert (status, err) == (DONE, "")
     for sentence in (

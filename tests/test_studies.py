@@ -375,10 +375,7 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         (ONE + "\noptional = 1", "branch.b.optional: true or false was expected, got 1"),
         ("branch = 3", "line 1, branch: a table of names and values was expected, got 3"),
         ("[branch]\nb = 3", "line 2, branch.b: a table of keys was expected, got 3"),
-        (
-            ONE + "\n[figure.f]\ndraws = []",
-            "f.draws: a list of at least 1 was expected, got []",
-        ),
+        (ONE + "\n[figure.f]\ndraws = []", "f.draws: a list of at least 1 was expected, got []"),
         (ONE + "\n[figure.f]\ndraws = {}", "figure.f.draws: a list was expected, got a table"),
         ("[colours]\nred = 1\n[zones.z]\nk = 0.8", "colours: unknown here; there are title"),
     ],

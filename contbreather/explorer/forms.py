@@ -98,12 +98,11 @@ def of_the_model(name: str, value: str = "", read: Read = str.strip) -> Field:
 class Field:
     """A text field with its label above and, where it is refused, the reason below."""
 
-    def __init__(self, label: str, value: str, read: Read, *, hint: str = "", **more: Any) -> None:
+    def __init__(self, label: str, value: str, read: Read, *, hint: str = "") -> None:
         self.read = read
         self.input = pn.widgets.TextInput(
-            label=label, value=value, placeholder=hint, sizing_mode="stretch_width",
-            margin=(2, 5), **more,
-        )  # fmt: skip
+            label=label, value=value, placeholder=hint, sizing_mode="stretch_width", margin=(2, 5)
+        )
         self.trouble = ErrorLabel()
         self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
 

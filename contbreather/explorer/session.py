@@ -140,10 +140,7 @@ class Session:
         return between(left, right, k)
 
     def _compute(
-        self,
-        wanted: Plane,
-        then: Callable[[Zones | None, bool, str], object],
-        after: float = 0.0,
+        self, wanted: Plane, then: Callable[[Zones | None, bool, str], object], after: float = 0.0
     ) -> None:
         name, value, forcing, of = wanted
         on: dict[str, Any] = {name: value, **self._models[of]}

@@ -18,14 +18,7 @@ from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.style import Theme
 from contbreather.explorer.summary import Motion, Multipliers, Profile
 from contbreather.orbits.regions import Region
-from contbreather.plotting.branches import (
-    BEYOND,
-    STABLE,
-    UNSTABLE,
-    column_of,
-    pieces,
-    value_of,
-)
+from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
 from contbreather.simulation import Run
 from contbreather.simulation.states import PERIOD
 
@@ -88,11 +81,11 @@ def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any
     return fig
 
 
-def _legend(fig: Any, theme: Theme, place: str = "top_right") -> None:
+def _legend(fig: Any, theme: Theme) -> None:
     if not fig.legend:
         return
     legend = fig.legend[0]
-    legend.location = place
+    legend.location = "top_right"
     legend.label_text_color = theme.text
     legend.label_text_font_size = "11px"
     legend.background_fill_color = theme.paper
@@ -101,13 +94,13 @@ def _legend(fig: Any, theme: Theme, place: str = "top_right") -> None:
     legend.padding, legend.spacing, legend.glyph_width = 4, 0, 26
 
 
-def _reach(axis: Range1d, values: Iterable[float], least: float = 0.0) -> None:
+def _reach(axis: Range1d, values: Iterable[float]) -> None:
     """Let an axis show all values, and a little more."""
     finite = np.array([value for value in values if np.isfinite(value)])
     if not finite.size:
         return
     low, high = float(finite.min()), float(finite.max())
-    room = max(MARGIN * (high - low), least, 1e-9 * max(abs(low), abs(high), 1.0))
+    room = max(MARGIN * (high - low), 1e-9 * max(abs(low), abs(high), 1.0))
     _bounded(axis, low - room, high + room)
 
 

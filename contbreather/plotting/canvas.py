@@ -129,10 +129,10 @@ def _apart(size: tuple[float, float]) -> Figure:
     return figure
 
 
-def inline(draw: Callable[[Axes], object], *, width: float = 8.5, height: float = 6.0) -> str:
-    """What `draw` puts into its axes as one ``<svg>`` element, cm wide and high."""
+def inline(draw: Callable[[Axes], object]) -> str:
+    """What `draw` puts into its axes as one ``<svg>`` element."""
     with style():
-        figure = _apart((width * CM, height * CM))
+        figure = _apart((COLUMN * CM, 6.0 * CM))
         draw(figure.subplots())
         file = StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
