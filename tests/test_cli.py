@@ -290,17 +290,6 @@ def test_pipes_take_tables_as_wide_as_they_are(run: Run) -> None:
     assert "residual" in out
 
 
-def test_branch_in_json_is_all_columns_and_special_points(run: Run) -> None:
-    content = strict(run(f"{BRANCH} --window 0.3 0.7 --json")[1])
-    columns = content["columns"]
-    assert content["free"] == "a"
-    assert {"p", "phi", "a", "gamma", "k", "unstable"} <= set(columns)
-    assert (columns["a"][0], columns["a"][-1]) == (0.3, 0.7)
-    for a, p in zip(columns["a"], columns["p"], strict=True):
-        assert p == pytest.approx(cb.symmetric(a, 0.1, 0.8).p, abs=1e-13)
-    assert [point["kind"] for point in content["special"]][::2] == ["EP", "EP"]
-
-
 @pytest.mark.parametrize(
     ("free", "rest", "kind", "value"),
     [

@@ -254,16 +254,6 @@ def test_after_a_computation_it_waits_and_is_heard_at_the_end(spoken, leaving) -
 
 
 @pytest.mark.apart
-def test_the_second_one_does_not_wait(spoken, leaving) -> None:
-    done: list[str] = []
-    again = lambda: signal.raise_signal(signal.SIGINT)  # noqa: E731
-    with pytest.raises(KeyboardInterrupt):
-        interrupted_after_computing(again, lambda: done.append("written"))
-    assert done == []
-    assert len(spoken) == 1
-
-
-@pytest.mark.apart
 def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
     done: list[str] = []
 

@@ -331,11 +331,6 @@ def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:
         plot()
 
 
-def test_caller_keeps_its_own_axes_and_style(in_a: Branch) -> None:
-    _, (ax,) = new_figure()
-    assert plot(in_a, ax=ax).axes is ax
-
-
 # --- zones --------------------------------------------------------------------------------------
 
 
