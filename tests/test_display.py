@@ -257,11 +257,6 @@ def test_an_orbit_is_drawn_between_its_walls_with_its_impacts_on_them(values) ->
     assert plot_orbit(values["Point"], ax=ax).axes is ax
 
 
-def test_what_is_no_orbit_is_not_drawn_as_one(values) -> None:
-    with pytest.raises(BadInput, match=r"got a Branch: take one of its points"):
-        plot_orbit(values["Branch"])
-
-
 # --- the style ------------------------------------------------------------------------------------
 
 
