@@ -145,25 +145,20 @@ def each(
         whole("executor", executor, 1)
     if not (callable(work) and isinstance(items, Iterable)):
         raise BadInput(f"a function and what it works on were expected, got {work!r}, {items!r}")
-    return _shown(_Work(work, tuple(items), together), executor, progress, unit, ended)
+    queue = _Work(work, tuple(items), together)
 
+    def shown() -> Iterator[Any]:
+        reported = 0
+        with Bar(progress, len(queue.items), unit) as bar, partial_result(queue.so_far):
+            for _ in queue.done(executor):
+                bar.advance(len(queue.results))
+                if ended is not None:
+                    for number in list(queue.results)[reported:]:  # in the order in which they came
+                        ended(queue.items[number], queue.results[number])
+                    reported = len(queue.results)
+                yield from queue.next()
 
-def _shown(
-    queue: _Work,
-    executor: Executor | int | None,
-    progress: bool | None,
-    unit: str,
-    ended: Callable[[Any, Any], object] | None,
-) -> Iterator[Any]:
-    reported = 0
-    with Bar(progress, len(queue.items), unit) as bar, partial_result(queue.so_far):
-        for _ in queue.done(executor):
-            bar.advance(len(queue.results))
-            if ended is not None:
-                for number in list(queue.results)[reported:]:  # in the order in which they came
-                    ended(queue.items[number], queue.results[number])
-                reported = len(queue.results)
-            yield from queue.next()
+    return shown()  # what was given has been checked before the first is asked for
 
 
 @dataclass

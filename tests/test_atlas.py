@@ -14,8 +14,8 @@ import xarray
 
 import contbreather as cb
 from contbreather.orbits.atlas import save_atlas, words
-from contbreather.plotting import atlas as atlas_drawn
 from contbreather.plotting import plot_atlas
+from contbreather.plotting import zones as zones_drawn
 
 FEW = {"gamma": (0.0, 0.02)}
 DRIVE = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)
@@ -171,8 +171,8 @@ def test_surfaces_are_spanned_between_the_nearest_curves_whichever_way_they_run(
     flat, high = (np.stack([0.1 * t, 0.0 * t, y + 0.0 * t], axis=1) for y in (0.0, 1.0))
     up = np.array([0.0, 0.1, 0.1])
     other = [high[::-1] + up, flat + up]
-    spans = atlas_drawn._strips([flat, high], other)
-    assert atlas_drawn._strips(other, [flat]) == []  # to one curve from two there is none
+    spans = zones_drawn._strips([flat, high], other)
+    assert zones_drawn._strips(other, [flat]) == []  # to one curve from two there is none
     for (one, its), own in zip(spans, (flat, high), strict=True):
         wanted = np.stack([np.linspace(0.0, 0.1, 60), np.zeros(60), np.full(60, own[0, 2])], 1)
         np.testing.assert_allclose(one, wanted, atol=1e-12)

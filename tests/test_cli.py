@@ -19,9 +19,8 @@ import pytest
 
 import contbreather as cb
 from contbreather import cli
-from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from contbreather.cli import BAD_INPUT, DONE, FAILED
 from contbreather.cli.output import to_csv
-from contbreather.errors import NotConverged
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability.arc import on_arc
@@ -49,12 +48,6 @@ def numbers(row: dict[str, str]) -> dict[str, float]:
 # --- what is refused ----------------------------------------------------------------------------
 
 
-def test_bad_input_is_refused_the_same_way_with_json(run: Run) -> None:
-    status, out, err = run("point --a 0.01 --gamma 0.1 --k 0.8 --json")
-    assert (status, out) == (BAD_INPUT, "")
-    assert "the smallest a is" in err
-
-
 def test_bad_places_are_refused_before_anything_is_computed(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -62,24 +55,6 @@ def test_bad_places_are_refused_before_anything_is_computed(
     monkeypatch.setattr(cb, "zones_many", computed)
     assert run("zones -o nowhere/z.png")[0] == BAD_INPUT
     assert not computed.called
-
-
-@pytest.mark.parametrize(
-    ("error", "status", "words"),
-    [
-        (
-            NotConverged("Newton's iteration went nowhere"),
-            FAILED,
-            "Newton's iteration went nowhere",
-        ),
-        (KeyboardInterrupt(), INTERRUPTED, "interrupted"),
-    ],
-)
-def test_what_the_library_raises_has_its_sentence_and_status(
-    run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, status: int, words: str
-) -> None:
-    monkeypatch.setattr("contbreather.orbits.symmetric_roots", Mock(side_effect=error))
-    assert run(POINT) == (status, "", f"contbreather: {words}\n")
 
 
 def test_bugs_are_not_hidden(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,9 +90,7 @@ def test_point_on_a_ring_follows_the_paper_s_rule(run: Run) -> None:
     assert strict(run(line)[1])["ring"]["threshold"] == 1.005
 
 
-def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(
-    run: Run,
-) -> None:
+def test_multipliers_in_json_are_pairs_of_real_and_imaginary_part(run: Run) -> None:
     out = run("point --a 0.2 --gamma 0.11 --k 0.8 --json")[1]
     multipliers = [complex(*pair) for pair in strict(out)["multipliers"]]
     assert multipliers == cb.symmetric(0.2, 0.11, 0.8).stability().multipliers.tolist()
@@ -133,9 +106,7 @@ def test_point_of_two_harmonics_has_the_numbers_of_the_notes(run: Run) -> None:
         assert len(content["other_roots"]) == 3
 
 
-def test_people_read_a_verdict_that_names_its_chain_and_threshold(
-    run: Run,
-) -> None:
+def test_people_read_a_verdict_that_names_its_chain_and_threshold(run: Run) -> None:
     _, out, _ = run(f"{POINT} --sites 40")
     assert "Infinite chain: stable" in out
     assert "Ring of 40:" in out
@@ -151,9 +122,7 @@ def test_solution_through_a_wall_is_not_called_a_breather(run: Run) -> None:
     assert content["max_neighbour"] > 1
 
 
-def test_nothing_is_said_of_the_stability_of_what_is_no_breather(
-    run: Run,
-) -> None:
+def test_nothing_is_said_of_the_stability_of_what_is_no_breather(run: Run) -> None:
     """Its multipliers are inside the circle, but the chain has no such motion."""
     assert cb.symmetric(0.9, 0.1, 0.8, root=1).stability().unstable == 0
     line = "point --a 0.9 --gamma 0.1 --k 0.8 --sites 40 --root 1"
@@ -319,17 +288,6 @@ def test_pipes_take_tables_as_wide_as_they_are(run: Run) -> None:
     out = run("boundary NS --k 0.8")[1]
     assert "0.125220720183" in out
     assert "residual" in out
-
-
-def test_branch_in_json_is_all_columns_and_special_points(run: Run) -> None:
-    content = strict(run(f"{BRANCH} --window 0.3 0.7 --json")[1])
-    columns = content["columns"]
-    assert content["free"] == "a"
-    assert {"p", "phi", "a", "gamma", "k", "unstable"} <= set(columns)
-    assert (columns["a"][0], columns["a"][-1]) == (0.3, 0.7)
-    for a, p in zip(columns["a"], columns["p"], strict=True):
-        assert p == pytest.approx(cb.symmetric(a, 0.1, 0.8).p, abs=1e-13)
-    assert [point["kind"] for point in content["special"]][::2] == ["EP", "EP"]
 
 
 @pytest.mark.parametrize(
@@ -636,9 +594,7 @@ def test_a_window_that_is_cut_says_so(run: Run) -> None:
     assert run(line.replace("0.3", "0.24"))[2] == ""
 
 
-def test_without_meetings_there_is_a_sentence_and_no_empty_table(
-    run: Run,
-) -> None:
+def test_without_meetings_there_is_a_sentence_and_no_empty_table(run: Run) -> None:
     out = run("zones --a 0.3 --gamma-window 0.05 0.1 --csv z.csv")[1]
     assert out.startswith("No two curves meet there.\nPoints on the curves at a = 0.3: NS ")
     assert "┃" not in out

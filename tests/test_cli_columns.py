@@ -1,21 +1,23 @@
-"""Every column and row that a command writes is the quantity that its name says."""
+"""Every column and row that a command writes is the quantity that its name says; no name is new."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
 from contbreather.cli import BAD_INPUT, DONE, run_summary
-from contbreather.cli.output import say, to_csv, to_json
+from contbreather.cli.output import say, to_json
 from contbreather.simulation import open_recording, there_and_back
 
-from .typed import table
+from .typed import Run, table
 
 RUN = "simulate --a 0.2 --gamma 0.04 --k 0.8 --damping 0.02 --sites 4"
 ELASTIC = "simulate --a 0.2 --gamma 0.08 --k 1 --sites 3"  # sets out a quarter of a period late
@@ -86,6 +88,7 @@ def test_table_of_a_run_gives_each_word_its_own_number(run) -> None:
     content = json.loads(run(f"{RUN} --periods 400 --json")[1])
     evidence, shown = content["verdict"]["evidence"], cells(out)
     assert content["verdict"]["kind"] == "PERIODIC"
+    assert "Periodic: repeats with the forcing" in out
     assert int(shown["impacts"]) == content["impacts"]["total"] == 800
     assert int(shown["of them at site 0"]) == content["impacts"]["by_site"]["0"]
     assert shown["breather kept for"] == "to the end"
@@ -147,17 +150,6 @@ def test_what_is_not_finite_is_null_in_json_and_never_a_number(capsys) -> None:
     }
 
 
-def test_what_is_absent_is_an_empty_cell_and_infinity_a_word(tmp_path: Path) -> None:
-    rows = [{"a": 0.1, "b": math.nan, "c": None}, {"a": math.inf, "b": 0.0, "c": 7}, {"b": 1 / 3}]
-    made = to_csv(str(tmp_path / "t.csv"), rows, ["c", "a", "b"])
-    lines = made.read_text().split("\n")
-    assert lines[0] == "c,a,b"
-    first, second, third = (line.split(",") for line in lines[1:4])
-    assert (first[0], float(first[1]), first[2]) == ("", 0.1, "")
-    assert (second[0], second[1], float(second[2])) == ("7", "inf", 0.0)
-    assert (third[0], third[1], float(third[2])) == ("", "", 1 / 3)
-
-
 # --- boundary, point, branch ----------------------------------------------------------------------
 
 
@@ -179,12 +171,6 @@ def test_table_of_a_point_gives_each_name_its_own_number(run) -> None:
     assert {name: float(shown[name]) for name in own} == pytest.approx(own, rel=1e-14)
     assert float(shown["max |u_1|"]) == pytest.approx(b.admissibility().max_neighbour, rel=1e-14)
     assert complex(shown["isolated multiplier of QS"]) == pytest.approx(1.06275000638, abs=1e-11)
-
-
-def test_json_of_a_point_says_what_drives_it(run) -> None:
-    content = json.loads(run("point --a 0.5 --gamma 0.05 --k 0.8 --forcing=-cos(t) --json")[1])
-    assert "cos" in content["forcing"]
-    assert (content["root"], content["other_roots"][0]["p"] > 0) == (1, True)
 
 
 def test_sentences_in_a_pipe_are_wrapped(capsys) -> None:
@@ -214,6 +200,8 @@ def test_columns_of_a_branch_are_those_of_the_breathers_on_it(run) -> None:
     run("branch --free gamma --a 0.3 --k 0.6 --csv b.csv --window 0.02 0.1")
     rows = table("b.csv")
     assert len(rows) > 3
+    assert (rows[0]["gamma"], rows[-1]["gamma"]) == ("0.02", "0.1")
+    assert (rows[0]["label"], rows[-1]["label"]) == ("EP1", "EP2")
     for row in rows:
         b = cb.symmetric(0.3, float(row["gamma"]), 0.6)
         assert (float(row["a"]), float(row["k"])) == (0.3, 0.6)
@@ -338,3 +326,108 @@ def test_picture_of_a_diagram_shows_every_branch_by_its_first_impact(run, pictur
 def test_help_calls_the_command_by_its_name(run) -> None:
     out = run("--help")[1]
     assert re.search(r"Usage: contbreather\b(?!x)", out)
+
+
+# --- every key and heading that a program reads by name ------------------------------------------
+
+SAID = "forcing interrupted written"
+BREATHER, ARM = "p phi a gamma k", "p t1 t2 c a gamma k"
+COUNTED = "unstable arclength residual"
+POINT = "kind label located arclength residual"
+NORMAL_FORM = "criticality coefficient"
+LEFT = "a gamma k damping m noise lattice sites periods stop final.t final.u final.v verdict.kind"
+LEFT += " verdict.motion"
+
+
+def under(place: str, names: str) -> str:
+    return " ".join(f"{place}.{name}" for name in names.split())
+
+
+def branch(place: str, columns: str, special: str) -> str:
+    ends = " ".join(f"{place}{name}" for name in ("doubtful", "ends"))
+    return " ".join(
+        [ends, under(f"{place}columns", columns), under(f"{place}special[]", f"{POINT} {special}")]
+    )
+
+
+def paths(content: Any, at: str = "") -> Iterator[str]:
+    """The way to every leaf; what is named by labels, as points of a diagram are, is ``*``."""
+    if isinstance(content, dict) and content:
+        labels = at == "points"
+        for name, value in content.items():
+            own = "*" if labels else name
+            yield from paths(value, f"{at}.{own}" if at else own)
+    elif isinstance(content, list) and any(isinstance(one, dict | list) for one in content):
+        for one in content:
+            yield from paths(one, f"{at}[]")
+    else:
+        yield at
+
+
+COMMANDS = {
+    "point --a .5 --gamma .08 --k .8 --sites 12": (
+        f"{BREATHER} chi damping spring forcing root admissible max_neighbour margin reason stable"
+        " unstable certain over_reflecting multipliers other_roots[].p other_roots[].phi"
+        " other_roots[].admissible"
+        " ring.sites ring.threshold ring.largest ring.unstable",
+        {},
+    ),
+    "branch --free gamma --a 0.2 --k .8 --window 0.09 0.1": (
+        f"free {SAID} {branch('', f'{BREATHER} {COUNTED}', f'{BREATHER} nu')}",
+        {"--csv": "a,gamma,k,unstable,arclength,residual,p,phi,label"},
+    ),
+    "boundary NS --k .8 --gamma .1 --window .1 .105": (
+        f"curve pair {SAID} {branch('', f'{BREATHER} nu {COUNTED}', f'{BREATHER} nu')}",
+        {"--csv": "a,gamma,k,unstable,arclength,residual,p,phi,nu,label"},
+    ),
+    "switch --free a --gamma .04 --k .8": (
+        f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
+        f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
+        f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t')}"
+        " arms[].label arms[].stability arms[].end arms[].image_of",
+        {"--csv": "arm,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c,label"},
+    ),
+    "diagram --free a --gamma .04 --k .8 --a .75 --window 0.7 0.85": (
+        f"free {SAID} failed left edges[].from edges[].to edges[].relation"
+        f" branches[].label branches[].depth {under('points.*', f'{POINT} {NORMAL_FORM}')}"
+        f" {under('points.*', f'{BREATHER} {ARM}')}"
+        f" {branch('branches[].', f'{BREATHER} {ARM} asymmetry {COUNTED}', f'{BREATHER} {ARM}')}"
+        f" {under('branches[].special[]', f'{NORMAL_FORM} parent')}",
+        {"--csv": "branch,a,gamma,k,unstable,arclength,residual,p,phi,asymmetry,t1,t2,c,label"},
+    ),
+    "zones --k 0.8 --gamma-window 0.05 0.08": (
+        f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"
+        f" zones[].curves[].labels {under('zones[].points[]', f'{BREATHER} meeting')}"
+        " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower"
+        " zones[].regions[].outline[]",
+        {"--csv": "k,curve,gamma,a,piece,label,unstable,arclength,residual,p,phi,t"},
+    ),
+    "simulate --a .2 --gamma .04 --k .8 --sites 3 --periods 3": (
+        f"{SAID} {LEFT} verdict.reason verdict.evidence impacts.total impacts.by_site.0 lost_after",
+        {
+            "--csv": "period,time,u_0,u_1,u_2,v_0,v_1,v_2",
+            "--impacts": "time,period,phase,site,wall,before,after,acceleration",
+        },
+    ),
+    "simulate --a .1 --gamma .04 --k .8 --sites 3 --periods 3 --smooth 6": (
+        f"{SAID} {LEFT} verdict.reason verdict.evidence",
+        {"--csv": "period,time,u_0,u_1,u_2,v_0,v_1,v_2"},
+    ),
+    "figure 3": (
+        "figure caption interrupted written rows[].panel rows[].a rows[].gamma rows[].k"
+        " rows[].half_re rows[].half_im rows[].full_re rows[].full_im rows[].modulus",
+        {"--csv": "panel,a,gamma,k,half_re,half_im,full_re,full_im,modulus"},
+    ),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_name_in_what_a_command_leaves_is_known(run: Run, command: str) -> None:
+    names, tables = COMMANDS[command]
+    files = {option: f"{option[2:]}.csv" for option in tables}
+    asked = " ".join(f"{option} {path}" for option, path in files.items())
+    status, out, _ = run(f"{command} --json {asked}")
+    assert status == 0
+    assert set(paths(json.loads(out))) == set(names.split())
+    for option, heading in tables.items():
+        assert Path(files[option]).read_text().splitlines()[0] == heading

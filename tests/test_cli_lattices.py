@@ -1,4 +1,4 @@
-"""`--lattice`, `--site`, `--damping`, `--spring`, `--walls`: as in the library, or a sentence."""
+"""`--lattice`, `--sites`, `--site`, `--damping`, `--spring`, `--walls`: as in the library."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from contbreather.cli import DONE
 from .typed import write_matrix
 
 AT = "--gamma 0.05 --k 0.8"
+RING = "--sites 20 --threshold 1.02"
 MATRIX = [[1.0, -1.0, 0.0], [-1.0, 3.0, -2.0], [0.0, -2.0, 2.0]]
 
 
@@ -36,11 +37,11 @@ def star() -> nx.Graph:
 
 
 LATTICES = {
-    "ring:20": cb.Ring(20),
+    "ring:12": cb.Ring(12),
     "open:9": cb.OpenChain(9),
     "open:9:free": cb.OpenChain(9),
     "open:9:fixed": cb.OpenChain(9, ends="fixed"),
-    "grid:5x5": cb.Grid(5, 5),
+    "grid:3x3": cb.Grid(3, 3),
     "grid:3x4:periodic": cb.Grid(3, 4, periodic=True),
     "m.csv": cb.Lattice(MATRIX),
     "star.graphml": cb.Lattice.from_graph(star()),
@@ -118,13 +119,8 @@ def test_damping_and_springs_are_parameters_to_vary(run, free: str, lattice: str
     found = content(run, f"branch --free {free} --a 0.6 {AT} --lattice {lattice} --window 0 0.02")
     columns = found["columns"]
     assert (columns[free][0], columns[free][-1]) == (0.0, 0.02)
-    own = cb.symmetric(0.6, 0.05, 0.8, lattice=LATTICES.get(lattice) or _small(lattice),
-                       **{free: 0.02})  # fmt: skip
+    own = cb.symmetric(0.6, 0.05, 0.8, lattice=LATTICES[lattice], **{free: 0.02})
     assert columns["p"][-1] == pytest.approx(own.p, abs=1e-10)
-
-
-def _small(typed: str) -> Any:
-    return {"ring:12": cb.Ring(12), "grid:3x3": cb.Grid(3, 3)}[typed]
 
 
 def test_springs_are_a_parameter_on_the_infinite_chain_too(run) -> None:
@@ -170,7 +166,7 @@ def test_a_threshold_is_of_any_finite_lattice(run) -> None:
     [("open:9", "PERIODIC"), ("grid:3x3", "UNDECIDED")],  # it repels
 )
 def test_a_run_from_the_orbit_of_the_lattice_stays_on_it(run, lattice: str, kind: str) -> None:
-    own = {"open:9": cb.OpenChain(9), "grid:3x3": cb.Grid(3, 3)}[lattice]
+    own = LATTICES[lattice]
     line = f"simulate --a 0.6 {AT} --lattice {lattice} --site 4 --damping 0.02 --spring 0.1"
     found = content(run, f"{line} --periods 100 --impacts i.csv -o run.png")
     more = {"damping": 0.02, "spring": 0.1, "lattice": own}
@@ -201,3 +197,47 @@ def test_masses_and_drive_of_a_graph_are_those_of_its_nodes() -> None:
     assert np.array_equal(lattice.drive, [1, 1, 1, 1, 0])
     own = cb.Lattice.from_graph(star(), masses=[1, 2, 3, 4, 5])
     assert np.array_equal(own.masses, [1, 2, 3, 4, 5])
+
+
+# --- rings ---------------------------------------------------------------------------------------
+
+
+def on_ring(a: float, gamma: float) -> cb.Orbit:
+    return cb.symmetric(a, gamma, 0.8, lattice=cb.Ring(20))
+
+
+def test_branch_is_of_the_ring_in_every_column_and_label(run) -> None:
+    line = "branch --free gamma --a 0.3 --k 0.8 --window 0 0.15"
+    found = content(run, f"{line} {RING}")
+    assert (found["sites"], found["threshold"]) == (20, 1.02)
+    gamma, p, counts = (np.array(found["columns"][name]) for name in ("gamma", "p", "unstable"))
+    (place,) = (one["gamma"] for one in found["special"] if one["kind"] == "NS")
+    for i in range(0, gamma.size, 3):
+        breather = on_ring(0.3, float(gamma[i]))
+        verdict = breather.stability(threshold=1.02)
+        assert p[i] == pytest.approx(breather.p, abs=1e-12)
+        assert counts[i] == verdict.unstable or abs(gamma[i] - place) < 1e-9
+        assert (verdict.unstable > 0) == (gamma[i] > place) or abs(gamma[i] - place) < 1e-9
+    assert "ring of 20, threshold 1.02" in run(f"{line} {RING}")[1]
+
+
+def test_boundary_is_of_the_ring(run) -> None:
+    found = content(run, f"boundary NS --gamma 0.05 --k 0.8 {RING}")
+    assert (found["sites"], found["threshold"]) == (20, 1.02)
+    columns = found["columns"]
+    for a, gamma in list(zip(columns["a"], columns["gamma"], strict=True))[::20]:
+        largest = on_ring(float(a), float(gamma)).stability().largest
+        assert largest == pytest.approx(1.02, abs=1e-9)
+    assert "ring of 20, threshold 1.02" in run(f"boundary PF --gamma 0.05 --k 0.8 {RING}")[1]
+
+
+def test_zones_are_of_the_ring(run) -> None:
+    line = f"zones --k 0.8 --gamma-window 0.03 0.06 --a-window 0.2 0.5 {RING}"
+    found = content(run, line)
+    assert (found["sites"], found["threshold"]) == (20, 1.02)
+    lines = [one for one in found["zones"][0]["curves"] if one["curve"] == "NS"]
+    assert lines
+    for line in lines:
+        middle = len(line["a"]) // 2
+        largest = on_ring(line["a"][middle], line["gamma"][middle]).stability().largest
+        assert largest == pytest.approx(1.02, abs=1e-9)

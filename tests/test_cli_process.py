@@ -18,8 +18,18 @@ import pytest
 import contbreather.__main__ as entry
 from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
-from contbreather.cli.interrupts import Act, CutShort, _Watch, computing, end, kept, watched
-from contbreather.cli.streams import abandon, prepare, trouble
+from contbreather.cli.process import (
+    Act,
+    CutShort,
+    _Watch,
+    abandon,
+    computing,
+    end,
+    kept,
+    prepare,
+    trouble,
+    watched,
+)
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
 POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]
@@ -38,14 +48,6 @@ def surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 # --- streams --------------------------------------------------------------------------------------
-
-
-def test_standard_output_that_is_not_there_says_so_when_it_is_written_to(monkeypatch) -> None:
-    monkeypatch.setattr(sys, "stdout", None)
-    prepare()
-    with pytest.raises(OSError, match="it is closed") as caught:
-        print("something")
-    assert caught.value.errno == errno.EBADF
 
 
 def test_standard_error_that_is_not_there_takes_anything(monkeypatch) -> None:
@@ -252,16 +254,6 @@ def test_after_a_computation_it_waits_and_is_heard_at_the_end(spoken, leaving) -
 
 
 @pytest.mark.apart
-def test_the_second_one_does_not_wait(spoken, leaving) -> None:
-    done: list[str] = []
-    again = lambda: signal.raise_signal(signal.SIGINT)  # noqa: E731
-    with pytest.raises(KeyboardInterrupt):
-        interrupted_after_computing(again, lambda: done.append("written"))
-    assert done == []
-    assert len(spoken) == 1
-
-
-@pytest.mark.apart
 def test_one_that_waits_stops_the_next_computation(spoken, leaving) -> None:
     done: list[str] = []
 
@@ -403,8 +395,6 @@ def test_a_table_that_was_cut_short_says_so_in_its_last_line(tmp_path) -> None:
         lines = path.read_text().splitlines()
         assert lines[:3] == ["b,a,c", ",0.1,", "x,1,"]
         assert lines[3:] == (["# interrupted: cut short"] if cut else [])
-    whole = output.to_csv(str(tmp_path / "t.csv"), iter(rows), ["b", "a", "c"])
-    assert len(whole.read_text().splitlines()) == 3
 
 
 def test_a_picture_that_was_cut_short_says_so_above(tmp_path) -> None:
@@ -418,9 +408,6 @@ def test_a_picture_that_was_cut_short_says_so_above(tmp_path) -> None:
             assert path.exists()
         title = figure.get_suptitle()
         assert title == ("interrupted: cut short" if cut else "")
-    plain = Figure()
-    output.to_figure(str(tmp_path / "t.svg"), lambda: plain)
-    assert plain.get_suptitle() == ""
 
 
 def test_nothing_is_said_where_there_is_nothing_to_say(capsys) -> None:
@@ -438,20 +425,6 @@ def test_an_interruption_says_what_it_brings() -> None:
     failed = NotConverged("no way")
     assert math.isnan(failed.residual)
     assert (failed.iterations, failed.last) == (None, None)
-
-
-@pytest.mark.apart
-@pytest.mark.parametrize("what", ["a table", "JSON"])
-def test_what_a_full_standard_output_cannot_take_is_noticed_before_the_end(
-    monkeypatch, capsys, what: str
-) -> None:
-    """All of it fits into the buffer: only the flush hears of the full disk."""
-    with open("/dev/full", "w") as full:
-        monkeypatch.setattr(sys, "stdout", full)
-        status = main(POINT if what == "JSON" else POINT[:-1])
-        monkeypatch.undo()
-        said = "contbreather: cannot write to standard output: No space left on device\n"
-        assert (status, capsys.readouterr().err) == (FAILED, said)
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure_to_speak_of(monkeypatch, capsys) -> None:

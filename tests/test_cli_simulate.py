@@ -60,14 +60,6 @@ def test_breather_that_is_lost_is_said_to_be_and_when(run):
     assert f"{lost} periods" in run(f"{LOST} --periods 160")[1]
 
 
-def test_attractor_is_periodic_and_shows_its_multiplier(run):
-    status, out, _ = run(f"{STABLE} --periods 400")
-    assert status == DONE
-    assert "Periodic: repeats with the forcing" in out
-    assert "largest multiplier" in out
-    assert "to the end" in out
-
-
 def test_torus_has_its_rotation_number(run):
     line = "simulate --a 0.15 --gamma 0.106 --k 0.8 --damping 0.02 --periods 3000 --json"
     verdict = json.loads(run(line)[1])["verdict"]
@@ -104,10 +96,6 @@ def test_smooth_run_too_short_for_a_verdict_has_no_empty_table(run):
     ]
 
 
-def test_short_run_has_no_verdict_and_says_what_is_needed(run):
-    assert "20 periods are too few, give at least 100" in run(f"{STABLE} --periods 20")[1]
-
-
 def test_smooth_ring_settles_on_the_orbit_that_shooting_finds(run):
     status, out, _ = run(f"{STABLE} --smooth 6 --sites 8 --periods 300 --json")
     verdict = json.loads(out)["verdict"]
@@ -125,15 +113,6 @@ def test_last_state_starts_the_next_run_at_its_own_time(run):
     np.testing.assert_allclose(state_of(content), state_of(whole), atol=1e-11)
     assert content["final"]["t"] == pytest.approx(whole["final"]["t"], abs=1e-12)
     assert "lost_after" not in content  # nobody said that it began as a breather
-
-
-def test_state_that_cannot_be_read_is_refused_with_the_systems_reason(run):
-    run("--version")
-    Path("picture").write_bytes(b"\x89PNG\xff")
-    for name, reason in (("nowhere", "No such file or directory"), ("picture", "it is not text")):
-        status, out, err = run(f"{LOST} --periods 1 --start {name}")
-        assert (status, out) == (BAD_INPUT, "")
-        assert f"cannot read {name}: {reason}; JSON with u, v and t" in err
 
 
 def test_two_columns_are_a_state_and_set_the_length_of_the_ring(run):
@@ -272,19 +251,6 @@ def test_picture_of_a_run_is_drawn(run, extra):
     assert (status, err) == (DONE, "")
     assert "Wrote p.png." in out
     assert Path("p.png").stat().st_size > 10_000
-
-
-def test_energy_that_blows_up_is_status_1(run, monkeypatch):
-    from contbreather.errors import NotConverged
-    from contbreather.simulation import smooth
-
-    def grows(self, *given):
-        raise NotConverged("the energy blows up in period 3")
-
-    monkeypatch.setattr(smooth.SmoothIntegrator, "advance", grows)
-    status, out, err = run(f"{LOST} --smooth 6 --periods 5")
-    assert (status, out) == (FAILED, "")
-    assert "the energy blows up" in err
 
 
 def test_help_says_that_a_run_is_kept_at_its_end_and_not_that_it_can_be_extended(run) -> None:

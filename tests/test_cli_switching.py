@@ -21,9 +21,7 @@ DIAGRAM = "diagram --free a --gamma 0.04 --k 0.8"
 # --- switch ---------------------------------------------------------------------------------------
 
 
-def test_both_arms_are_told_with_normal_form_stability_and_end(
-    run: Run,
-) -> None:
+def test_both_arms_are_told_with_normal_form_stability_and_end(run: Run) -> None:
     status, out, err = run(f"{SWITCH} -o arms.png")
     assert (status, err) == (DONE, "")
     for sentence in (
@@ -149,15 +147,15 @@ def test_most_bounds_the_diagram_and_what_is_left_is_told(run: Run) -> None:
     assert "Not all arms" not in out
 
 
+def arms_end(monkeypatch: pytest.MonkeyPatch, how: BaseException) -> None:
+    """Have arms that are followed end like this."""
+    monkeypatch.setattr("contbreather.continuation.diagram.follow", MagicMock(side_effect=how))
+
+
 def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from contbreather.continuation import diagram as module
-
-    def stopped(*args: object, **kwargs: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module, "follow", stopped)
+    arms_end(monkeypatch, KeyboardInterrupt())
     status, out, err = run(f"{DIAGRAM} --json")
     assert (status, err) == (INTERRUPTED, "contbreather: interrupted: the result is cut short\n")
     assert strict(out)["interrupted"] is True
@@ -167,12 +165,7 @@ def test_an_interrupted_diagram_is_shown_and_has_its_own_status(
 def test_arms_that_fail_are_told_and_have_status_1(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from contbreather.continuation import diagram as module
-
-    def fails(*args: object, **kwargs: object) -> None:
-        raise cb.NotConverged("no first step")
-
-    monkeypatch.setattr(module, "follow", fails)
+    arms_end(monkeypatch, cb.NotConverged("no first step"))
     status, out, err = run(DIAGRAM)
     assert status == FAILED
     assert "2 arms not followed" in out

@@ -160,23 +160,8 @@ def in_circles(found: list[Import]) -> set[str]:
 
 
 def outside_the_engine(found: list[Import]) -> list[str]:
-    own = {
-        f"contbreather.{name}"
-        for name in (
-            "continuation",
-            "checks",
-            "columns",
-            "display",
-            "errors",
-            "files",
-            "compiler",
-            "kernels",
-            "progress",
-            "tables",
-            "storage",
-            "workers",
-        )
-    }
+    names = "continuation checks columns display errors files compiler kernels progress tables"
+    own = {f"contbreather.{name}" for name in f"{names} storage workers".split()}
     broken = []
     for one in found:
         if not one.source.startswith("contbreather.continuation"):
@@ -317,75 +302,46 @@ def test_public_names_are_listed() -> None:
 # --- the rules can fail: each on a package with one fault planted -----------------------------
 
 
-def planted(root: Path, **files: str) -> Path:
-    package = root / FRONT_DESK
-    for name, text in {"__init__": "", **files}.items():
-        path = package / Path(*name.split("__SLASH__")).with_suffix(".py")
+FLOORS_THERE = {"errors": 0, "continuation": 1, "lattice": 2, "cli": 7}
+TYPED = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from "
+ENGINE, MODES, GREEN = "continuation/trace", "lattice/modes", "lattice/green"
+THERE = {ENGINE: "", MODES: "from .green import g", GREEN: "import sys", "errors": ""}
+
+
+@pytest.mark.parametrize(
+    ("module", "text", "up", "outside", "circle"),
+    [
+        (ENGINE, "from contbreather.lattice import modes", 1, 1, False),
+        (ENGINE, "from contbreather.lattice.modes import chi", 1, 1, False),
+        (ENGINE, "import contbreather.lattice.modes", 1, 1, False),
+        (ENGINE, "from ..lattice import modes", 1, 1, False),
+        (ENGINE, "def late():\n    from contbreather import lattice", 1, 1, False),
+        (ENGINE, f"{TYPED}..lattice.modes import chi", 1, 1, False),
+        (ENGINE, "import contbreather as cb", 1, 1, False),
+        (ENGINE, "from contbreather import symmetric", 1, 1, False),
+        (ENGINE, "import numpy, scipy.linalg, math", 0, 0, False),
+        (ENGINE, "import networkx", 0, 1, False),
+        (ENGINE, "def late():\n    import networkx", 0, 0, False),
+        (ENGINE, "def late():\n    import sympy", 0, 1, False),
+        (MODES, "from ..errors import Bad\nfrom contbreather.continuation import a", 0, 0, False),
+        (GREEN, "from . import modes", 0, 0, True),
+        (GREEN, "def late():\n    from . import modes", 0, 0, True),
+        (GREEN, f"{TYPED}.modes import chi", 0, 0, True),
+    ],
+)  # fmt: skip
+def test_a_fault_that_is_planted_is_seen_and_what_is_allowed_is_not(
+    tmp_path: Path, module: str, text: str, up: int, outside: int, circle: bool
+) -> None:
+    for name, content in {**THERE, module: text}.items():
+        path = (tmp_path / FRONT_DESK).joinpath(*name.split("/")).with_suffix(".py")
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-        path.with_name("__init__.py").touch()
-    return package
-
-
-PLANTED_FLOORS = {"errors": 0, "continuation": 1, "lattice": 2, "cli": 7}
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "from contbreather.lattice import modes",
-        "from contbreather.lattice.modes import chi",
-        "import contbreather.lattice.modes",
-        "from ..lattice import modes",
-        "def late():\n    from contbreather import lattice",
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from ..lattice.modes import chi",
-        "import contbreather as cb",
-        "from contbreather import symmetric",
-    ],
-)
-def test_planted_upward_import_is_seen(tmp_path: Path, text: str) -> None:
-    files = {"continuation__SLASH__trace": text, "lattice__SLASH__modes": "chi = 2.0"}
-    package = planted(tmp_path, **files)
-    assert len(upward(imports_of(package), PLANTED_FLOORS)) == 1
-
-
-def test_downward_import_is_allowed(tmp_path: Path) -> None:
-    text = "from ..errors import BadInput\nfrom contbreather.continuation import trace\nimport sys"
-    files = {"lattice__SLASH__modes": text, "errors": "", "continuation__SLASH__trace": ""}
-    assert upward(imports_of(planted(tmp_path, **files)), PLANTED_FLOORS) == []
-
-
-@pytest.mark.parametrize(
-    "back",
-    [
-        "from . import modes",
-        "def late():\n    from . import modes",
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .modes import chi",
-    ],
-)
-def test_planted_circle_is_seen(tmp_path: Path, back: str) -> None:
-    files = {"lattice__SLASH__modes": "from .green import g", "lattice__SLASH__green": back}
-    assert in_circles(imports_of(planted(tmp_path, **files))) == {"lattice.green", "lattice.modes"}
-
-
-def test_files_in_a_row_are_in_no_circle(tmp_path: Path) -> None:
-    files = {"lattice__SLASH__modes": "from .green import g", "lattice__SLASH__green": "import sys"}
-    assert in_circles(imports_of(planted(tmp_path, **files))) == set()
-
-
-@pytest.mark.parametrize(
-    ("text", "broken"),
-    [
-        ("import numpy, scipy.linalg, math", 0),
-        ("import networkx", 1),
-        ("def late():\n    import networkx", 0),
-        ("def late():\n    import sympy", 1),
-        ("from contbreather.lattice import modes", 1),
-    ],
-)
-def test_planted_dependency_of_the_engine_is_seen(tmp_path: Path, text: str, broken: int) -> None:
-    files = {"continuation__SLASH__trace": text, "lattice__SLASH__modes": ""}
-    assert len(outside_the_engine(imports_of(planted(tmp_path, **files)))) == broken
+        path.write_text(content, encoding="utf-8")
+        for folder in {path.parent, tmp_path / FRONT_DESK}:
+            (folder / "__init__.py").touch()
+    found = imports_of(tmp_path / FRONT_DESK)
+    assert len(upward(found, FLOORS_THERE)) == up
+    assert len(outside_the_engine(found)) == outside
+    assert in_circles(found) == ({"lattice.green", "lattice.modes"} if circle else set())
 
 
 def test_drawing_is_read_as_drawn() -> None:

@@ -149,17 +149,6 @@ def test_whatever_is_given_comes_to_an_answer_or_to_a_sentence(breather: cb.Orbi
                     assert 10 < len(str(error)) < 2000, (name, argument)  # noqa: PT017
 
 
-@pytest.mark.parametrize("bad", ["0.5", True, [0.5], 1j, None, float("nan")], ids=repr)
-def test_an_amplitude_that_is_none_is_named(bad: Any) -> None:
-    with pytest.raises(cb.BadInput, match=r"a = .*amplitude"):
-        cb.symmetric(a=bad, gamma=0.04, k=0.8)
-
-
-def test_samples_without_sites_are_refused() -> None:
-    with pytest.raises(cb.BadInput, match="one site or several were expected"):
-        cb.simulation.Sample(sites=())
-
-
 # --- what the command line accepts ----------------------------------------------------------------
 
 FORMULA = "-cos(t) - 0.3*cos(3*t)"
@@ -178,28 +167,6 @@ def test_a_formula_is_a_forcing_wherever_one_is_taken(breather: cb.Orbit) -> Non
         *cb.zones(k=0.8, within=plane).curves
     }
     assert isinstance(cb.symmetric(**HERE, forcing="-cos(t)").forcing, cb.Harmonic)
-
-
-@pytest.mark.parametrize("bad", [3, cb.Harmonic, {1: -1.0}, [1.0]], ids=repr)
-def test_what_is_no_forcing_is_refused(bad: Any, breather: cb.Orbit) -> None:
-    with pytest.raises(cb.BadInput, match=r"forcing = .* was expected"):
-        cb.symmetric(**HERE, forcing=bad)
-    with pytest.raises(cb.BadInput, match=r"forcing = .* was expected"):
-        cb.simulate(breather.state(4), **HERE, periods=1, forcing=bad)
-
-
-@pytest.mark.parametrize("bad", [20, cb.Ring, "open:9"], ids=repr)
-def test_what_is_no_lattice_is_refused_with_the_way_on(bad: Any) -> None:
-    way = r"Ring\(20\).*OpenChain\(9\), Grid\(5, 5\), Lattice\(stiffness\)"
-    with pytest.raises(cb.BadInput, match=way):
-        cb.symmetric(**HERE, lattice=bad)
-    with pytest.raises(cb.BadInput, match=way):
-        cb.zones(k=0.8, lattice=bad)
-
-
-def test_no_value_at_all_is_no_zone_diagram() -> None:
-    with pytest.raises(cb.BadInput, match="got none"):
-        cb.zones(k=[])
 
 
 # --- files and figures ----------------------------------------------------------------------------

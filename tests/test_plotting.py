@@ -28,8 +28,7 @@ from contbreather.plotting import (
     plot_zones,
     save_figure,
 )
-from contbreather.plotting.canvas import MARKERS, MEETING, PAGE, marker, size
-from contbreather.plotting.labels import Labels
+from contbreather.plotting.canvas import BLUE, MARKERS, MEETING, PAGE, VERMILLION, marker, size
 from contbreather.plotting.multipliers import band
 from contbreather.stability.half_period import HalfMap
 
@@ -234,33 +233,6 @@ def test_words_cover_neither_each_other_nor_the_rim(in_a: Branch) -> None:
         assert box.x1 <= frame.x1
 
 
-def test_words_at_one_place_are_spread_out() -> None:
-    figure, (ax,) = new_figure()
-    ax.plot([0, 1], [0, 1])
-    labels = Labels(ax)
-    labels.avoid([0, 1], [0, 1])
-    for i in range(8):
-        labels.place(0.5, 0.5, f"word {i}")
-    figure.draw_without_rendering()
-    assert overlaps(ax) == 0
-
-
-def test_words_leave_other_announced_points_free() -> None:
-    def centre(*others: tuple[float, float]) -> np.ndarray:
-        _, (ax,) = new_figure()
-        ax.set(xlim=(0, 1), ylim=(0, 1))
-        labels = Labels(ax)
-        for x, y in others:
-            labels.announce(x, y)
-        box = labels.place(0.5, 0.5, "word").get_window_extent()
-        return ax.transData.inverted().transform(box.get_points())
-
-    low, high = centre()
-    there = tuple((low + high) / 2)
-    low, high = centre(there)
-    assert np.any(there < low) or np.any(there > high)
-
-
 def test_branches_of_one_call_have_different_colours(in_a: Branch) -> None:
     other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
     assert len({line.get_color() for line in curves(plot(in_a, other).axes)}) == 2
@@ -357,11 +329,6 @@ def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:
         plot(in_a, x="b")
     with pytest.raises(BadInput, match="at least one branch"):
         plot()
-
-
-def test_caller_keeps_its_own_axes_and_style(in_a: Branch) -> None:
-    _, (ax,) = new_figure()
-    assert plot(in_a, ax=ax).axes is ax
 
 
 # --- zones --------------------------------------------------------------------------------------
@@ -468,10 +435,6 @@ def test_panels_are_lettered_and_explained_below_not_inside(diagram: Zones) -> N
     assert legend.get_window_extent().y1 < panels[1].bbox.y0
 
 
-def test_words_of_a_zone_diagram_do_not_overlap(diagram: Zones) -> None:
-    assert overlaps(plot_zones(diagram).axes) == 0
-
-
 def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
     figure = plot_zones(diagram).figure
     assert 2.54 * figure.get_size_inches()[0] == pytest.approx(8.5)
@@ -493,10 +456,10 @@ def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: 
     assert size_in_cm[1] < 25.0
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.1])
-def test_names_of_meetings_keep_off_axes_points_and_each_other(gamma: float) -> None:
+@pytest.mark.parametrize("plane", [{"k": 0.8}, {"gamma": 0.0}, {"gamma": 0.1}])
+def test_names_of_meetings_keep_off_axes_points_and_each_other(plane: dict[str, float]) -> None:
     """At gamma = 0.1 one is in the corner; at gamma = 0 two are at the top, side by side."""
-    ax = plot_zones(zones(gamma=gamma)).axes
+    ax = plot_zones(zones(**plane)).axes
     assert overlaps(ax) == 0
     frame, pixel = ax.bbox, ax.figure.dpi / 72
     for text in words(ax):
@@ -553,8 +516,9 @@ def test_all_multipliers_are_drawn_and_those_outside_stand_out() -> None:
     drawn = np.concatenate([line.get_xdata() + 1j * line.get_ydata() for line in dots])
     want = breather.multipliers(sites=100, half=True)
     np.testing.assert_allclose(np.sort_complex(drawn), np.sort_complex(want))
-    colours = {line.get_color() for line in dots if len(line.get_xdata())}
-    assert len(colours) == 2
+    (red,) = (line for line in dots if line.get_color() == VERMILLION)
+    assert {line.get_color() for line in dots} == {BLUE, VERMILLION}
+    assert np.abs(red.get_xdata() + 1j * red.get_ydata()) == pytest.approx([abs(want).max()] * 2)
 
 
 def test_with_damping_the_band_is_where_the_multipliers_of_a_free_ring_are() -> None:

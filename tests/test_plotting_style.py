@@ -140,13 +140,8 @@ def test_a_figure_is_saved_by_itself_and_by_its_axes(tmp_path: Path, suffix: str
     for one in (figure, axes[0], axes):
         made = save_figure(one, tmp_path / f"made{suffix}")
         assert made.stat().st_size > 500
-    start = made.read_bytes()[:5]
-    assert (
-        start
-        == {"p": b"\x89PNG\r", "d": b"%PDF-", "v": b"<?xml"}[
-            {"png": "p", "pdf": "d", "svg": "v"}[suffix.lower()[1:]]
-        ]
-    )
+    starts = {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".svg": b"<?xml"}
+    assert made.read_bytes()[:5] == starts[suffix.lower()]
 
 
 def test_axes_that_have_no_figure_any_more_are_not_saved(tmp_path: Path) -> None:

@@ -139,9 +139,10 @@ def test_a_word_far_from_its_point_is_tied_to_it_in_its_colour(ax: Axes) -> None
 def test_a_word_does_not_stand_beside_another_announced_point(ax: Axes) -> None:
     plain = stands(ax, 150, 100)
     labels = Labels(ax)
-    labels.announce(150 + plain[0], 100 + plain[1])
-    away = stands(ax, 150, 100, labels=labels)
-    assert np.hypot(*(away - plain)) > 3.0
+    other = 150 + plain[0], 100 + plain[1]
+    labels.announce(*other)
+    away = box(ax, labels.place(150, 100, "word"))
+    assert (away[:2] > other).any() or (away[2:] < other).any()
     labels = Labels(ax)
     labels.announce([150, 150], [100, 100])  # the point itself, from two curves, is no other one
     assert stands(ax, 150, 100, labels=labels) == pytest.approx(plain)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
 
 
 HERE = {"a": 0.5, "gamma": 0.02, "k": 0.8}
+STATE = [0.1, 0.2, 0.3], [0.0, 0.1, 0.0]
 
 
 def alone() -> Any:
@@ -229,6 +231,19 @@ CASES += [
     (lambda: open_recording(3), "^3 is not the name of a file"),  # type: ignore[arg-type]
     (lambda: cb.plotting.new_figure(0), "^rows = 0: a whole number, at least 1"),
     (lambda: cb.plot(cb.trace(problem(), "mu"), ax=3), "^matplotlib Axes to draw in were expected"),
+    (lambda: cb.simulation.Sample(sites=()), "one site or several were expected"),
+    (lambda: cb.zones(k=[]), "got none"),
+    *(
+        (lambda make=make, bad=bad: make(forcing=bad), "forcing = .* was expected")
+        for bad in (3, Harmonic, {1: -1.0}, [1.0])
+        for make in (partial(cb.symmetric, **HERE), partial(cb.simulate, STATE, **HERE, periods=1))
+    ),
+    *(
+        (lambda make=make, bad=bad: make(lattice=bad),
+         r"Ring\(20\).*OpenChain\(9\), Grid\(5, 5\), Lattice\(stiffness\)")
+        for bad in (20, Ring, "open:9")
+        for make in (partial(cb.symmetric, **HERE), partial(cb.zones, k=0.8))
+    ),
     # as they are typed
     *(
         (lambda typed=typed: lattice_by(typed, None), f"^--lattice {typed}: expected ring:20")

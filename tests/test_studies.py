@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,8 @@ import xarray
 import contbreather as cb
 from contbreather.orbits.start_search import window_of
 from contbreather.orbits.zones_many import Slice
-from contbreather.studies import Report, plan, read, tasks
+from contbreather.studies import Report, cluster, plan, read, tasks
 from contbreather.studies import run as conduct
-from contbreather.studies.cluster import cluster
 from contbreather.studies.tasks import Worker, tasks_of
 
 from .apart import HUNG
@@ -375,10 +375,7 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         (ONE + "\noptional = 1", "branch.b.optional: true or false was expected, got 1"),
         ("branch = 3", "line 1, branch: a table of names and values was expected, got 3"),
         ("[branch]\nb = 3", "line 2, branch.b: a table of keys was expected, got 3"),
-        (
-            ONE + "\n[figure.f]\ndraws = []",
-            "f.draws: a list of at least 1 was expected, got []",
-        ),
+        (ONE + "\n[figure.f]\ndraws = []", "f.draws: a list of at least 1 was expected, got []"),
         (ONE + "\n[figure.f]\ndraws = {}", "figure.f.draws: a list was expected, got a table"),
         ("[colours]\nred = 1\n[zones.z]\nk = 0.8", "colours: unknown here; there are title"),
     ],
@@ -389,13 +386,6 @@ def test_a_study_with_a_mistake_is_refused(text: str, reason: str, tmp_path: Pat
     with pytest.raises(cb.BadInput) as refused:
         read(path)
     assert reason in str(refused.value)
-
-
-def test_a_study_that_is_not_there_is_refused(run: Command) -> None:
-    assert run("run")[0] == 2
-    status, _, err = run("run nowhere.toml")
-    assert (status, "nowhere.toml" in err) == (2, True)
-    assert run("run x.toml --workers 1 --cluster tcp://a:1")[0] == 2
 
 
 def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) -> None:
@@ -659,7 +649,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
     study.write_text(SMALL.partition("[arms")[0].replace("[0.02, ", "[0.02, 0.03, "))
     done = conduct(study, executor=1)
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", HUNG)
+    monkeypatch.setattr(import_module("contbreather.studies.run"), "PATIENCE", HUNG)
     waiting = ("connect", "tcp")
     distributed.dask.config.set({f"distributed.comm.timeouts.{one}": HUNG for one in waiting})
     local = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
@@ -678,7 +668,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("contbreather.studies.cluster.PATIENCE", 0.1)
+    monkeypatch.setattr(import_module("contbreather.studies.run"), "PATIENCE", 0.1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(cb.BadInput, match="no cluster answers at"), cluster(address):
             pass
@@ -710,10 +700,3 @@ def test_the_studies_that_are_shipped_run(path: Path, tmp_path: Path) -> None:
     report = conduct(path, folder=tmp_path, executor=1)
     assert report.failed == {}
     assert all(made.stat().st_size > 10_000 for made in report.written)
-
-
-def test_the_command_asks_for_a_study(run: Command) -> None:
-    status, _, said = run("run")
-    assert (status, said.strip()) == (
-        2, "contbreather: which study? Name its file: contbreather run study.toml"
-    )  # fmt: skip

@@ -7,13 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from functools import partial
 from importlib import import_module
 from itertools import count
@@ -263,7 +257,7 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
         "workers",
         "orbits.zones_many",
         "orbits.atlas",
-        "plotting.atlas",
+        "plotting.zones",
         "studies.run",
         "studies.validation",
     ],

@@ -9,12 +9,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather import __version__
-from contbreather.cli.interrupts import STATUS as INTERRUPTED
-from contbreather.cli.interrupts import CutShort, watched
-from contbreather.cli.streams import abandon, heard, prepare, trouble
+from contbreather.cli.process import STATUS as INTERRUPTED
+from contbreather.cli.process import CutShort, abandon, heard, prepare, trouble, watched
 from contbreather.errors import BadInput, ContbreatherError
 
 if TYPE_CHECKING:
@@ -23,10 +22,12 @@ if TYPE_CHECKING:
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
 STDOUT = "/dev/stdout"
-COMMANDS = (  # each a module with a function of its name
-    "point", "branch", "boundary", "switch", "diagram", "zones", "atlas", "simulate", "figure",
-    "explore", "show", "extend", "run",
-)  # fmt: skip
+COMMANDS = {  # each a function of its name, in this module
+    "point": "point", "branch": "branch", "boundary": "branch", "switch": "switch",
+    "diagram": "switch", "zones": "zones", "atlas": "zones", "simulate": "simulate",
+    "figure": "packages", "explore": "packages", "show": "show", "extend": "show",
+    "run": "packages",
+}  # fmt: skip
 LATTICES = ("--lattice", "--site", "--damping", "--spring", "--walls")
 CHAINS_ONLY = {
     "atlas": "its curves are followed in closed form, on the infinite chain or a ring (--sites N)",
@@ -144,8 +145,6 @@ def application() -> App:
     """All commands; each imports what it needs when it runs."""
     from cyclopts import App, Parameter
 
-    from contbreather.cli.completion import offer
-
     app = App(
         name="contbreather",
         help="Exact discrete breathers of an impacting chain, continued, with their stability.\n\n"
@@ -155,7 +154,26 @@ def application() -> App:
         help_format="markdown",
         default_parameter=Parameter(negative="", show_default=_shown),
     )
-    for name in COMMANDS:
-        app.command(getattr(import_module(f"{__name__}.{name}"), name))
-    offer(app)
+    for name, module in COMMANDS.items():
+        app.command(getattr(import_module(f"{__name__}.{module}"), name))
+
+    def install(*, shell: Literal["bash", "zsh", "fish"] | None = None) -> None:
+        """Complete commands and options by the tab key, in every new shell.
+
+        Parameters
+        ----------
+        shell
+            The one that this runs in unless given.
+        """
+        from cyclopts.completion import ShellDetectionError
+
+        try:
+            path = app.install_completion(shell=shell)
+        except ShellDetectionError as error:
+            raise BadInput(
+                "this shell is not known; name one, as in --install-completion --shell bash"
+            ) from error
+        print(f"Wrote {path}; a new shell reads it.")
+
+    app.command(install, name="--install-completion")
     return app

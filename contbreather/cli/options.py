@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 from unicodedata import normalize
@@ -11,18 +11,7 @@ from unicodedata import normalize
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.interrupts import end
-from contbreather.cli.output import (
-    OWN,
-    Table,
-    check_places,
-    note,
-    printed,
-    say,
-    to_csv,
-    to_figure,
-    to_json,
-)
+from contbreather.cli.output import OWN, note
 from contbreather.errors import BadInput
 from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, window_of
 
@@ -72,7 +61,6 @@ def _usual(name: str) -> str:
     return "all" if high == math.inf else f"{low:g} to {high:g}"
 
 
-Formula = Annotated[str, Parameter(allow_leading_hyphen=True), about("forcing")]
 _WINDOWS = f"{_usual('gamma')} for gamma, {_usual('k')} for k"
 Window = Annotated[
     Span | None, Parameter(help=f"Lowest and highest value; {_WINDOWS} unless given.")
@@ -81,22 +69,19 @@ Window = Annotated[
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class ModelOptions:
-    """Parameters and lattice of a breather as they were typed.
+class LatticeOptions:
+    """What breathers live on, and what drives them, as it was typed.
 
     Parameters
     ----------
     sites
-        Short for --lattice ring:N; of a point, that ring as well.
+        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
     threshold
         On finite lattices: modulus over a period beyond which it is unstable, 1.005 unless given.
     set
         NAME=VALUE of a parameter in the formula.
     """
 
-    a: Annotated[float | None, about("a")] = None
-    gamma: Annotated[float | None, about("gamma")] = None
-    k: Annotated[float | None, about("k")] = None
     damping: Annotated[float | None, about("damping")] = None
     spring: Annotated[float | None, about("spring")] = None
     lattice: Annotated[str | None, about("lattice")] = None
@@ -104,26 +89,13 @@ class ModelOptions:
     threshold: float | None = None
     site: Annotated[Whole, about("site")] = 0
     walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
-    forcing: Formula = HARMONIC
+    forcing: Annotated[str, Parameter(allow_leading_hyphen=True), about("forcing")] = HARMONIC
     set: tuple[str, ...] = ()
 
     @property
     def read(self) -> dict[str, str | None]:
         """The file that the lattice is in."""
         return {"--lattice": self.lattice}
-
-    @property
-    def given(self) -> dict[str, float]:
-        """The parameters as far as they were given."""
-        values = {name: getattr(self, name) for name in NAMES}
-        return {name: value for name, value in values.items() if value is not None}
-
-    def need(self, *names: str) -> dict[str, float]:
-        """The values that were given, or which of these is missing."""
-        for name in names:
-            if name not in self.given:
-                raise BadInput(f"--{name} is missing: {_meaning(name)}")
-        return self.given
 
     def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
@@ -146,26 +118,54 @@ class ModelOptions:
                 "--threshold needs --sites or --lattice: only finite lattices have a threshold"
             )
         forcing = self.drive(free)
-        threshold = THRESHOLD if self.threshold is None else self.threshold
+        names = (*NAMES, *forcing.params)
         for name in free:
-            _check_name(name, forcing)
+            if name not in names:
+                raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
+        threshold = THRESHOLD if self.threshold is None else self.threshold
         more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
         return ModelParameters(lattice, threshold, forcing, more)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Needed:
+    a: Annotated[float | None, about("a")] = None
+    gamma: Annotated[float | None, about("gamma")] = None
+    k: Annotated[float | None, about("k")] = None
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class ZoneWindows:
+class ModelOptions(LatticeOptions, _Needed):  # fields of the last base come first
+    """Parameters and lattice of a breather as they were typed.
+
+    Parameters
+    ----------
+    sites
+        Short for --lattice ring:N; of a point, that ring as well.
+    """
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The parameters as far as they were given."""
+        values = {name: getattr(self, name) for name in NAMES}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def need(self, *names: str) -> dict[str, float]:
+        """The values that were given, or which of these is missing."""
+        for name in names:
+            if name not in self.given:
+                raise BadInput(f"--{name} is missing: {_meaning(name)}")
+        return self.given
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ZoneOptions(LatticeOptions):
     """Windows of zone diagrams, and what their breathers live on.
 
     Parameters
     ----------
-    set
-        NAME=VALUE of a parameter in the formula.
-    sites
-        A ring of so many sites in place of the infinite chain, judged by the paper's rule.
-    threshold
-        With --sites: modulus over a period beyond which it is unstable, 1.005 unless given.
     past_folds
         With the lower breathers, too, those behind a fold: all unstable, but they may exist where
         no upper one does.
@@ -174,10 +174,6 @@ class ZoneWindows:
     gamma_window: Annotated[Span | None, looked_at("gamma")] = None
     a_window: Annotated[Span | None, looked_at("a")] = None
     k_window: Annotated[Span | None, looked_at("k")] = None
-    forcing: Formula = HARMONIC
-    set: tuple[str, ...] = ()
-    sites: Whole | None = None
-    threshold: float | None = None
     past_folds: bool = False
 
     @property
@@ -187,32 +183,11 @@ class ZoneWindows:
         reach = {name: window_of(name) for name in NEEDED}
         return {name: interval(name, span, reach) for name, span in typed.items() if span}
 
-    def on(self, *begin: str, **more: Any) -> ModelParameters:
-        """What breathers live on, with further assignments, and more of the model's options."""
-        return ModelOptions(
-            forcing=self.forcing,
-            set=(*self.set, *begin),
-            sites=self.sites,
-            threshold=self.threshold,
-            **more,
-        ).on()
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class FiniteLattice:
-    """Any finite lattice of zone diagrams, followed by exact modes."""
-
-    damping: Annotated[float | None, about("damping")] = None
-    spring: Annotated[float | None, about("spring")] = None
-    lattice: Annotated[str | None, about("lattice")] = None
-    site: Annotated[Whole, about("site")] = 0
-    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
-
-    @property
-    def losses(self) -> dict[str, float | None]:
-        """Damping and spring as `zones` takes them."""
-        return {"damping": self.damping or 0.0, "spring": self.spring}
+    def options(self, on: ModelParameters) -> dict[str, Any]:
+        """All of it as `zones` takes it."""
+        losses = {"damping": self.damping or 0.0, "spring": self.spring}
+        how = {"past_folds": self.past_folds, "within": self.within, "threshold": on.threshold}
+        return {**on.given, **how, **losses}
 
 
 class ModelParameters(NamedTuple):
@@ -282,12 +257,6 @@ def once(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
             )
         values[name] = value
     return values
-
-
-def _check_name(name: str, forcing: cb.lattice.Forcing) -> None:
-    names = (*NAMES, *forcing.params)
-    if name not in names:
-        raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
 
 
 def _meaning(name: str) -> str:
@@ -443,89 +412,3 @@ class Start(NamedTuple):
     def entry(self) -> dict[str, Any]:
         """For JSON."""
         return {"free": self.free, **self.on.entry()}
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class Output:
-    """Where results go.
-
-    Parameters
-    ----------
-    csv
-        Write the numbers to this file, in full precision.
-    output
-        Draw to this file: .png, .pdf or .svg.
-    json
-        Print one JSON object, in full precision.
-    """
-
-    csv: str | None = None
-    output: Annotated[str | None, Parameter(alias="-o")] = None
-    json: bool = False
-
-    kept = None  # a file that the library has written
-
-    def check(
-        self,
-        read: Mapping[str, str | None] | None = None,
-        **more: str | None,
-    ) -> None:
-        """Refuse files that cannot be written before anything is computed, `more` by their options
-        among them, and those that are `read`."""
-        tables = {"--csv": self.csv, "--save": self.kept}
-        tables |= {f"--{name}": path for name, path in more.items()}
-        check_places(tables, self.output, json=self.json, read=read)
-
-    def leave(
-        self,
-        content: Callable[[], Mapping[str, Any]],
-        lines: Iterable[object],
-        table: Callable[[], Table],
-        draw: Callable[[], Any],
-        *,
-        cut: bool = False,
-    ) -> None:
-        """Files first, then one JSON object, or lines for people; each made where it is wanted."""
-        written = [] if self.kept is None else [self.kept]
-        if self.csv is not None:
-            written.append(str(to_csv(self.csv, *table(), cut=cut)))
-        if self.output is not None:
-            written.append(str(to_figure(self.output, draw, cut=cut)))
-        if self.json:
-            to_json({**content(), "interrupted": cut, "written": written})
-        else:
-            say(*lines, *(f"Wrote {path}." for path in written), aside=printed(self.csv))
-        end(cut)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class SavedOutput(Output):
-    """Where results go that are kept as they are found.
-
-    Parameters
-    ----------
-    save
-        Keep the results in this file while they are computed: show prints them, extend follows
-        branches and boundaries further.
-    """
-
-    save: str | None = None
-
-    @property
-    def kept(self) -> str | None:  # type: ignore[override]
-        return self.save
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class SavedRun(SavedOutput):
-    """Where a run goes.
-
-    Parameters
-    ----------
-    save
-        Keep the run in this file when it has ended, for show and load; --stream keeps one as it
-        goes on.
-    """

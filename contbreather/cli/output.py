@@ -6,10 +6,14 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 import contbreather as cb
+from contbreather.cli.process import end
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import identity, stream_of, writable, write_csv
 
@@ -29,49 +33,6 @@ def console(aside: bool = False) -> Console:
 
     width = None if (sys.stderr if aside else sys.stdout).isatty() else PIPE_WIDTH
     return Console(highlight=False, width=width, soft_wrap=False, stderr=aside)
-
-
-def check_places(
-    tables: Mapping[str, str | None],
-    figure: str | None,
-    *,
-    json: bool = False,
-    read: Mapping[str, str | None] | None = None,
-) -> None:
-    """Refuse files that cannot be written before anything is computed, and one place for two
-    things, however its name is written: two files, a file and what is read, or what is printed."""
-    written = {**tables, "--output": figure}
-    for option, path in written.items():
-        if path is not None:
-            _CHECKS.get(option, writable)(path)
-    taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
-    taken[identity(1)] = "standard output"
-    if json:
-        taken[1] = "--json"
-    for option, path in written.items():
-        if path is None:
-            continue
-        place = stream_of(path) or identity(path)
-        if place in taken:
-            if place in (1, identity(1)):
-                raise BadInput(
-                    f"{option} {path}: {taken[place]} goes there; give {option} another file"
-                )
-            raise BadInput(f"{taken[place]} and {option} both name {path}; give different names")
-        taken[place] = option
-
-
-def _check_kept(path: str) -> None:
-    from contbreather.storage.netcdf import target_of
-
-    target_of(path)
-
-
-def _check_figure(path: str) -> None:
-    cb.plotting.canvas.figure_path(path)
-
-
-_CHECKS: dict[str, Callable[[str], object]] = {"--save": _check_kept, "--output": _check_figure}
 
 
 def printed(*paths: str | None) -> bool:
@@ -139,6 +100,120 @@ def table_of(columns: Mapping[str, Any]) -> Table:
 def sentences(lines: Iterable[str]) -> list[str]:
     """With a capital and one full stop each."""
     return [f"{line[0].upper()}{line[1:].rstrip('.')}." for line in lines]
+
+
+# --- where it goes --------------------------------------------------------------------------------
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """Where results go.
+
+    Parameters
+    ----------
+    csv
+        Write the numbers to this file, in full precision.
+    output
+        Draw to this file: .png, .pdf or .svg.
+    json
+        Print one JSON object, in full precision.
+    """
+
+    csv: str | None = None
+    output: Annotated[str | None, Parameter(alias="-o")] = None
+    json: bool = False
+
+    @property
+    def kept(self) -> str | None:
+        """A file that the library writes."""
+        return getattr(self, "save", None)
+
+    def check(self, read: Mapping[str, str | None] | None = None, **more: str | None) -> None:
+        """Refuse files that cannot be written before anything is computed, `more` by their options
+        among them, and one place for two things, however its name is written: two files, a file
+        and what is `read`, or what is printed."""
+        typed = {"--csv": self.csv, "--save": self.kept}
+        typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
+        written = {option: path for option, path in typed.items() if path is not None}
+        for option, path in written.items():
+            _check_place(option, path)
+        taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
+        taken[identity(1)] = "standard output"
+        if self.json:
+            taken[1] = "--json"
+        for option, path in written.items():
+            place = stream_of(path) or identity(path)
+            if place in (1, identity(1)) and place in taken:
+                raise BadInput(
+                    f"{option} {path}: {taken[place]} goes there; give {option} another file"
+                )
+            if place in taken:
+                raise BadInput(
+                    f"{taken[place]} and {option} both name {path}; give different names"
+                )
+            taken[place] = option
+
+    def leave(
+        self,
+        content: Callable[[], Mapping[str, Any]],
+        lines: Iterable[object],
+        table: Callable[[], Table],
+        draw: Callable[[], Any],
+        *,
+        cut: bool = False,
+    ) -> None:
+        """Files first, then one JSON object, or lines for people; each made where it is wanted."""
+        written = [] if self.kept is None else [self.kept]
+        if self.csv is not None:
+            written.append(str(to_csv(self.csv, *table(), cut=cut)))
+        if self.output is not None:
+            written.append(str(to_figure(self.output, draw, cut=cut)))
+        if self.json:
+            to_json({**content(), "interrupted": cut, "written": written})
+        else:
+            say(*lines, *(f"Wrote {path}." for path in written), aside=printed(self.csv))
+        end(cut)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SavedOutput(Output):
+    """Where results go that are kept as they are found.
+
+    Parameters
+    ----------
+    save
+        Keep the results in this file while they are computed: show prints them, extend follows
+        branches and boundaries further.
+    """
+
+    save: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SavedRun(SavedOutput):
+    """Where a run goes.
+
+    Parameters
+    ----------
+    save
+        Keep the run in this file when it has ended, for show and load; --stream keeps one as it
+        goes on.
+    """
+
+
+def _check_place(option: str, path: str) -> None:
+    """What is kept, a figure and a table each have names of their own sort."""
+    if option == "--save":
+        from contbreather.storage.netcdf import target_of
+
+        target_of(path)
+    elif option == "--output":
+        cb.plotting.canvas.figure_path(path)
+    else:
+        writable(path)
 
 
 # --- branches -----------------------------------------------------------------------------------

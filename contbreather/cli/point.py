@@ -116,11 +116,9 @@ def _sentences(breather: Any, verdicts: list[Any], others: list[Any]) -> list[st
     else:
         lines.append("nothing is said of its stability: the lattice has no such motion")
     if others:
-        roots = ", ".join(map(_told, others))
-        lines.append(f"further roots of (11): {roots}")
+        roots = (
+            f"p = {root.p:.9g} ({'' if root.admissibility().ok else 'not '}admissible)"
+            for root in others
+        )
+        lines.append(f"further roots of (11): {', '.join(roots)}")
     return sentences(lines)
-
-
-def _told(root: Any) -> str:
-    """A root, and whether it is a breather."""
-    return f"p = {root.p:.9g} ({'' if root.admissibility().ok else 'not '}admissible)"

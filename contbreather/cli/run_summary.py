@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.cli.interrupts import computing
+from contbreather.cli.process import computing
 
 if TYPE_CHECKING:
     from contbreather.simulation import SmoothRun

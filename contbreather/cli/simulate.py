@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.interrupts import computing, end
-from contbreather.cli.options import ModelOptions, ModelParameters, SavedRun, Whole
+from contbreather.cli.options import ModelOptions, ModelParameters, Whole
 from contbreather.cli.output import (
+    SavedRun,
     Table,
     note,
     printed,
@@ -23,6 +25,7 @@ from contbreather.cli.output import (
     to_figure,
     to_json,
 )
+from contbreather.cli.process import computing, end
 from contbreather.cli.run_summary import (
     RunSummary,
     judged,
@@ -31,8 +34,8 @@ from contbreather.cli.run_summary import (
     summary_in,
     summary_of,
 )
-from contbreather.cli.starts import read_state, write_state
 from contbreather.errors import BadInput
+from contbreather.files import read_text, write_whole
 from contbreather.parameters import NEEDED
 from contbreather.tables import Sheet
 
@@ -46,6 +49,7 @@ SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
 CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
 VERDICT = ("kind", "motion", "reason", "evidence")
+WANTED = "JSON with u, v and t, or two columns u and v were expected"
 IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 
 
@@ -166,6 +170,29 @@ class RunOptions:
         return state[0] + push[0], state[1] + push[1]
 
 
+def read_state(path: str) -> tuple[tuple[Any, Any], float]:
+    """Displacements, velocities, and their time; 0 where the file does not say."""
+    import numpy as np
+
+    try:
+        text = read_text(path)
+    except BadInput as error:
+        raise BadInput(f"{error}; {WANTED}") from error
+    try:
+        if text.lstrip().startswith("{"):
+            content = json.loads(text)
+            content = content.get("final", content)  # what --json prints will do, too
+            u, v = (np.array(content[name], dtype=float) for name in "uv")
+            return (u, v), float(content.get("t", 0.0))
+        rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
+        if rows and rows[0] == ["u", "v"]:
+            rows = rows[1:]
+        u, v = np.array(rows, dtype=float).T
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise BadInput(f"no state in {path}: {WANTED}") from error
+    return (u, v), 0.0
+
+
 def _breather(where: ModelOptions, on: ModelParameters, lattice: Any) -> tuple[Any, float]:
     """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
     a ring is the one without damping, as in the paper; that of --lattice has all."""
@@ -231,6 +258,13 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         yield to_csv(options.impacts, _impacts(summary), IMPACTS)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
+
+
+def write_state(path: str, state: cb.simulation.State, t: float) -> Path:
+    """JSON with u, v and t, all digits."""
+    content = {"t": float(t), "u": state.u.tolist(), "v": state.v.tolist()}
+    text = json.dumps(content, allow_nan=False) + "\n"
+    return write_whole(path, lambda file: file.write(text.encode()))
 
 
 def strobe_table(summary: RunSummary) -> Table:

@@ -1,18 +1,21 @@
-"""`contbreather zones`: the whole diagram of existence and stability."""
+"""`contbreather zones` and `atlas`: the whole diagram of existence and stability, or many."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.cli.interrupts import kept
-from contbreather.cli.options import FiniteLattice, SavedOutput, ZoneWindows
-from contbreather.cli.output import Table, table_of
+from contbreather.cli.options import Workers, ZoneOptions, letter, once
+from contbreather.cli.output import Output, SavedOutput, Table, table_of
+from contbreather.cli.process import kept
 from contbreather.errors import BadInput
 
+if TYPE_CHECKING:
+    from xarray import Dataset
+
 RESTITUTIONS = (0.8, 0.4)  # the paper's
-FIGURE, TABLE = "zones.png", "zones.csv"
 
 
 def zones(
@@ -20,8 +23,7 @@ def zones(
     k: tuple[float, ...] = (),
     gamma: tuple[float, ...] = (),
     a: tuple[float, ...] = (),
-    plane: ZoneWindows = ZoneWindows(),
-    where: FiniteLattice = FiniteLattice(),
+    plane: ZoneOptions = ZoneOptions(),
     into: SavedOutput = SavedOutput(),
 ) -> None:
     """Zone diagrams: limits of existence LP and GR, of stability PF and NS, where they meet.
@@ -40,16 +42,20 @@ def zones(
     """
     from contbreather.parameters import parameter
 
-    name, values = _fixed(k, gamma, a)
+    typed = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
+    if len(typed) > 1:
+        raise BadInput(
+            f"zones are drawn with one parameter fixed, but {' and '.join(typed)} were given; "
+            "leave one"
+        )
+    ((name, values),) = (typed or {"k": RESTITUTIONS}).items()
     for value in values:
         parameter(name, value)
     if into == SavedOutput():
-        into = SavedOutput(csv=TABLE, output=FIGURE)
-    into.check({"--lattice": where.lattice})
-    on, windows = plane.on(**vars(where)), plane.within
-    options: dict[str, Any] = {"ks" if name == "k" else name: values, "within": windows}
-    options |= {"lattice": on.lattice, "threshold": on.threshold, "forcing": on.forcing}
-    options |= {"past_folds": plane.past_folds, **on.more, **where.losses}
+        into = SavedOutput(csv="zones.csv", output="zones.png")
+    into.check(plane.read)
+    on = plane.on()
+    options = {"ks" if name == "k" else name: values, **plane.options(on)}
     diagrams, cut = kept(_computed, options, into.save)
     if not any(branches for diagram in diagrams for branches in diagram.curves.values()):
         nothing = cb.orbits.zone_diagram.NO_CURVE
@@ -58,7 +64,7 @@ def zones(
         lambda: {**on.entry(), "zones": [diagram_entry(diagram) for diagram in diagrams]},
         _lines(diagrams),
         lambda: curves_table(diagrams),
-        lambda: cb.plotting.plot_zones(diagrams, within=windows)[0],
+        lambda: cb.plotting.plot_zones(diagrams, within=options["within"])[0],
         cut=cut,
     )
 
@@ -79,21 +85,6 @@ def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]
     return tuple(done)
 
 
-def _fixed(
-    k: tuple[float, ...], gamma: tuple[float, ...], a: tuple[float, ...]
-) -> tuple[str, tuple[float, ...]]:
-    """The parameter that is fixed, and its values."""
-    typed = {name: values for name, values in {"k": k, "gamma": gamma, "a": a}.items() if values}
-    if not typed:
-        return "k", RESTITUTIONS
-    if len(typed) > 1:
-        raise BadInput(
-            f"zones are drawn with one parameter fixed, but {' and '.join(typed)} were given; "
-            "leave one"
-        )
-    return next(iter(typed.items()))
-
-
 def curves_table(diagrams: Sequence[cb.orbits.Zones]) -> Table:
     """Points of all curves, in order along each; `piece` tells curves of one kind apart."""
     from contbreather.columns import stacked
@@ -102,18 +93,14 @@ def curves_table(diagrams: Sequence[cb.orbits.Zones]) -> Table:
     return table_of(stacked(({}, diagram.columns()) for diagram in nonempty))
 
 
-def _columns(branch: cb.Branch) -> dict[str, Any]:
-    names = ("gamma", "a", "k", "p", "nu", "t")
-    columns = {name: branch[name] for name in names if name in branch.curve.slots}
-    return {**columns, "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch)}
-
-
 def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
+    shown = ("gamma", "a", "k", "p", "nu", "t")
     curves = [
-        {"curve": kind, **_columns(branch), "labels": [point.label for point in branch]}
-        for kind, branches in diagram.curves.items()
-        for branch in branches
-    ]
+        {"curve": kind, **{name: branch[name] for name in shown if name in branch.curve.slots},
+         "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch),
+         "labels": [point.label for point in branch]}
+        for kind, branch in diagram
+    ]  # fmt: skip
     regions = [
         {
             "verdict": region.verdict,
@@ -125,15 +112,11 @@ def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     ]
     losses = {name: diagram.model.get(name) for name in ("damping", "spring")}
     fixed = dict([diagram.fixed]) | {n: value for n, value in losses.items() if value is not None}
-    return {"fixed": fixed, "pair": diagram.pair, "curves": curves,
-            "points": list(_points(diagram)), "regions": regions}  # fmt: skip
-
-
-def _points(diagram: cb.orbits.Zones) -> Iterator[dict[str, Any]]:
-    """The codim-2 points, each once."""
-    table = diagram.table()
+    table = diagram.table()  # the codim-2 points, each once
     names = [column.heading for column in table.columns]
-    return (dict(zip(names, row, strict=True)) for row in table.rows)
+    points = [dict(zip(names, row, strict=True)) for row in table.rows]
+    return {"fixed": fixed, "pair": diagram.pair, "curves": curves, "points": points,
+            "regions": regions}  # fmt: skip
 
 
 def _lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
@@ -146,3 +129,102 @@ def _lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
         yield f"Points on the curves at {plane.fixed[0]} = {plane.fixed[1]:g}: {sizes}{cut}."
         for told in plane.told():
             yield f"{told}." if "damping" in plane.model else f"{told}; --past-folds draws them."
+
+
+# --- many diagrams --------------------------------------------------------------------------------
+
+
+def atlas(
+    *,
+    k: tuple[str, ...] = (),
+    gamma: tuple[str, ...] = (),
+    a: tuple[str, ...] = (),
+    over: tuple[str, ...] = (),
+    plane: ZoneOptions = ZoneOptions(),
+    workers: Workers | None = None,
+    save: str | None = None,
+    into: Output = Output(),
+) -> None:
+    """Surfaces of LP, GR, PF and NS: a zone diagram for each of many values.
+
+    Without files and without --json it writes atlas.png and atlas.nc.
+
+    Parameters
+    ----------
+    k
+        Restitution: diagrams in (gamma, a) at VALUE,VALUE,... or LOW:HIGH:COUNT, so many at equal
+        distances.
+    gamma
+        Coupling: diagrams in (k, a) instead.
+    a
+        Amplitude: diagrams in (k, gamma) instead.
+    over
+        NAME=VALUE,VALUE,... or NAME=LOW:HIGH:COUNT of a parameter in the formula.
+    workers
+        Number of processes, all cores unless given.
+    save
+        Write the atlas to this netCDF file.
+    """
+    from contbreather.checks import values_by
+    from contbreather.orbits.atlas import save_atlas
+
+    if into == Output() and save is None:
+        into, save = Output(output="atlas.png"), "atlas.nc"
+    into.check(plane.read, save=save)
+    typed = {"k": k, "gamma": gamma, "a": a}
+    fixed = {n: values_by(f"--{n}", ",".join(texts)) for n, texts in typed.items() if texts}
+    further = once("--over", map(_assigned, over))
+    begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
+    plane = replace(plane, set=(*plane.set, *begin))
+    on = plane.on()
+    options = {**plane.options(on), "executor": workers, **fixed}
+    for name in further:
+        if name in options:
+            raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
+    dataset, cut = kept(cb.atlas, **{**options, **further})
+    lost = {name: options[name] for name in ("damping", "spring") if options[name]}
+    written = [] if save is None else [str(save_atlas(save, dataset))]
+    into.leave(
+        lambda: {**on.entry(), **lost, "atlas": _columns(dataset), "failed": _failed(dataset)},
+        [*_atlas_lines(dataset), *(f"Wrote {path}." for path in written)],
+        lambda: table_of(_columns(dataset)),
+        lambda: cb.plotting.plot_atlas(dataset),
+        cut=cut,
+    )
+
+
+def _assigned(text: str) -> tuple[str, list[float]]:
+    from contbreather.checks import values_by
+
+    name, equals, values = text.partition("=")
+    if not equals:
+        raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was expected, c3=0,0.1 for instance")
+    return letter(name), values_by(f"--over {name}", values)
+
+
+def _columns(dataset: Dataset) -> dict[str, Any]:
+    """Those along points, words in place of their numbers."""
+    from contbreather.orbits.atlas import words
+
+    columns: dict[str, Any] = {
+        str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("point",)
+    }
+    return {**columns, "kind": words(dataset, "kind"), "meeting": words(dataset, "meeting")}
+
+
+def _failed(dataset: Dataset) -> list[dict[str, Any]]:
+    columns = {str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("failed",)}
+    return [dict(row) for row in table_of(columns)[0]]
+
+
+def _atlas_lines(dataset: Dataset) -> Iterator[object]:
+    """How many there are, and what is missing."""
+    kinds = _columns(dataset)["kind"]
+    counts = ", ".join(f"{kinds.count(kind)} points of {kind}" for kind in dict.fromkeys(kinds))
+    count = len({*dataset.slice.values.tolist()})
+    yield f"{count} diagram{'s' if count > 1 else ''}: {counts}."
+    for row in _failed(dataset):
+        at = ", ".join(
+            f"{n.removeprefix('failed_')} = {v:g}" for n, v in row.items() if n != "reason"
+        )
+        yield f"No diagram at {at}: {row['reason'].rstrip('.')}."

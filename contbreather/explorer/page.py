@@ -22,20 +22,32 @@ from panel.io.notebook import block_comm, patch_inline_stylesheets
 from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
 from contbreather.explorer import summary
-from contbreather.explorer.fields import (
+from contbreather.explorer.forms import (
     ErrorLabel,
     Field,
+    Forms,
     Words,
     a_count,
+    card,
+    offered,
     read_all,
     some_sites,
     tried,
 )
-from contbreather.explorer.forms import Forms, card, offered
+from contbreather.explorer.jobs import fate
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import State, numbers
-from contbreather.explorer.style import FOCUSED, GRID, OUTER, STUCK
-from contbreather.explorer.theme import DARK, LIGHT
+from contbreather.explorer.style import (
+    DARK,
+    FOCUSED,
+    FOLLOW,
+    GRID,
+    LIGHT,
+    LINK,
+    NAMES,
+    OUTER,
+    STUCK,
+)
 from contbreather.explorer.views import (
     BranchView,
     MotionView,
@@ -45,7 +57,6 @@ from contbreather.explorer.views import (
     marked,
     symbol,
 )
-from contbreather.explorer.work import fate
 from contbreather.orbits.zone_search import PAIRS
 
 # Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
@@ -401,6 +412,25 @@ def _described(state: State) -> str:
         sentences = list(summary.verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
     return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{items}</dl>"
+
+
+def in_template(explorer: Session) -> Any:
+    """A new page of an explorer in a browser: below a heading with the switch between light and
+    dark."""
+    dark = pn.config.theme == "dark"
+    other = "default" if dark else "dark"
+    link = pn.pane.HTML(
+        f'<a href="?theme={other}">{"light" if dark else "dark"}</a>'
+        f"<script>{FOLLOW}{NAMES}</script>",
+        stylesheets=[LINK],
+        align="end",
+    )  # fmt: skip
+    return pn.template.BootstrapTemplate(
+        title="contbreather explorer",
+        theme="dark" if dark else "default",
+        header=[link],
+        main=[Page(explorer).layout],
+    )
 
 
 def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:

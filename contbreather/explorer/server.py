@@ -45,7 +45,7 @@ def server_for(
     port = _free(address, port)
     _check_origins(origins, port)
     own_origins = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
-    from contbreather.explorer.template import in_template
+    from contbreather.explorer.page import in_template
 
     # that a page was closed, or loaded again, while something was sent to it is no trouble
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)

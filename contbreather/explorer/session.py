@@ -14,10 +14,18 @@ from typing import Any
 from contbreather.checks import whole
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput
-from contbreather.explorer.jobs import Job, JobThread, Progress
+from contbreather.explorer.jobs import (
+    Computation,
+    Job,
+    JobThread,
+    OnLattice,
+    Progress,
+    arguments,
+    breather,
+    point_of,
+)
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
-from contbreather.explorer.work import OnLattice, Work, arguments, breather, point_of
 from contbreather.files import writable
 from contbreather.lattice import Ring
 from contbreather.lattice.parse import as_typed
@@ -132,10 +140,7 @@ class Session:
         return between(left, right, k)
 
     def _compute(
-        self,
-        wanted: Plane,
-        then: Callable[[Zones | None, bool, str], object],
-        after: float = 0.0,
+        self, wanted: Plane, then: Callable[[Zones | None, bool, str], object], after: float = 0.0
     ) -> None:
         name, value, forcing, of = wanted
         on: dict[str, Any] = {name: value, **self._models[of]}
@@ -298,7 +303,7 @@ class Session:
 
     # ---------------------------------------------------------------------------------- long work
 
-    def begin(self, work: Work) -> None:
+    def begin(self, computation: Computation) -> None:
         """Do it in the background.
 
         Raises
@@ -310,10 +315,12 @@ class Session:
         def taken(value: Any, cut: bool) -> None:
             note = "  # was stopped: what is seen is a piece of it" if cut else ""
             if cut:
-                self.message = f"{work.title}: stopped; what was done is kept."
-            self._take(work.name, (*work.setup, f"{{}} = {work.code}{note}"), value)
+                self.message = f"{computation.title}: stopped; what was done is kept."
+            self._take(
+                computation.name, (*computation.setup, f"{{}} = {computation.code}{note}"), value
+            )
 
-        self._run(work.title, work.job, taken)
+        self._run(computation.title, computation.job, taken)
 
     def _run(self, title: str, job: Job, taken: Callable[[Any, bool], object]) -> None:
         if self.busy:
@@ -410,7 +417,10 @@ class Session:
         BadInput
             If there are none, or the file cannot be written.
         """
-        results = self._results()
+        state = self.state
+        results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
+        results |= {curve.code.translate(PLAIN): curve.branch for curve in state.curves}
+        results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
         if not results:
             raise BadInput("there is nothing to save yet: trace a branch first.")
         save(path, **results)
@@ -424,13 +434,6 @@ class Session:
             lambda _: self.save(target),
             lambda file, _: self.tell(f"Wrote {file}."),
         )
-
-    def _results(self) -> dict[str, Any]:
-        state = self.state
-        results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
-        results |= {curve.code.translate(PLAIN): curve.branch for curve in state.curves}
-        results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
-        return results
 
     def figure(self, what: str, suffix: str) -> bytes:
         """The zones, the branches or the simulation as a figure for a journal.

@@ -153,9 +153,9 @@ class State:
 
     def script(self) -> str:
         """Python that computes and draws what is seen, to the last digit."""
-        return "\n".join([*self._made(), *self._asked(), *self._drawn()]) + "\n"
+        return "\n".join(self._script()) + "\n"
 
-    def _made(self) -> Iterator[str]:
+    def _script(self) -> Iterator[str]:
         yield "import contbreather as cb"
         yield ""
         yield from self.lines  # first: a lattice may be that of a curve
@@ -163,20 +163,14 @@ class State:
         more += f", {self.zones_of}" if self.zones_of else ""
         name, value = self.fixed
         yield f"zones = cb.zones({name}={value!r}{more})"
-
-    def _asked(self) -> Iterator[str]:
-        if self.chosen is None:
-            return
-        yield f"here = {self.chosen.code}"
-        if self.chosen.orbit is not None:
-            orbit = self.chosen.orbit
+        if self.chosen is not None:
+            yield f"here = {self.chosen.code}"
+        if self.chosen is not None and (orbit := self.chosen.orbit) is not None:
             options = [] if orbit.lattice.sites is not None else [f"sites={self.ring}"]
             options += ["half=True"] if orbit.symmetric else []
             yield "print(here.admissibility().reason)"
             yield "print(here.stability())"
             yield f"mu = here.multipliers({', '.join(options)})"
-
-    def _drawn(self) -> Iterator[str]:
         yield ""
         yield 'cb.save_figure(cb.plotting.plot_zones(zones), "zones.pdf")'
         if self.shown:

@@ -1,6 +1,8 @@
-"""How a page is laid out: beside each other where there is room, below each other where not."""
+"""How a page looks: beside each other where there is room, below each other where not; colours."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 GRID = """
 :host { display: grid !important; gap: 10px; padding: 8px !important; align-items: stretch;
@@ -44,3 +46,54 @@ th, td { padding: 0 12px 0 0; } td { font-variant-numeric: tabular-nums; }
 pre { font-size: 12px; white-space: pre-wrap; overflow-wrap: anywhere; margin: 4px 0; }
 """
 FOCUSED = ":focus-visible { outline: 3px solid #3d8bfd !important; }"  # of all buttons alike
+# the first time a page follows what the system of its reader prefers
+FOLLOW = """
+if (!location.search.includes("theme=") && matchMedia("(prefers-color-scheme: dark)").matches)
+  location.replace("?theme=dark")
+"""
+# Sliders have no name for those who read by ear; they are drawn anew now and then.
+NAMES = """
+const name = root => {
+  for (const one of root.querySelectorAll("*")) if (one.shadowRoot) {
+    const handle = one.shadowRoot.querySelector(".noUi-handle")
+    const title = one.shadowRoot.querySelector(".bk-slider-title")
+    if (handle && title) handle.ariaLabel = title.textContent.split(":")[0]
+    name(one.shadowRoot)
+  }
+}
+setInterval(() => name(document), 1000)
+"""
+LINK = """
+a { color: inherit; font-size: 14px; }
+"""
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours by what they are for; the hues are Okabe and Ito's, lighter on dark paper."""
+
+    text: str
+    grid: str
+    faint: str
+    line: str
+    blue: str
+    vermillion: str
+    cycle: tuple[str, ...]
+    stable: str
+    unstable: str
+    band: str
+    paper: str
+
+
+LIGHT = Theme(
+    text="#212529", grid="#e9ecef", faint="#8a9097", line="#000000", blue="#0072B2",
+    vermillion="#D55E00",
+    cycle=("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
+    stable="#D9EAF5", unstable="#FBE6D5", band="#BFDDF2", paper="#ffffff",
+)  # fmt: skip
+DARK = Theme(
+    text="#dee2e6", grid="#343a40", faint="#868e96", line="#f1f3f5", blue="#56B4E9",
+    vermillion="#F5853F",
+    cycle=("#56B4E9", "#F5853F", "#2CC295", "#E29DC3", "#F2B84B", "#A8D8F5", "#f1f3f5"),
+    stable="#17405a", unstable="#4d3320", band="#274B63", paper="#212529",
+)  # fmt: skip

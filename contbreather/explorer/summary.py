@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput, ContbreatherError
+from contbreather.explorer.jobs import point_of
 from contbreather.explorer.state import Named
-from contbreather.explorer.work import point_of
 from contbreather.lattice import Ring
 from contbreather.orbits import Orbit
 from contbreather.plotting.multipliers import with_band

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 from textwrap import wrap
 from typing import Any
 
@@ -14,17 +15,10 @@ from numpy.typing import NDArray
 from contbreather.continuation import Branch, Point
 from contbreather.explorer.preview import Preview, about, is_of
 from contbreather.explorer.state import Chosen, Named, State
+from contbreather.explorer.style import Theme
 from contbreather.explorer.summary import Motion, Multipliers, Profile
-from contbreather.explorer.theme import Theme
 from contbreather.orbits.regions import Region
-from contbreather.plotting.branches import (
-    BEYOND,
-    STABLE,
-    UNSTABLE,
-    column_of,
-    pieces,
-    value_of,
-)
+from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
 from contbreather.simulation import Run
 from contbreather.simulation.states import PERIOD
 
@@ -87,11 +81,11 @@ def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any
     return fig
 
 
-def _legend(fig: Any, theme: Theme, place: str = "top_right") -> None:
+def _legend(fig: Any, theme: Theme) -> None:
     if not fig.legend:
         return
     legend = fig.legend[0]
-    legend.location = place
+    legend.location = "top_right"
     legend.label_text_color = theme.text
     legend.label_text_font_size = "11px"
     legend.background_fill_color = theme.paper
@@ -100,14 +94,28 @@ def _legend(fig: Any, theme: Theme, place: str = "top_right") -> None:
     legend.padding, legend.spacing, legend.glyph_width = 4, 0, 26
 
 
-def _reach(axis: Range1d, values: Iterable[float], least: float = 0.0) -> None:
+def _reach(axis: Range1d, values: Iterable[float]) -> None:
     """Let an axis show all values, and a little more."""
     finite = np.array([value for value in values if np.isfinite(value)])
     if not finite.size:
         return
     low, high = float(finite.min()), float(finite.max())
-    room = max(MARGIN * (high - low), least, 1e-9 * max(abs(low), abs(high), 1.0))
-    axis.update(start=low - room, end=high + room, reset_start=low - room, reset_end=high + room)
+    room = max(MARGIN * (high - low), 1e-9 * max(abs(low), abs(high), 1.0))
+    _bounded(axis, low - room, high + room)
+
+
+def _bounded(axis: Range1d, low: float, high: float) -> None:
+    axis.update(start=low, end=high, reset_start=low, reset_end=high)
+
+
+def _named_marks(fig: Any, theme: Theme, source: ColumnDataSource, **look: Any) -> None:
+    """Marks with words beside them, and more of it under the pointer."""
+    marks = fig.scatter("x", "y", source=source, size=9, **look)
+    fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
+    fig.text(
+        "x", "y", "text", source=source, text_color=theme.text, x_offset="dx", y_offset="dy",
+        text_font_size="12px",
+    )  # fmt: skip
 
 
 class ZonesView:
@@ -133,15 +141,8 @@ class ZonesView:
             text_baseline="middle", text_font_style="bold", text_font_size="16px",
         )  # fmt: skip
         self.meetings = _source("x", "y", "text", "what", "dx", "dy")
-        marks = fig.scatter(
-            "x", "y", source=self.meetings, marker="hex", size=9, fill_color=theme.paper,
-            line_color=theme.line,
-        )  # fmt: skip
-        fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
-        fig.text(
-            "x", "y", "text", source=self.meetings, text_color=theme.text, x_offset="dx",
-            y_offset="dy", text_font_size="12px",
-        )  # fmt: skip
+        look = {"marker": "hex", "fill_color": theme.paper, "line_color": theme.line}
+        _named_marks(fig, theme, self.meetings, **look)
         self.traced = _source("xs", "ys")
         fig.multi_line("xs", "ys", source=self.traced, color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
@@ -205,12 +206,10 @@ class ZonesView:
         """Mark what is looked at, if it lies in this plane and is of this lattice."""
         (x, y), (name, value) = drawn.pair, drawn.fixed
         orbit = None if chosen is None else chosen.orbit
-        if orbit is None or abs(getattr(orbit, name) - value) > 1e-9:
-            _fill(self.here, [])
-        elif is_of(drawn, orbit):
-            _fill(self.here, [(getattr(orbit, x), getattr(orbit, y))])
-        else:
-            _fill(self.here, [])
+        here = []
+        if orbit is not None and abs(getattr(orbit, name) - value) <= 1e-9 and is_of(drawn, orbit):
+            here = [(getattr(orbit, x), getattr(orbit, y))]
+        _fill(self.here, here)
 
 
 def _at(fixed: tuple[str, float]) -> str:
@@ -248,15 +247,8 @@ class BranchView:
                 "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
             )
         self.special = _source(*SPECIAL, "dx", "dy")
-        marks = fig.scatter(
-            "x", "y", source=self.special, marker="mark", size=9, fill_color="colour",
-            line_color="colour",
-        )  # fmt: skip
-        fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
-        fig.text(
-            "x", "y", "text", source=self.special, text_color=theme.text, x_offset="dx",
-            y_offset="dy", text_font_size="12px",
-        )  # fmt: skip
+        look = {"marker": "mark", "fill_color": "colour", "line_color": "colour"}
+        _named_marks(fig, theme, self.special, **look)
         self.here = _here(fig, theme)
 
     def show(self, curves: Sequence[Named], x: str, y: str) -> None:
@@ -319,16 +311,9 @@ def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> di
     columns: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
     for at, word in enumerate(words):
         width = LETTER * len(word)
-        sides = [(dx, dy) for dy in (-5.0, 17.0) for dx in (7.0, -7.0 - width)]
-        dx, dy = next(
-            (
-                side
-                for side in sides
-                if x[at] + side[0] + width <= wide
-                and _free(taken, x[at] + side[0], y[at] + side[1], width)
-            ),
-            (0.0, 0.0),
-        )
+        sides = product((-5.0, 17.0), (7.0, -7.0 - width))
+        free = ((dx, dy) for dy, dx in sides if _free(taken, x[at] + dx, y[at] + dy, width, wide))
+        dx, dy = next(free, (0.0, 0.0))
         again = any(
             word == other and np.hypot(x[at] - u, y[at] - v) < LINE for other, u, v, *_ in taken
         )
@@ -341,10 +326,12 @@ def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> di
 
 
 def _free(
-    taken: Iterable[tuple[str, float, float, float, float]], x: float, y: float, width: float
-) -> bool:
-    """Whether a word of that width covers none that stands there, its left end at (x, y)."""
-    return not any(
+    taken: Iterable[tuple[str, float, float, float, float]],
+    x: float, y: float, width: float, wide: float,
+) -> bool:  # fmt: skip
+    """Whether a word of that width is inside, and covers none that stands there, its left end at
+    (x, y)."""
+    return x + width <= wide and not any(
         x < left + LETTER * len(word) and left < x + width and abs(y - base) < LINE
         for word, _, _, left, base in taken
     )
@@ -366,7 +353,21 @@ def _mark(point: Any, curve: Named, x: str, y: str, colour: str) -> tuple[Any, .
     return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
 
 
-class ProfileView:
+class OrbitView:
+    """What is seen of the orbit that is looked at."""
+
+    figure: Any
+    empty = ""  # the title where there is none
+
+    def nothing(self, why: str = "") -> None:
+        """No orbit is looked at, or nothing is known of it, for this reason."""
+        for source in vars(self).values():
+            if isinstance(source, ColumnDataSource):
+                _fill(source, [])
+        self.figure.title.text = "\n".join(wrap(why or self.empty, NARROW))
+
+
+class ProfileView(OrbitView):
     """Sites at the first impact, and the stretch each of them moves in."""
 
     def __init__(self, theme: Theme) -> None:
@@ -392,14 +393,8 @@ class ProfileView:
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
         _reach(self.figure.y_range, [*walls, *profile.lowest, *profile.highest])
 
-    def nothing(self) -> None:
-        """No orbit is looked at."""
-        _fill(self.walls, [])
-        _fill(self.sites, [])
-        self.figure.title.text = ""
 
-
-class MotionView:
+class MotionView(OrbitView):
     """Some sites over a period of an orbit, or over all of a simulation."""
 
     def __init__(self, theme: Theme, x: str) -> None:
@@ -426,16 +421,10 @@ class MotionView:
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in motion.hits))
         self._bound(motion.walls)
 
-    def nothing(self) -> None:
-        """No orbit is looked at."""
-        for source in (self.walls, self.lines, self.hits):
-            _fill(source, [])
-        self.figure.title.text = ""
-
     def run(self, name: str, run: Run, fate: str) -> None:
         """The motion of a simulation, and what became of it."""
         record = run.record
-        assert record is not None  # asked for by `work.simulated`
+        assert record is not None  # asked for by `jobs.simulated`
         columns = zip(record.sites, record.u.T, strict=True)
         self._draw(record.times / PERIOD, dict(columns))
         self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
@@ -470,11 +459,13 @@ def thinned(times: Array, u: Array) -> tuple[Array, Array]:
     return times[indices], u[indices]
 
 
-class MultipliersView:
+class MultipliersView(OrbitView):
     """Multipliers: the unit circle, on it the band, and what stands alone."""
 
+    empty = "multipliers"
+
     def __init__(self, theme: Theme) -> None:
-        self.figure = fig = _sheet(theme, "Re μ", "Im μ", None, title="multipliers")
+        self.figure = fig = _sheet(theme, "Re μ", "Im μ", None, title=self.empty)
         self.theme = theme
         fig.update(sizing_mode="fixed", align="center", width=340, height=340)
         # what the axes and the title need, so that the frame is a square and a circle one
@@ -500,10 +491,4 @@ class MultipliersView:
         self.figure.title.text = f"{multipliers.about}{beyond}"
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
-            axis.update(start=-reach, end=reach, reset_start=-reach, reset_end=reach)
-
-    def nothing(self, why: str = "multipliers") -> None:
-        """None are known, for this reason."""
-        _fill(self.dots, [])
-        _fill(self.band, [])
-        self.figure.title.text = "\n".join(wrap(why, NARROW))
+            _bounded(axis, -reach, reach)

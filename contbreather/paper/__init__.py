@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from contbreather.paper.figure2 import Figure2, chain_lengths, figure2
-from contbreather.paper.figures34 import MultiplierFigure, figure3, figure4
+from contbreather.paper.figures234 import (
+    Figure2,
+    MultiplierFigure,
+    chain_lengths,
+    figure2,
+    figure3,
+    figure4,
+)
 from contbreather.paper.time_series import TimeSeries, figure5, figure6, figure7, figure8
 
 FIGURES: dict[int, Callable[[], Figure2 | MultiplierFigure | TimeSeries]] = {

@@ -13,7 +13,7 @@ from contbreather.checks import check_kind, whole
 from contbreather.continuation import fold, trace
 from contbreather.errors import NotConverged, partial_result
 from contbreather.orbits import Orbit
-from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic
+from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic, simulate
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.energy import localised
 from contbreather.simulation.simulate import completed
@@ -112,16 +112,15 @@ def _after(motion: PeriodicMotion, state: Array) -> Array:
     return np.stack(completed(run).strobe, axis=1)
 
 
-def _shared(breather: Orbit, damping: float) -> dict[str, Any]:
-    on = {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
-    return {**on, "symmetric": True}
+def _conditions(breather: Orbit, damping: float) -> dict[str, Any]:
+    return {"a": breather.a, "gamma": breather.gamma, "k": breather.k, "damping": damping}
 
 
 def smooth_breather(breather: Orbit, m: float, damping: float, sites: int) -> PeriodicMotion | None:
     """The smooth ring's own breather next to the exact one; None if there is none."""
-    shared = _shared(breather, damping)
+    on = _conditions(breather, damping)
     try:
-        return periodic(breather.state(sites), m=m, **shared)
+        return periodic(breather.state(sites), m=m, symmetric=True, **on)
     except NotConverged:
         return None
 
@@ -131,8 +130,8 @@ def softest(breather: Orbit, damping: float, sites: int) -> float:
     """The m at which the smooth ring's breather ends in a fold, coming from hard walls; NaN if it
     reaches m = 5."""
     check_kind(breather, Orbit, "a breather")
-    shared = _shared(breather, damping)
-    start = periodic(breather.state(sites), m=HARD, **shared)
+    on = _conditions(breather, damping)
+    start = periodic(breather.state(sites), m=HARD, symmetric=True, **on)
     branch = trace(
         start, "m", within={"m": (5.0, HARD + 1.0)}, towards="down",
         events=(replace(fold(), ends="branch"),), progress=False,
@@ -148,9 +147,54 @@ def enough_damping(breather: Orbit, sites: int) -> float:
     start = breather.state(sites)
 
     def excess(damping: float) -> float:
-        return periodic(start, **_shared(breather, damping)).largest - 1.0
+        return periodic(start, symmetric=True, **_conditions(breather, damping)).largest - 1.0
 
     high = 0.01
     while high < MOST and excess(high) > 0.0:
         high += 0.01
     return float(brentq(excess, high - 0.01, high, xtol=1e-10))
+
+
+def lives(
+    breather: Orbit, m: int, lost: int | None, *, damping: float, sites: int, long: int
+) -> dict[str, float]:
+    """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
+
+    ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
+    """
+    on, start = _conditions(breather, damping), breather.state(sites)
+    rigid = periodic(start, symmetric=True, **on)
+    rigid_lost = life(completed(simulate(start, periods=600, **on)))
+    soft = smooth_breather(breather, m, damping, sites)
+    return {
+        "lost": math.nan if lost is None else float(lost),
+        "growth": math.nan if soft is None else growth(soft),
+        "multiplier": math.nan if soft is None else soft.largest,
+        "softest": softest(breather, damping, sites) if soft is None else math.nan,
+        "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
+        "rigid_growth": growth(rigid),
+        "rigid_multiplier": rigid.largest,
+        "enough_damping": enough_damping(breather, sites),
+        "long_multiplier": periodic(breather.state(long), symmetric=True, **on).largest,
+    }
+
+
+def lives_in_words(stats: dict[str, float], m: int, long: int) -> str:
+    """The same as a sentence."""
+    if math.isnan(stats["multiplier"]):
+        why = f"there is no breather at m = {m}, it ends in a fold at m = {stats['softest']:.2f}"
+    else:
+        why = f"growth {stats['growth']:.4f}, multiplier {stats['multiplier']:.4f}"
+    return (
+        f"{gone(stats['lost'])} ({why}); rigid walls: {gone(stats['rigid_lost'])} (growth "
+        f"{stats['rigid_growth']:.4f}, multiplier {stats['rigid_multiplier']:.4f}), an attractor "
+        f"from damping {stats['enough_damping']:.4f} on; on a ring of {long} the multiplier is "
+        f"{stats['long_multiplier']:.4f}."
+    )
+
+
+def gone(periods: float) -> str:
+    """When it was lost, in words."""
+    if math.isnan(periods):
+        return "kept"
+    return f"lost after {periods:.0f} periods" if periods else "lost at once"

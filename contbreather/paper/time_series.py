@@ -21,14 +21,7 @@ from contbreather.checks import whole
 from contbreather.orbits import Orbit, symmetric
 from contbreather.orbits.green_function import ACROSS, asymmetric_problem
 from contbreather.orbits.orbit import orbit_at, orbit_of
-from contbreather.paper.lifetimes import (
-    delocalised,
-    enough_damping,
-    growth,
-    life,
-    smooth_breather,
-    softest,
-)
+from contbreather.paper.lifetimes import delocalised, gone, life, lives, lives_in_words
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
 from contbreather.simulation import (
     PeriodicMotion,
@@ -55,6 +48,7 @@ SITES = 20
 LONG = 120  # sites; a wave that goes round such a ring is damped away
 RESTITUTION = 0.8
 DAMPING = 0.005
+RINGS: dict[str, Any] = {"damping": DAMPING, "sites": SITES, "long": LONG}
 HARDNESS = 6  # "for m > 5 the simulation results ceased to depend on the exact choice of m"
 SHOWN = (0, 1, 10)
 CENTRAL = (-2, -1, 0, 1, 2)
@@ -129,7 +123,11 @@ class TimeSeries:
                 if shared:
                     ax.set_xlabel("")
                     ax.tick_params(labelbottom=False)
-            _explain(axes[0])
+            if axes[0].get_legend_handles_labels()[0]:
+                axes[0].legend(  # over the panel, where no data are
+                    loc="lower right", bbox_to_anchor=(1.015, 0.965), ncols=3, frameon=False,
+                    handlelength=1.3, handletextpad=0.4, columnspacing=1.0,
+                )  # fmt: skip
             figure.align_ylabels()
         return figure
 
@@ -139,15 +137,6 @@ def _same_axis(panel: Panel, below: Panel) -> bool:
     upper, lower = panel.curves[0], below.curves[0]
     same = panel.labels[0] == below.labels[0] and upper.style == lower.style == "line"
     return same and upper.t[[0, -1]].tolist() == lower.t[[0, -1]].tolist()
-
-
-def _explain(ax: Axes) -> None:
-    """A legend over the panel, where no data are."""
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(
-            loc="lower right", bbox_to_anchor=(1.015, 0.965), ncols=3, frameon=False,
-            handlelength=1.3, handletextpad=0.4, columnspacing=1.0,
-        )  # fmt: skip
 
 
 LOOKS: dict[str, dict[str, Any]] = {
@@ -313,9 +302,9 @@ def figure6(m: int = HARDNESS) -> TimeSeries:
         exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
         sample = Sample(CENTRAL, 24)
         run = _run(exact.state(SITES), m, periods=periods, sample=sample, **conditions)
-        stats = _lifetimes(exact, m, life(run))
-        panels.append(_traces(run, f"$a = {a}$: {_gone(stats['lost'])}", stats["lost"]))
-        findings.append(f"({letter}) a = {a}: {_told(stats, m)}")
+        stats = lives(exact, m, life(run), **RINGS)
+        panels.append(_traces(run, f"$a = {a}$: {gone(stats['lost'])}", stats["lost"]))
+        findings.append(f"({letter}) a = {a}: {lives_in_words(stats, m, LONG)}")
         numbers |= {f"{name}_{a}": value for name, value in stats.items()}
     shown = (
         f"Five central sites of the ring of {SITES} with smooth walls (m = {m}), started on the "
@@ -337,47 +326,6 @@ def _traces(run: SmoothRun, title: str, lost: float) -> Panel:
         Curve(f"u_{n}", n, t, run.record.u[:, i] + 2.2 * n, "trace") for i, n in enumerate(CENTRAL)
     )
     return Panel(title, curves, (r"$t/2\pi$", "site $n$"), None if math.isnan(lost) else lost)
-
-
-def _lifetimes(exact: Orbit, m: int, lost: int | None) -> dict[str, float]:
-    """Lives (NaN: kept), growth in a period beside the multiplier, and what would keep it.
-
-    ``softest`` is the m at which the breather of the smooth ring ends, where it does not reach m.
-    """
-    conditions = _conditions(exact.a, exact.gamma)
-    rigid = periodic(exact.state(SITES), symmetric=True, **conditions)
-    rigid_lost = life(_run(exact.state(SITES), periods=600, **conditions))
-    soft = smooth_breather(exact, m, DAMPING, SITES)
-    return {
-        "lost": math.nan if lost is None else float(lost),
-        "growth": math.nan if soft is None else growth(soft),
-        "multiplier": math.nan if soft is None else soft.largest,
-        "softest": softest(exact, DAMPING, SITES) if soft is None else math.nan,
-        "rigid_lost": math.nan if rigid_lost is None else float(rigid_lost),
-        "rigid_growth": growth(rigid),
-        "rigid_multiplier": rigid.largest,
-        "enough_damping": enough_damping(exact, SITES),
-        "long_multiplier": periodic(exact.state(LONG), symmetric=True, **conditions).largest,
-    }
-
-
-def _gone(periods: float) -> str:
-    if math.isnan(periods):
-        return "kept"
-    return f"lost after {periods:.0f} periods" if periods else "lost at once"
-
-
-def _told(stats: dict[str, float], m: int) -> str:
-    if math.isnan(stats["multiplier"]):
-        why = f"there is no breather at m = {m}, it ends in a fold at m = {stats['softest']:.2f}"
-    else:
-        why = f"growth {stats['growth']:.4f}, multiplier {stats['multiplier']:.4f}"
-    return (
-        f"{_gone(stats['lost'])} ({why}); rigid walls: {_gone(stats['rigid_lost'])} (growth "
-        f"{stats['rigid_growth']:.4f}, multiplier {stats['rigid_multiplier']:.4f}), an attractor "
-        f"from damping {stats['enough_damping']:.4f} on; on a ring of {LONG} the multiplier is "
-        f"{stats['long_multiplier']:.4f}."
-    )
 
 
 # --- Fig. 7 ---------------------------------------------------------------------------------------
@@ -521,7 +469,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     first = max(0, (lost or 250) - 40)
     then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
     window = _run(then, m, periods=6, sample=sample, **conditions)
-    stats = _lifetimes(exact, m, lost)
+    stats = lives(exact, m, lost, **RINGS)
     torus = verdict(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),
         settle=8000, periods=3000, **TORUS,
@@ -533,7 +481,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
         f"smooth walls, m = {m}, {first} periods after its start on the exact solution."
     )
     findings = (
-        f"Verdict: a transient, {_told(stats, m)}",
+        f"Verdict: a transient, {lives_in_words(stats, m, LONG)}",
         f"(d) A genuine quasi-periodic breather, rigid walls, N = {SITES}, damping "
         f"{TORUS['damping']}, gamma = {TORUS['gamma']}, a = {TORUS['a']}: stroboscopic section of "
         f"site 0, rotation number {evidence['rotation']:.8f}, largest Lyapunov exponent zero to "

@@ -5,7 +5,6 @@ Reads public types only: a figure can be drawn of anything that was computed, by
 
 from __future__ import annotations
 
-from contbreather.plotting.atlas import plot_atlas
 from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import Drawn, new_figure, save_figure, style
 from contbreather.plotting.diagrams import plot_diagram
@@ -19,7 +18,7 @@ from contbreather.plotting.runs import (
     plot_section,
     plot_sweep,
 )
-from contbreather.plotting.zones import plot_zones
+from contbreather.plotting.zones import plot_atlas, plot_zones
 
 __all__ = [
     "Drawn",

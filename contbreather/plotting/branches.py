@@ -115,8 +115,7 @@ def plot(
     y = _ordinate(branches[0]) if y is None else y
     marked = [_marked(branch, kinds) for branch in branches]
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         axes.set(xlabel=symbol(x), ylabel=symbol(y))
         members = _members(branches) if colours is None else []
         alike = members or _families(branches)

@@ -129,10 +129,10 @@ def _apart(size: tuple[float, float]) -> Figure:
     return figure
 
 
-def inline(draw: Callable[[Axes], object], *, width: float = 8.5, height: float = 6.0) -> str:
-    """What `draw` puts into its axes as one ``<svg>`` element, cm wide and high."""
+def inline(draw: Callable[[Axes], object]) -> str:
+    """What `draw` puts into its axes as one ``<svg>`` element."""
     with style():
-        figure = _apart((width * CM, height * CM))
+        figure = _apart((COLUMN * CM, 6.0 * CM))
         draw(figure.subplots())
         file = StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
@@ -179,14 +179,14 @@ class Drawn(list["Artist"]):
 @contextmanager
 def drawing(
     ax: Axes | None, height: float | None = None, projection: str | None = None
-) -> Iterator[Drawn]:
-    """For what is drawn into the axes given, in the caller's own style, or into new ones in that of
-    a journal column."""
+) -> Iterator[tuple[Drawn, Any]]:
+    """What is drawn, and where: into the axes given, in the caller's own style, or into new ones in
+    that of a journal column."""
     with style() if ax is None else nullcontext():
         if ax is None:
             ax = new_figure(height=height, projection=projection)[1][0]
         drawn = Drawn(ax)
-        yield drawn
+        yield drawn, ax
         drawn.finish()
 
 

@@ -69,11 +69,11 @@ def plot_profile(
         shape = getattr(motion.lattice, "shape", None)
     u = np.array([motion.displacement(n, number("t", t, -math.inf, math.inf, "a time"))
                   for n in chosen])  # fmt: skip
-    with drawing(ax) as drawn:
+    with drawing(ax) as (drawn, axes):
         if shape is None:
-            _stems(drawn.axes, chosen, u, motion)
+            _stems(axes, chosen, u, motion)
         else:
-            _tiles(drawn.axes, u, shape)
+            _tiles(axes, u, shape)
     return drawn
 
 
@@ -107,8 +107,7 @@ def plot_space_time(
     row, title = _row_of_grid(motion) if sites is None else (None, "")
     times, there, u = _field(motion, sites if row is None else row)
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
-    with drawing(ax, height=8.0) as drawn:
-        axes = drawn.axes
+    with drawing(ax, height=8.0) as (drawn, axes):
         limit = float(np.abs(u).max()) or 1.0
         mesh = axes.pcolormesh(there, times / math.tau, u, cmap=COLOURS, vmin=-limit, vmax=limit,
                                shading="nearest", rasterized=True)  # fmt: skip

@@ -90,8 +90,7 @@ def plot_multipliers(
         if sites is None and orbit.lattice.sites is None:
             sites = 400
         mu, waves, alone = with_band(orbit, sites, half)
-    with drawing(ax, height=8.5) as drawn:
-        axes = drawn.axes
+    with drawing(ax, height=8.5) as (drawn, axes):
         _circle_and_band(axes, waves)
         shown = _within(mu)
         _frame(axes, shown, half or isinstance(orbit, Cycle))
@@ -171,8 +170,7 @@ def plot_spectrum(
             values.append(np.sort(np.abs(point.solution.multipliers(sites=sites, half=half))))
         else:
             values.append(np.sort(point.curve.spectrum(point.z).real))
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         axes.plot(branch[x], np.array(values), ".", color=BLUE, markersize=1.6)
         if of_orbits and np.nanmax(values, initial=0.0) > LONG:  # at VI there are none
             axes.set_yscale("symlog", linthresh=1.0)  # as it is within the circle

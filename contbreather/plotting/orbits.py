@@ -1,10 +1,10 @@
-"""One orbit in time: the motion of chosen sites between their walls, or the states of flows."""
+"""One motion in time: chosen sites of an orbit between their walls, or the states of flows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from contbreather.checks import MOST, kind_of, whole
 from contbreather.continuation import Branch, Point, Problem
 from contbreather.errors import BadInput
-from contbreather.flows import Cycle
+from contbreather.flows import Cycle, Trajectory
 from contbreather.flows.orbit import CycleProblem
 from contbreather.orbits import Orbit
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing
-from contbreather.plotting.states import draw_states
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PIECES = 400  # of a period
+TIME = "t"
+FINE = 12  # lines in an interval of a mesh, or in a step of the integrator
 
 
 def plot_orbit(
@@ -76,9 +77,7 @@ def plot_orbit(
             raise BadInput(
                 f"sites = {sites!r}: a cycle of flows has states, y={whole.equations.states[0]!r}"
             )
-        with drawing(ax) as drawn:
-            draw_states(drawn.axes, whole, x, y)
-        return drawn
+        return draw_states(ax, whole, x, y)
     if not isinstance(whole, Orbit):
         raise no_orbit(whole, "an orbit or a cycle")
     if x is not None or y is not None:
@@ -86,8 +85,7 @@ def plot_orbit(
     hit = list(dict.fromkeys(site for site, _ in whole.section.impacts))
     chosen = _near(hit, whole.lattice.sites) if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, PIECES * whole.section.turns + 1)
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         for alike, u in _motions(whole, chosen, t):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
             axes.plot(t / (2 * math.pi), u, label=label)
@@ -171,3 +169,89 @@ def _walls(axes: Axes, orbit: Orbit, hit: list[int]) -> None:
     """The walls of the sites that hit; others may stand farther off."""
     for wall in {wall for n in hit for wall in orbit.walls.at(n) if math.isfinite(wall)}:
         axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
+
+
+# --- flows ----------------------------------------------------------------------------------------
+
+
+class Piece(NamedTuple):
+    """One flow: times, states of shape (n, len(t)), and whether a condition ended it."""
+
+    t: Array
+    states: Array
+    ended: bool
+
+
+def draw_states(
+    ax: Axes | None,
+    motion: Cycle | Trajectory,
+    x: str | None,
+    y: str | Sequence[str] | None,
+    within: tuple[float, float] | None = None,
+) -> Drawn:
+    """Lines of the flows; a dot where a condition ends one, and from there a dotted line to where
+    the next one begins."""
+    cycle = isinstance(motion, Cycle)
+    names = motion.equations.states if isinstance(motion, Cycle) else motion.names
+    x = TIME if x is None else x
+    chosen = [y] if isinstance(y, str) else [n for n in names if n != x] if y is None else list(y)
+    for name in (x, *chosen):
+        if name not in (TIME, *names):
+            raise BadInput(f"no state {name!r}; there are {[*names]}, and the time, 't'")
+    pieces = _of_cycle(motion) if isinstance(motion, Cycle) else _of_run(motion, within)
+    # the time of a cycle begins anew, its states go on
+    following = [*pieces[1:], *pieces[: cycle and x != TIME]]
+    with drawing(ax) as (drawn, axes):
+        for i, name in enumerate(chosen):
+            colour = CYCLE[i % len(CYCLE)]
+            lines = [(_column(piece, names, x), _column(piece, names, name)) for piece in pieces]
+            for j, line in enumerate(lines):
+                axes.plot(*line, "-", color=colour, label=None if j else symbol(name))
+            for piece, onward, line in zip(pieces, following, lines, strict=False):
+                if piece.ended:
+                    last = line[0][-1], line[1][-1]
+                    first = _column(onward, names, x)[0], _column(onward, names, name)[0]
+                    axes.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
+                    axes.plot(*last, "o", color=GREY, markersize=3, zorder=3, clip_on=False)
+        axes.set(xlabel=symbol(x), ylabel=symbol(chosen[0]) if len(chosen) == 1 else "states")
+        if x == TIME:
+            axes.margins(x=0.0)
+        if len(chosen) > 1:
+            axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
+                        bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
+    return drawn
+
+
+def _column(piece: Piece, names: Sequence[str], name: str) -> Array:
+    """The time or a state; nothing where this flow has fewer of them."""
+    if name == TIME:
+        return piece.t
+    i = names.index(name)
+    return piece.states[i] if i < len(piece.states) else np.full(piece.t.size, np.nan)
+
+
+def _of_cycle(orbit: Cycle) -> list[Piece]:
+    pieces = []
+    for flow, flight in zip(orbit.equations.flows, orbit.flights, strict=True):
+        s, states = flight.sampled(FINE)
+        pieces.append(Piece(flight.start + flight.duration * s, states, flow.until is not None))
+    return pieces
+
+
+def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Piece]:
+    """Between the steps of the integrator by its own interpolant."""
+    first, last = (-np.inf, np.inf) if within is None else within
+    pieces = []
+    for piece in run.pieces:
+        steps = piece.t.size - 1
+        t = np.interp(np.linspace(0, steps, FINE * steps + 1), np.arange(steps + 1), piece.t)
+        t = t[(first <= t) & (t <= last)]
+        if t.size:
+            ended = bool(piece.ended and t[-1] == piece.t[-1])
+            pieces.append(Piece(t, piece(t), ended))
+    if not pieces:
+        raise BadInput(
+            f"nothing lies between {first:g} and {last:g}: the trajectory goes from "
+            f"t = {run.t[0]:g} to {run.t[-1]:g}"
+        )
+    return pieces

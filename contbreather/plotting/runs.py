@@ -23,7 +23,7 @@ from contbreather.plotting.canvas import (
     drawing,
     symbol,
 )
-from contbreather.plotting.states import draw_states
+from contbreather.plotting.orbits import draw_states
 from contbreather.simulation import Basin, Outcome, Record, Run, SmoothRun, Sweep
 from contbreather.simulation.energy import localised
 from contbreather.simulation.states import PERIOD
@@ -97,9 +97,7 @@ def plot_motion(
     """
     if isinstance(record, Trajectory):
         within = None if periods is None else _window(record.t, periods)
-        with drawing(ax) as drawn:
-            draw_states(drawn.axes, record, x, y, within)
-        return drawn
+        return draw_states(ax, record, x, y, within)
     if x is not None or y is not None:
         raise BadInput("x and y are states of a trajectory of flows; sites are chosen by Sample")
     if isinstance(record, RUNS):
@@ -113,8 +111,7 @@ def plot_motion(
         run = None
     check_kind(record, Record, "a run with densely recorded sites, or its record,")
     first, last = _window(record.times / PERIOD, periods)
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
             t, u = record.times, record.u[:, i]
             if isinstance(run, Run):
@@ -192,19 +189,14 @@ def plot_section(
     if not 0 <= skip <= run.periods:
         raise BadInput(f"skip = {skip}: the run has {run.periods} periods to leave out.")
     u, v = (states[skip:, site % run.sites] for states in run.strobe)
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         axes.plot(u, v, ".", color=BLUE, markersize=1.2 if len(u) > 200 else 3.0)
         axes.set(xlabel=f"$u_{{{site}}}$", ylabel=rf"$\dot u_{{{site}}}$")
-        _not_finer(axes, u, v)
+        # a fixed point is a point, however deep its rounding could be zoomed into
+        for values, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
+            if np.ptp(values) < 1e-3:
+                limits(values.mean() - 1e-3, values.mean() + 1e-3)
     return drawn
-
-
-def _not_finer(axes: Axes, u: Array, v: Array) -> None:
-    """A fixed point is a point, however deep its rounding could be zoomed into."""
-    for values, limits in ((u, axes.set_xlim), (v, axes.set_ylim)):
-        if np.ptp(values) < 1e-3:
-            limits(values.mean() - 1e-3, values.mean() + 1e-3)
 
 
 def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
@@ -218,8 +210,7 @@ def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
     """
     check_kind(run, RUNS, "a run")
     seen = localised(*run.strobe, run.times, run.conditions)
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         axes.plot(run.times / PERIOD, seen.participation, "-", color=BLUE, linewidth=0.8)
         axes.set_ylim(0.0, max(4.0, 1.05 * float(np.nanmax(seen.participation))))
         axes.margins(x=0.0)
@@ -254,8 +245,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0.0)
     looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
     named: set[float] = set()
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
             way = float(np.sign(x[end] - x[start])) or 1.0
             name, colour, mark = looks[way]
@@ -293,8 +283,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
     order = sorted(OUTCOMES)
     colours = ListedColormap([OUTCOMES[outcome] for outcome in order])
     norm = BoundaryNorm([order[0] - 0.5, *(outcome + 0.5 for outcome in order)], len(order))
-    with drawing(ax) as drawn:
-        axes = drawn.axes
+    with drawing(ax) as (drawn, axes):
         axes.pcolormesh(
             basin.x.values, basin.y.values, basin.outcome, cmap=colours, norm=norm,
             shading="nearest", rasterized=True,

@@ -6,9 +6,8 @@ with the rest.
 
 from __future__ import annotations
 
-from contbreather.studies.plan import Plan, plan
-from contbreather.studies.report import Report
-from contbreather.studies.run import run
+from contbreather.studies.run import Report, cluster, run
+from contbreather.studies.tasks import Plan, plan
 from contbreather.studies.validation import read
 
-__all__ = ["Plan", "Report", "plan", "read", "run"]
+__all__ = ["Plan", "Report", "cluster", "plan", "read", "run"]

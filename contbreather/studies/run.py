@@ -1,21 +1,76 @@
-"""A study carried out: what is not finished yet, over the cores, then what is drawn of it."""
+"""A study carried out: what is not finished yet, over cores or a cluster, then what is drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 from typing import Any
 
-from contbreather.errors import BadInput, partial_result
-from contbreather.studies.figures import drawn
-from contbreather.studies.plan import plan
-from contbreather.studies.report import Report
-from contbreather.studies.tasks import Task, Worker
+from contbreather.continuation import Branch
+from contbreather.errors import BadInput, ContbreatherError, partial_result
+from contbreather.orbits.atlas import save_atlas, surfaces
+from contbreather.orbits.zones_many import slices_of
+from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
+from contbreather.runs import Run, load
+from contbreather.studies.schema import Figure, Study, part
+from contbreather.studies.tasks import Task, Worker, plan
 from contbreather.workers import Failed, each
 
 Tell = Callable[[str], object]
+ATLAS = ".nc4"  # beside the results that `load` reads
+PATIENCE = 5  # seconds until a scheduler that does not answer is given up
+
+
+@dataclass
+class Report:
+    """What became of a study.
+
+    Attributes
+    ----------
+    folder : Path
+        Where everything is; `contbreather.load` reads it.
+    computed, kept : list of str
+        Names of the parts that were computed now, and of those that were there already.
+    failed : dict
+        Name of each part without a result, and the reason.
+    absent : dict
+        The same of what the study calls optional: there was nothing to start from.
+    written : list of Path
+        Figures, and atlases as datasets.
+    interrupted : bool
+        Whether it was stopped; it goes on with the next call.
+    """
+
+    folder: Path
+    computed: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+    absent: dict[str, str] = field(default_factory=dict)
+    written: list[Path] = field(default_factory=list)
+    interrupted: bool = False
+
+    @property
+    def missing(self) -> dict[str, str]:
+        """All parts without a result, and why."""
+        return self.failed | self.absent
+
+    def enter(self, name: str, outcome: str, why: str = "") -> None:
+        """A part that was computed or kept, or failed or is absent for a reason."""
+        where = getattr(self, outcome)
+        if isinstance(where, dict):
+            where[name] = why
+        else:
+            where.append(name)
+
+    def so_far(self) -> Report:
+        """Where an interruption leaves it."""
+        self.interrupted = True
+        return self
 
 
 def run(
@@ -74,7 +129,12 @@ def run(
     asked = plan(path, folder=folder, again=again)
     report, todo = Report(asked.folder), asked.left
     ended = _told(tell, len(todo))
-    _made(report.folder)
+    try:
+        report.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(
+            f"cannot write to {report.folder}: {error.strerror}; name a folder"
+        ) from error
     for task in asked.tasks:
         if not asked.wants(task):
             report.enter(task.name, *task.outcome(report.folder))
@@ -89,13 +149,6 @@ def run(
                 report.enter(task.name, *_outcome(result))
         drawn(asked.study, asked.tasks, report)
     return report
-
-
-def _made(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"cannot write to {folder}: {error.strerror}; name a folder") from error
 
 
 def _begun(task: Task, report: Report, ended: Callable[[Task, Any], object]) -> bool:
@@ -125,3 +178,107 @@ def _told(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
             tell(f"{next(numbers)} of {total}, {task.name}{f': none, {why}' if why else ''}")
 
     return told
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """The executor of the cluster with this scheduler.
+
+    Raises
+    ------
+    BadInput
+        If the extra is not installed, or nothing answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as error:
+        raise BadInput(
+            "a cluster needs dask: pip install 'contbreather[cluster]', here and on its workers"
+        ) from error
+    try:
+        client = distributed.Client(address, timeout=PATIENCE)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise BadInput(
+            f"no cluster answers at {address}: {error}; start one with `dask scheduler` and "
+            "`dask worker ADDRESS`"
+        ) from error
+    with client:
+        yield client.get_executor(pure=False)
+
+
+# --- what is drawn ----------------------------------------------------------------------------
+
+
+def drawn(study: Study, tasks: Sequence[Task], report: Report) -> None:
+    """All figures of which everything is there, and all atlases."""
+    shown = _Shown(study, tasks, report)
+    for name in study.atlas:
+        if shown.there(name):
+            path = report.folder / f"{name}{ATLAS}"
+            report.written.append(save_atlas(path, shown.atlas(name)))
+    for name, figure in study.figure.items():
+        missing = [name for name in figure.draws if not shown.there(name)]
+        lost = [name for name in missing if not shown.absent(name)]
+        if lost or len(missing) == len(figure.draws):
+            why = f"there is nothing of {', '.join(lost or missing)} to draw"
+            (report.failed if lost else report.absent)[f"figure {name}"] = why
+            continue
+        path = report.folder / (figure.file or f"{name}.png")
+        try:
+            report.written.append(save_figure(shown.drawn(figure), path))
+        except ContbreatherError as error:  # a column that is not there: the others are drawn
+            report.failed[f"figure {name}"] = str(error)
+
+
+class _Shown:
+    """The results of a study, read for drawing."""
+
+    def __init__(self, study: Study, tasks: Sequence[Task], report: Report) -> None:
+        self.study, self.report = study, report
+        self.families: dict[str, list[Task]] = {}
+        for task in tasks:
+            self.families.setdefault(task.family, []).append(task)
+
+    def tasks(self, name: str) -> list[Task]:
+        """Those that a figure names."""
+        source = part(name)
+        return [task for task in self.families[source.family] if source.has(task.values)]
+
+    def there(self, name: str) -> bool:
+        return any(task.name not in self.report.missing for task in self.tasks(name))
+
+    def absent(self, name: str) -> bool:
+        return all(task.name in self.report.absent for task in self.tasks(name))
+
+    def results(self, name: str) -> list[Any]:
+        """All that is named, as far as it is there; arms one by one."""
+        arm, results = part(name).arm, list[Any]()
+        for task in self.tasks(name):
+            if task.name in self.report.missing:
+                continue
+            result = load(task.file(self.report.folder))
+            several = result.values() if isinstance(result, Run) else [result]
+            results += [result[arm]] if arm and isinstance(result, Run) else several
+        return results
+
+    def atlas(self, name: str) -> Any:
+        table, drive = self.study.atlas[name], self.study.chain.drive
+        slices = slices_of({table.fixed: getattr(table, table.fixed)}, table.over, drive)
+        diagrams = [
+            Failed(task.name, BadInput(self.report.failed[task.name]))
+            if task.name in self.report.failed
+            else load(task.file(self.report.folder))
+            for task in self.families[name]
+        ]
+        return surfaces(slices, diagrams)
+
+    def drawn(self, figure: Figure) -> Any:
+        first = figure.draws[0]
+        if first in self.study.atlas:
+            return plot_atlas(self.atlas(first), over=figure.over, at=figure.at)
+        results = [result for name in figure.draws for result in self.results(name)]
+        if not isinstance(results[0], Branch):
+            return plot_zones(results)
+        axes = {"x": figure.x, "y": figure.y}
+        chosen: dict[str, Any] = {name: value for name, value in axes.items() if value is not None}
+        return plot(*results, **chosen)

@@ -22,31 +22,13 @@ from typing import Any
 import numpy as np
 import xarray
 
-STUDY = """
-[branch.symmetric]
-free = "a"
-gamma = [0.02, 0.03, 0.04]
-k = 0.8
-window = [0.6, 0.9]
+from tests.test_studies import SMALL
 
-[arms.arms]
-of = "symmetric"
-at = "PF1"
-within = {a = [0.6, 0.81]}
-
-[boundary.pitchforks]
-of = "symmetric"
-at = "PF1"
-pair = ["gamma", "a"]
-within = {gamma = [0.01, 0.05], a = [0.0, 1.0]}
-
-[zones.diagrams]
-k = [0.7, 0.8]
-within = {gamma = [0.0, 0.01]}
-
-[figure.tree]
-draws = ["symmetric"]
-"""
+LONGER = {"[0.02, 0.04]": "[0.02, 0.03, 0.04]", "[0.7, 0.8]": "[0.6, 0.9]", "0.79]": "0.81]"}
+STUDY = SMALL
+for short, long in LONGER.items():
+    STUDY = STUDY.replace(short, long)
+STUDY += "\n[zones.diagrams]\nk = [0.7, 0.8]\nwithin = {gamma = [0.0, 0.01]}\n"
 Numbers = dict[str, dict[str, bytes]]
 
 

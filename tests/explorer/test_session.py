@@ -15,18 +15,17 @@ from shapely import LineString
 
 import contbreather as cb
 from contbreather.errors import BadInput, Interrupted, NoSolution
-from contbreather.explorer import Explorer, session, work
-from contbreather.explorer.jobs import JobThread, Progress
+from contbreather.explorer import Explorer, jobs, session
+from contbreather.explorer.jobs import Computation, JobThread, Progress
 from contbreather.explorer.preview import LADDER, _mixed, between
 from contbreather.explorer.state import numbers
-from contbreather.explorer.work import Work
 
 from ..apart import HUNG, until
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
 
 
-def do(explorer: Explorer, one: Work) -> None:
+def do(explorer: Explorer, one: Computation) -> None:
     """Begin work and wait for its end."""
     explorer.begin(one)
     assert explorer.wait(HUNG)
@@ -38,15 +37,15 @@ def told() -> Explorer:
     """A whole story: a breather, its branch, both arms, the pitchfork's boundary, a simulation."""
     explorer = Explorer()
     explorer.choose_at(a=0.7, gamma=0.04)
-    do(explorer, work.traced(explorer.chosen, "a", (0.6, 0.95)))
+    do(explorer, jobs.traced(explorer.chosen, "a", (0.6, 0.95)))
     kinds = [point.kind for point in explorer.state.curve("branch1")]
     explorer.choose_point("branch1", kinds.index("PF"))
-    do(explorer, work.switched(explorer.chosen))
-    do(explorer, work.bounded(explorer.chosen, ("gamma", "a"), WINDOWS))
+    do(explorer, jobs.switched(explorer.chosen))
+    do(explorer, jobs.bounded(explorer.chosen, ("gamma", "a"), WINDOWS))
     explorer.choose_point("line3", 3)
-    do(explorer, work.traced(explorer.chosen, "k", (0.7, 0.9)))
+    do(explorer, jobs.traced(explorer.chosen, "k", (0.7, 0.9)))
     explorer.choose_point("arms2[0]", 4)
-    do(explorer, work.simulated(explorer.chosen, 12, 5, 1e-3, (0, 1)))
+    do(explorer, jobs.simulated(explorer.chosen, 12, 5, 1e-3, (0, 1)))
     return explorer
 
 
@@ -112,7 +111,7 @@ def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
     whole = cb.trace(cb.symmetric(a=0.5, gamma=0.08, k=0.8), "a", within={"a": (0.05, 0.9)})
-    one = work.traced(explorer.chosen, "a", (0.05, 0.9))
+    one = jobs.traced(explorer.chosen, "a", (0.05, 0.9))
 
     def early(progress: Progress) -> Any:
         points = progress.points()
@@ -127,7 +126,7 @@ def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
         progress.points = lambda: points  # type: ignore[method-assign]
         return one.job(progress)
 
-    explorer.begin(Work(one.title, one.name, one.code, early))
+    explorer.begin(Computation(one.title, one.name, one.code, early))
     assert explorer.wait(HUNG)
     branch = explorer.state.curves[0].branch
     assert branch.stop is cb.continuation.Stop.INTERRUPTED
@@ -141,7 +140,7 @@ def test_a_simulation_stops_with_the_periods_that_are_done() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
     explorer.listen(lambda _: explorer.stop() if " of " in explorer.progress else None)
-    explorer.begin(work.simulated(explorer.chosen, 10, 100_000, 0.0, (0,)))
+    explorer.begin(jobs.simulated(explorer.chosen, 10, 100_000, 0.0, (0,)))
     assert explorer.wait(HUNG)
     assert explorer.state.run is not None
     assert 0 < explorer.state.run[1].periods < 100_000
@@ -150,7 +149,7 @@ def test_a_simulation_stops_with_the_periods_that_are_done() -> None:
 @pytest.fixture
 def busy() -> Iterator[Explorer]:
     explorer, end = Explorer(), threading.Event()
-    explorer.begin(Work("waiting", "it", "it", lambda _: end.wait(HUNG)))
+    explorer.begin(Computation("waiting", "it", "it", lambda _: end.wait(HUNG)))
     yield explorer
     end.set()
 
@@ -158,21 +157,21 @@ def busy() -> Iterator[Explorer]:
 def test_one_long_work_at_a_time(busy: Explorer) -> None:
     busy.choose_at(a=0.5, gamma=0.08)  # single breathers are looked at meanwhile
     with pytest.raises(BadInput, match="something is under way"):
-        busy.begin(work.traced(busy.chosen, "a", (0.1, 0.9)))
+        busy.begin(jobs.traced(busy.chosen, "a", (0.1, 0.9)))
 
 
 def test_an_error_of_the_numerics_is_a_sentence_and_the_next_work_goes_on() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
     for wrong, words in (
-        (work.traced(explorer.chosen, "a", (0.7, 0.9)), "outside"),
-        (Work("x", "x", "x", lambda _: 1 / 0), "an error of the program: ZeroDivisionError"),
+        (jobs.traced(explorer.chosen, "a", (0.7, 0.9)), "outside"),
+        (Computation("x", "x", "x", lambda _: 1 / 0), "an error of the program: ZeroDivisionError"),
     ):
         explorer.begin(wrong)
         assert explorer.wait(HUNG)
         assert words in explorer.message
         assert not explorer.busy
-    do(explorer, work.traced(explorer.chosen, "a", (0.4, 0.6)))
+    do(explorer, jobs.traced(explorer.chosen, "a", (0.4, 0.6)))
 
 
 def test_a_slider_that_moves_has_the_last_diagram_computed_and_not_every_one() -> None:
@@ -384,7 +383,7 @@ def test_what_cannot_be_is_refused_with_a_sentence() -> None:
         explorer.save("run.nc")
     explorer.choose_at(a=0.5, gamma=0.08)
     with pytest.raises(BadInput, match="choose one of the labelled points"):
-        work.switched(explorer.chosen)
+        jobs.switched(explorer.chosen)
     with pytest.raises(BadInput, match="0 <= k <= 1"):
         Explorer(k=2.0)
 
@@ -395,7 +394,7 @@ def test_points_of_another_problem_are_shown_by_their_numbers(tmp_path: Path) ->
     explorer.choose_point("given1", 2)
     assert explorer.chosen.orbit is None
     with pytest.raises(BadInput, match="nothing to simulate"):
-        work.simulated(explorer.chosen, 20, 5, 0.0, (0,))
+        jobs.simulated(explorer.chosen, 20, 5, 0.0, (0,))
 
 
 def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import unicodedata
 from dataclasses import replace
 from typing import Any
@@ -16,7 +17,7 @@ import contbreather as cb
 from contbreather.explorer import summary, views
 from contbreather.explorer.preview import Preview, preview_of
 from contbreather.explorer.state import Chosen, Named, State
-from contbreather.explorer.theme import DARK, LIGHT
+from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import canvas, plot
 from contbreather.plotting.zones import LINES, SHADES
@@ -336,3 +337,36 @@ def test_of_a_long_line_its_extremes_are_drawn() -> None:
         assert (there.min(), there.max()) == (u[stretch].min(), u[stretch].max())
     short = views.thinned(times[:1000], u[:1000])
     same(short[1], u[:1000])
+
+
+# --- words beside points --------------------------------------------------------------------------
+
+
+def test_words_in_a_crowd_do_not_cover_each_other_and_none_stands_twice() -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(0.0, 120.0, 40), rng.uniform(0.0, 120.0, 40)
+    x[20], y[20] = x[3] + 2.0, y[3]
+    words = [f"PF{i % 20}" for i in range(40)]  # number 20 is number 0 again, at another place
+    words[20] = words[3]
+    found = views.spread(x, y, words)
+    shown = [i for i, word in enumerate(found["text"]) if word]
+    left, base = x + found["dx"], y + found["dy"]
+    for i, j in itertools.combinations(shown, 2):
+        apart = abs(base[i] - base[j]) >= views.LINE
+        first, second = sorted((i, j), key=lambda k: left[k])
+        assert apart or left[first] + views.LETTER * len(words[first]) <= left[second]
+    assert len(shown) > 12
+    assert not found["text"][20]
+    assert all(np.hypot(found["dx"][i], found["dy"][i]) < 7 + 5 * views.LETTER for i in shown)
+
+
+def test_a_word_alone_stands_to_the_upper_right() -> None:
+    assert views.spread(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
+        "text": ["LP1"], "dx": [7.0], "dy": [-5.0],
+    }  # fmt: skip
+
+
+def test_a_word_stays_inside_the_figure() -> None:
+    place = views.spread(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
+    assert place["text"] == ["LP1"]
+    assert place["dx"][0] < 0.0

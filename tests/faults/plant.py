@@ -49,7 +49,7 @@ from record import HOME, MAP, TREE, copy, environment  # noqa: E402
 
 PACKAGE = "contbreather"
 STRUCTURE = ("tests/test_floors.py", "tests/test_project.py", "tests/test_import_cost.py")
-READS_DEFAULTS = ("tests/test_defaults.py",)  # from the source, so that no line of it is executed
+READS_DEFAULTS = ("tests/test_parameters.py",)  # from the source, so that no line of it is executed
 TESTS, SECONDS = 60, 120.0  # at most, for one fault
 DEEP_TESTS, DEEP_SECONDS = 400, 600.0
 COMPILED_SECONDS = 420.0  # compiling all loops anew comes on top

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 import contbreather as cb
 from contbreather.cli import DONE, main
 from contbreather.paper import lifetimes, time_series
-from contbreather.simulation import Sample, periodic, simulate, simulate_smooth, sweep
+from contbreather.simulation import Sample, State, periodic, simulate, simulate_smooth, sweep
 from contbreather.simulation.chunks import IMPACT
 from tests.simulation import zoo
 
@@ -202,3 +203,12 @@ BOTH = {i: [(i, 0, 1), (i, 0, -1)] for i in range(8)}
 def test_a_breather_alternates_between_its_walls_alone(rows, more, ends) -> None:
     found = lifetimes.unlike_a_breather(table(*rows), 4, **more)
     assert np.flatnonzero(found).tolist() == ends
+
+
+def test_energy_all_over_the_ring_at_the_end_is_no_breather() -> None:
+    still = simulate_smooth(([0.0] * 8, [0.0] * 8), a=0.0, gamma=0.0, k=0.8, m=6, periods=1)
+    for count, lost in ((1, False), (3, False), (4, True), (8, True)):
+        v = np.zeros((2, 8))
+        v[0] = 1.0  # only the end counts
+        v[1, :count] = 1.0
+        assert lifetimes.delocalised(replace(still, strobe=State(0.0 * v, v))) is lost

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contbreather.errors import BadInput
-from contbreather.paper import time_series
+from contbreather.paper import lifetimes, time_series
 from contbreather.paper.lifetimes import growth
 
 
@@ -18,7 +18,7 @@ from contbreather.paper.lifetimes import growth
 def figures():
     # growth beside a multiplier is the matter of test_lifetimes; here a few periods do
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(time_series, "growth", partial(growth, periods=30))
+        patch.setattr(lifetimes, "growth", partial(growth, periods=30))
         yield _once()
 
 

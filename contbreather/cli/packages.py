@@ -1,0 +1,161 @@
+"""`contbreather figure`, `explore`, `run`: the paper, the explorer, studies, each a package."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+from contbreather.cli.options import Whole, Workers
+from contbreather.cli.output import Output, note, say, to_json
+from contbreather.cli.process import computing, end, kept
+from contbreather.errors import BadInput, NotConverged
+
+if TYPE_CHECKING:
+    from contbreather.studies import Report
+
+
+def figure(number: str | None = None, *, into: Output = Output()) -> None:
+    """A figure of the paper, with what is exact beside what the paper says, and our verdict.
+
+    It is drawn to the file that --output names; without --output, --csv and --json to figure2.png
+    for figure 2, and so on, in the current directory.
+
+    Parameters
+    ----------
+    number
+        2 to 8, as numbered in the captions.
+    """
+    from contbreather.paper import FIGURES
+
+    if number is None or number not in map(str, FIGURES):
+        there = ", ".join(map(str, FIGURES))
+        raise BadInput(f"figure {number or '(none given)'}: there are the figures {there}")
+    if into == Output():
+        into = replace(into, output=f"figure{number}.png")
+    into.check()
+    with computing():
+        drawing = FIGURES[int(number)]()
+    rows = list(drawing.rows())
+    content: dict[str, Any] = {"figure": int(number), "caption": drawing.caption, "rows": rows}
+    if hasattr(drawing, "numbers"):  # what the caption's verdict is made of
+        content["numbers"] = drawing.numbers
+    into.leave(lambda: content, [drawing.caption], lambda: (rows, list(rows[0])), drawing.draw)
+
+
+def explore(
+    run: str | None = None,
+    /,
+    *,
+    k: float = 0.8,
+    port: Whole = 0,
+    address: str = "127.0.0.1",
+    origin: tuple[str, ...] = (),
+    headless: bool = False,
+) -> None:
+    """Zones, branches and breathers to click through, in a browser; Ctrl-C ends it.
+
+    Parameters
+    ----------
+    run
+        A file with curves to begin with.
+    k
+        Restitution of the first zone diagram.
+    port
+        Where to listen; any free port unless given.
+    address
+        Of this machine, on which others may reach it; 127.0.0.1, this machine alone, unless given.
+    origin
+        HOST:PORT of a page from elsewhere that may talk to it, behind a proxy for instance.
+    headless
+        Do not open a browser.
+    """
+    from contbreather.explorer import Explorer
+    from contbreather.explorer.server import server_for
+
+    with computing():
+        explorer = Explorer(run=run, k=k)
+        server, url = server_for(explorer, port=port, address=address, origins=origin)
+        say(f"The explorer is at {url} (Ctrl-C ends it).")
+        if not headless:
+            server.io_loop.add_callback(server.show, "/")
+        server.start()
+        server.io_loop.start()  # Ctrl-C stops it between two callbacks, not in the middle of one
+        raise KeyboardInterrupt
+
+
+def run(
+    study: str | None = None,
+    /,
+    *,
+    folder: str | None = None,
+    workers: Workers | None = None,
+    cluster: str | None = None,
+    again: bool = False,
+    dry_run: bool = False,
+    json: bool = False,
+) -> None:
+    """A study: everything that a TOML file asks for, over all cores, or what is left of it.
+
+    What is finished is on disk; after an interruption the same command goes on. Where standard
+    error is no terminal each part that ends is a line there.
+
+    Parameters
+    ----------
+    study
+        The file.
+    folder
+        Where results go, a file for each part; a folder of the name of the study unless given.
+    workers
+        Number of processes, all cores unless given.
+    cluster
+        Address of the scheduler of a Dask cluster, tcp://HOST:PORT, in place of this machine. Its
+        workers have to see the folder.
+    again
+        Replace results of other settings, and try again what failed.
+    dry_run
+        Check everything, and list what would be computed; nothing is computed or written.
+    json
+        Print one JSON object.
+    """
+    from contbreather import studies
+
+    if study is None:
+        raise BadInput("which study? Name its file: contbreather run study.toml")
+    if cluster is not None and workers is not None:
+        raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
+    if dry_run:
+        planned = studies.plan(study, folder=folder, again=again)
+        if json:
+            to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.parts()})
+        else:
+            say(planned)
+        return
+    tell = None if sys.stderr.isatty() else note
+    with nullcontext(workers) if cluster is None else studies.cluster(cluster) as executor:
+        report, cut = kept(
+            studies.run, study, folder=folder, executor=executor, again=again, tell=tell
+        )
+    if json:
+        written = [str(path) for path in report.written]
+        to_json({**asdict(report), "folder": str(report.folder), "written": written})
+    else:
+        say(*_lines(report))
+    end(cut)
+    if report.failed:
+        raise NotConverged(f"{len(report.failed)} of the study failed: {', '.join(report.failed)}")
+
+
+def _lines(report: Report) -> Iterator[str]:
+    there = f", {len(report.kept)} were there" if report.kept else ""
+    yield f"{len(report.computed)} results computed{there}, in {report.folder}."
+    for name, reason in report.failed.items():
+        yield f"No {name}: {reason.rstrip('.')}."
+    for name, reason in report.absent.items():
+        yield f"No {name}, which is optional: {reason.rstrip('.')}."
+    for path in report.written:
+        yield f"Wrote {path}."
+    if report.interrupted:
+        yield "Interrupted: the same command goes on."
