@@ -9,6 +9,7 @@ from typing import Any
 from flint import arb
 
 from contbreather.certified import averages
+from contbreather.certified.averages import check_forcing, equations, fold, pitchfork, saltation
 from contbreather.certified.balls import (
     Ball,
     Equations,
@@ -20,7 +21,6 @@ from contbreather.certified.balls import (
     working,
 )
 from contbreather.certified.certificate import Certificate
-from contbreather.certified.closure import check_forcing, equations, fold, pitchfork, saltation
 from contbreather.certified.inside_walls import admissible
 from contbreather.certified.winding import unstable_count
 from contbreather.errors import BadInput

@@ -17,6 +17,7 @@ from itertools import groupby, pairwise
 
 from flint import arb, arb_mat
 
+from contbreather.certified.averages import equations
 from contbreather.certified.balls import (
     Ball,
     Equations,
@@ -29,7 +30,6 @@ from contbreather.certified.balls import (
     working,
 )
 from contbreather.certified.certificate import Covering, Tile
-from contbreather.certified.closure import equations
 from contbreather.certified.inside_walls import admissible
 from contbreather.certified.points import UNKNOWNS, zero_near
 from contbreather.certified.winding import unstable_count

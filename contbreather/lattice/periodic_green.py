@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import Lattice, check_gamma, moments_of
 from contbreather.lattice.chain import Ring
-from contbreather.lattice.free_flight import TERMS, cosine_and_sine, polynomial
-from contbreather.lattice.response import Responses
+from contbreather.lattice.free_flight import TERMS, Responses, cosine_and_sine, polynomial
 from contbreather.lattice.zeta import zeta
 
 FloatArray = NDArray[np.float64]

@@ -15,7 +15,7 @@ from contbreather.errors import NotConverged, partial_result
 from contbreather.orbits import Orbit
 from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic
 from contbreather.simulation.classify import BROAD
-from contbreather.simulation.energy import localised
+from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import completed
 from contbreather.simulation.smooth import let_go
 

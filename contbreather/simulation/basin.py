@@ -19,8 +19,8 @@ from contbreather.columns import Columns
 from contbreather.display import HtmlRepr
 from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
-from contbreather.simulation.chunks import RunStop
-from contbreather.simulation.energy import localised
+from contbreather.simulation.integrator import RunStop
+from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import advance, completed
 from contbreather.simulation.states import (
     ModelParameters,

@@ -27,7 +27,7 @@ from contbreather.continuation.switching import Lift
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
-from contbreather.simulation.chunks import RunStop, Sample
+from contbreather.simulation.integrator import RunStop, Sample
 from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.simulation.states import (

@@ -37,15 +37,15 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.parameters import NAMES
 from contbreather.progress import Bar, line_of
-from contbreather.simulation.chunks import (
+from contbreather.simulation.integrator import (
     IMPACT,
     Chunk,
+    EventDriven,
     RunStop,
     Sample,
     check_sample,
     in_chunks,
 )
-from contbreather.simulation.integrator import EventDriven
 from contbreather.simulation.simulate import Run, event_tables_of, joined
 from contbreather.simulation.states import (
     PERIOD,

@@ -20,18 +20,18 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NEEDED
 from contbreather.progress import Bar
-from contbreather.simulation.chunks import (
+from contbreather.simulation.integrator import (
     IMPACT,
     REST,
     Chunk,
+    EventDriven,
     Integrator,
+    Noisy,
     RunStop,
     Sample,
     check_sample,
     in_chunks,
 )
-from contbreather.simulation.integrator import EventDriven
-from contbreather.simulation.noise import Noisy
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,

@@ -30,7 +30,7 @@ from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
-from contbreather.simulation.chunks import Chunk, Sample, check_sample
+from contbreather.simulation.integrator import Chunk, Sample, check_sample
 from contbreather.simulation.simulate import States, advance, gathered
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
 from contbreather.simulation.states import (

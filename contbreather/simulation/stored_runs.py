@@ -10,7 +10,7 @@ import numpy as np
 from contbreather.continuation import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
-from contbreather.simulation.chunks import IMPACT, REST, RunStop
+from contbreather.simulation.integrator import IMPACT, REST, RunStop
 from contbreather.simulation.periodic import problem_of_cycle
 from contbreather.simulation.simulate import Record, Run
 from contbreather.simulation.smooth import SmoothConditions, SmoothRun

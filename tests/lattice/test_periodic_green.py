@@ -10,6 +10,7 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import (
     check_coupling,
     is_resonant,
@@ -20,7 +21,6 @@ from contbreather.lattice.periodic_green import (
     wave_slope,
     wave_table,
 )
-from contbreather.lattice.response import MEETINGS
 from tests.lattice.by_hand import ring_mean
 
 CHAIN = InfiniteChain()
