@@ -12,12 +12,24 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.arc import OnArc, on_arc, window
+from contbreather.stability.arc import (
+    OnArc,
+    OverReflection,
+    on_arc,
+    over_reflection,
+    over_reflects,
+    window,
+)
 from contbreather.stability.characteristic import D, D_gradient, Gradient, checked
-from contbreather.stability.counting import Count, ends_of, outside, unstable_count
-from contbreather.stability.isolated import closest_approach, unstable_multipliers
+from contbreather.stability.counting import (
+    Count,
+    closest_approach,
+    ends_of,
+    outside,
+    unstable_count,
+    unstable_multipliers,
+)
 from contbreather.stability.ring_multipliers import even_multipliers, half_multipliers
-from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
 from contbreather.stability.zeros import farthest, outermost, upper
 
 Array = NDArray[Any]
