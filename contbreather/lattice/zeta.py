@@ -57,8 +57,5 @@ def zeta(s: ArrayLike, first: float = 1.0) -> Any:
 
 def binomial(n: ArrayLike, m: ArrayLike) -> NDArray[np.float64]:
     """``n!/(m! (n - m)!)`` of whole numbers; 0 where n is negative."""
-    return np.asarray(np.vectorize(_binomial, otypes=[float])(n, m))
-
-
-def _binomial(n: int, m: int) -> float:
-    return float(math.comb(int(n), int(m))) if n >= 0 else 0.0
+    whole = np.vectorize(lambda n, m: math.comb(n, m) if n >= 0 else 0, otypes=[float])
+    return np.asarray(whole(n, m))

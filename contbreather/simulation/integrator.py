@@ -125,6 +125,18 @@ class Chunk:
         return f"<{type(self).__name__} of {self.periods} periods from {self.first}>"
 
 
+def blank(sample: Sample | None, sites: int) -> Chunk:
+    """No periods at all."""
+    each = (sample.per_period, len(sample.sites)) if sample else (0, 0)
+    return Chunk(0, *np.empty((2, 0, sites)), *np.empty((2, 0, *each)))
+
+
+def columns_of(chunks: Sequence[Chunk]) -> dict[str, Any]:
+    """What there is of successive chunks, joined."""
+    names = ("u", "v", "dense_u", "dense_v", "impacts", "rests")
+    return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}
+
+
 class Integrator(Protocol):
     """What carries a state on, between walls of either kind: as many periods as asked for (or one
     of another length), fewer with a reason, or, but one at least, where there is no room for all
@@ -383,8 +395,7 @@ class Noisy:
             chunks.append(self._period(period, span))
             if chunks[-1].stop is not None:
                 break
-        columns = ("u", "v", "dense_u", "dense_v", "impacts", "rests")
-        return replace(chunks[-1], first=first, **_joined(chunks, *columns))
+        return replace(chunks[-1], first=first, **columns_of(chunks))
 
     def _period(self, period: int, span: float) -> Chunk:
         """Half a dt, a kick, a whole dt, a kick, ..., half a dt; no state where it chatters."""
@@ -405,8 +416,5 @@ class Noisy:
                 return chunks[-1]
             if i < count:
                 self.state.v[:] += kicks[i]
-        return replace(chunks[-1], **_joined(chunks, "impacts", "rests"))
-
-
-def _joined(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
-    return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}
+        events = columns_of(chunks)
+        return replace(chunks[-1], impacts=events["impacts"], rests=events["rests"])

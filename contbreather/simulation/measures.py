@@ -35,7 +35,6 @@ from contbreather.simulation.states import (
     PERIOD,
     LatticeParameters,
     ModelParameters,
-    Moved,
     State,
     check_state,
     conditions_of,
@@ -147,7 +146,7 @@ def localisation(
     return localised(x, y, times, conditions_of(x.shape[-1], k=1.0, **on))
 
 
-def localised(u: Array, v: Array, t: ArrayLike, on: Moved) -> Localisation:
+def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothConditions) -> Localisation:
     """`localisation`, under conditions that have been checked."""
     x, y = u - forced(on, t, 0), v - forced(on, t, 1)
     table = stiffness_of(on.lattice)
@@ -181,7 +180,7 @@ def _of_bonds(table: Any, x: Array) -> Array:
     return np.asarray((apart.reshape(-1, site.size) @ ends).reshape(x.shape))
 
 
-def forced(on: Moved, t: ArrayLike, order: int) -> Array:
+def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
     motion = driven(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
     return on.a * motion.everywhere(np.asarray(t, dtype=float), order)

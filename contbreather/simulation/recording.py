@@ -44,9 +44,10 @@ from contbreather.simulation.integrator import (
     RunStop,
     Sample,
     check_sample,
+    columns_of,
     in_chunks,
 )
-from contbreather.simulation.simulate import Run, event_tables_of, joined
+from contbreather.simulation.simulate import Run, joined
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
@@ -153,9 +154,9 @@ class Recording:
             else:
                 chunks.append(chunk)
         before = chunks[0].first if chunks else self.periods
-        left = joined(chunks, start, self.t0 + PERIOD * before, None)
-        tables = event_tables_of(chunks, self.t0)
+        left, tables = joined(chunks, start, self.t0 + PERIOD * before, None)
         for table in tables.values():
+            table["time"] += self.t0
             table["period"] -= before
         return Run(conditions=self.conditions, **left, **tables).since(first - before)
 
@@ -396,15 +397,13 @@ def _span(path: Path) -> tuple[int, int]:
 def _write(run: Recording, pieces: list[Chunk]) -> int:
     """One file from some chunks; the number of periods now on disk."""
     first, last = pieces[0], pieces[-1]
-    names = ("u", "v", "impacts", "rests", "dense_u", "dense_v")
-    columns = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
     stop = "" if last.stop is None else last.stop.name
     texts = {"stop": np.array(stop), "reason": np.array(last.reason)}
     done = last.first + last.periods
     path = run.path / f"{first.first:012d}-{done:012d}.npz"
     before = [run.path / START, *(p for p in run.files if p != path)][-1]
     link = np.frombuffer(_bytes(before, last=CHECKSUM), np.uint8)
-    save(path, {**columns, **texts, "first": np.array(first.first), "link": link})
+    save(path, {**columns_of(pieces), **texts, "first": np.array(first.first), "link": link})
     return done
 
 

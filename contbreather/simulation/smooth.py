@@ -31,7 +31,7 @@ from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
 from contbreather.simulation.integrator import Chunk, Sample, check_sample
-from contbreather.simulation.simulate import States, advance, gathered
+from contbreather.simulation.simulate import States, advance, gathered, states_of, to_content
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
 from contbreather.simulation.states import (
     PERIOD,
@@ -44,7 +44,7 @@ from contbreather.simulation.states import (
     reduced,
     without_noise,
 )
-from contbreather.storage.serialise import to_dict
+from contbreather.storage.serialise import serialised, to_dict
 
 Array = NDArray[Any]
 
@@ -307,6 +307,11 @@ class SmoothRun(States):
             f"<SmoothRun of {self.sites} sites over {self.periods} periods, "
             f"m = {self.conditions.m:g}; {self.stop.value}>"
         )
+
+
+@serialised("smooth run", SmoothRun, to_content)
+def _smooth_run(columns: Any, conditions: Any, **ended: Any) -> SmoothRun:
+    return SmoothRun(conditions=SmoothConditions(**conditions), **states_of(columns, **ended))
 
 
 def simulate_smooth(
