@@ -36,7 +36,14 @@ from contbreather.stability.arc import NOISE, angle, curve, resolved_arc, sample
 from contbreather.stability.characteristic import NEAR, D, D_slope, checked, near_slope
 from contbreather.stability.ring_multipliers import even_multipliers
 from contbreather.stability.saltation import check_kb
-from contbreather.stability.zeros import distinct, multipliers_of, newton, on_axis, refined
+from contbreather.stability.zeros import (
+    as_counted,
+    distinct,
+    multipliers_of,
+    newton,
+    on_axis,
+    refined,
+)
 
 Array = NDArray[Any]
 
@@ -326,22 +333,14 @@ def _zeros(gamma: float, k: float, b: float, spring: float, more: int) -> Array:
 
 
 def _chain_multipliers(gamma: float, k: float, b: float, chain: InfiniteChain) -> Array:
-    wanted, spring = unstable_count(gamma, k, b, chain), chain.spring
-    mu = np.empty(0, dtype=complex)
-    for more in (0, 1, 3, 9):
-        if wanted.count:
-            mu = _zeros(gamma, k, b, spring, more)
-        # those on the circle to within rounding are outside only if the winding number says so;
-        # next to gamma = 1/4 the band's edge comes so close to -1 that D is rounding there
-        slack = NEXT_TO_EDGE if 0.25 * (1.0 - spring) - gamma < RISKY else 4.0 * ON_CIRCLE
-        if mu.size >= wanted.count and np.all(np.abs(mu[wanted.count :]) < 1.0 + slack):
-            return mu[: wanted.count]
-    if not wanted.certain:  # one of them sits on the circle to within rounding
-        return mu
-    raise NotConverged(
-        f"gamma = {gamma}, k = {k}, b = {b}: the winding number says {wanted.count} multipliers "
-        f"outside the unit circle, Newton's method found {mu.size}: {mu}.",
-        residual=wanted.distance,
+    # next to gamma = 1/4 the band's edge comes so close to -1 that D is rounding there
+    risky = 0.25 * (1.0 - chain.spring) - gamma < RISKY
+    return as_counted(
+        unstable_count(gamma, k, b, chain),
+        lambda more: _zeros(gamma, k, b, chain.spring, more),
+        (0, 1, 3, 9),
+        NEXT_TO_EDGE if risky else 4.0 * ON_CIRCLE,
+        f"gamma = {gamma}, k = {k}, b = {b}: ",
     )
 
 

@@ -4,11 +4,13 @@ multipliers of a finite lattice next to a circle, what events of real ones and o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from contbreather.errors import NotConverged
 
 Array = NDArray[Any]
 
@@ -90,6 +92,33 @@ def distinct(x: Array, apart: float | Array) -> Array:
         if all(abs(root - other) > least for other in kept):
             kept.append(root)
     return np.array(kept, dtype=complex)
+
+
+def as_counted(
+    wanted: Any, look: Callable[[int], Array], rounds: Iterable[int], slack: float = 0, at: str = ""
+) -> Array:
+    """The multipliers outside the unit circle that Newton's method finds, largest first: held to
+    the winding number, as many as that says, and each time looked for from more starts.
+
+    Raises
+    ------
+    NotConverged
+        If fewer or more are found.
+    """
+    mu = np.empty(0, dtype=complex)
+    for more in rounds:
+        if wanted.count:
+            mu = look(more)
+        # those on the circle to within rounding are outside only if the winding number says so
+        if mu.size >= wanted.count and np.all(np.abs(mu[wanted.count :]) < 1.0 + slack):
+            return mu[: wanted.count]
+    if not wanted.certain:  # one of them sits on the circle to within rounding
+        return mu
+    raise NotConverged(
+        f"{at}the winding number says {wanted.count} multipliers outside the unit circle, "
+        f"Newton's method found {mu.size}: {mu}.",
+        residual=wanted.distance,
+    )
 
 
 def on_axis(nu: Array) -> Array:
