@@ -351,15 +351,24 @@ def _make(run: Recording) -> None:
 
 
 @contextmanager
+def _allowed(what: str, path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or error
+        raise BadInput(f"cannot {what} {path}: {why}; choose another place.") from error
+
+
+@contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Nobody else writes to the folder meanwhile; the system lets go when the process ends."""
-    try:
+    with _allowed("write", folder):
         folder.mkdir(parents=True, exist_ok=True)
         number = os.open(folder / LOCK, os.O_WRONLY | os.O_CREAT, 0o666)
-    except OSError as error:
-        raise _cannot("write", folder, error) from error
     try:
-        if not _taken(number, folder):
+        with _allowed("lock", folder):
+            taken = alone(number)
+        if not taken:
             raise BadInput(
                 f"{folder} is being written to by another run; wait for its end, or choose another "
                 "folder."
@@ -369,22 +378,9 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(number)
 
 
-def _taken(number: int, folder: Path) -> bool:
-    try:
-        return alone(number)
-    except OSError as error:
-        raise _cannot("lock", folder, error) from error
-
-
-def _cannot(what: str, path: Path, error: OSError) -> BadInput:
-    return BadInput(f"cannot {what} {path}: {error.strerror or error}; choose another place.")
-
-
 def _listed(folder: Path) -> list[Path]:
-    try:
+    with _allowed("read", folder):
         return list(folder.iterdir())
-    except OSError as error:
-        raise _cannot("read", folder, error) from error
 
 
 def _span(path: Path) -> tuple[int, int]:
