@@ -280,11 +280,11 @@ def _ends(pair: Pair) -> list[float | None]:
     return [wall if math.isfinite(wall) else None for wall in pair]
 
 
-def _walls_to_dict(walls: Walls) -> dict[str, Any]:
-    return {"of_all": _ends(walls.of_all), "own": [[n, _ends(pair)] for n, pair in walls.own]}
-
-
-@serialised("walls", Walls, _walls_to_dict)
+@serialised(
+    "walls",
+    Walls,
+    lambda walls: {"of_all": _ends(walls.of_all), "own": [[n, _ends(p)] for n, p in walls.own]},
+)
 def _walls(of_all: Sequence[float | None], own: Sequence[Any]) -> Walls:
     return Walls(Walls.given(tuple(of_all)).of_all, Walls.given(dict(own)).own)
 

@@ -221,24 +221,16 @@ class OrbitMap:
     # --- real multipliers as scalars ---
 
     def crosses(self, mu: float) -> float:
-        """Changes sign where a multiplier is mu, 1 or -1."""
-        return self._plus_one() if mu > 0.0 else self._minus_one()
+        """Changes sign where a multiplier is mu, 1 or -1.
 
-    def _plus_one(self) -> float:
-        """Vanishes where a multiplier is +1: D at mu = 1 without the poles of the band's ends.
-
-        It is the determinant of the orbit's own equations, offsets included: folds, pitchforks
-        and branch points alike.
+        At 1 it is D without the poles of the band's ends: the determinant of the orbit's own
+        equations, offsets included, for folds, pitchforks and branch points alike. At -1, a period
+        doubling, it is ``D/(1 + |g|^2)``, real and bounded also where the band's edge passes there.
         """
-        if len({kick.site for kick in self.kicks}) > 1:
-            raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
-        return -float(self.F(np.zeros(1))[0].real)
-
-    def _minus_one(self) -> float:
-        """Vanishes where a multiplier is -1, a period doubling.
-
-        ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
-        """
+        if mu > 0.0:
+            if len({kick.site for kick in self.kicks}) > 1:
+                raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
+            return -float(self.F(np.zeros(1))[0].real)
         if self.gamma == 0.0:
             F = self.F(np.array([0.5]))[0].real
         else:
