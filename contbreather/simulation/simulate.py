@@ -2,7 +2,7 @@
 
 Between impacts the flow is summed to rounding (`contbreather.simulation.taylor`), impacts are
 bracketed so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall
-are part of the motion (`cruise`). The only error left is rounding.
+are part of the motion. The only error left is rounding.
 """
 
 from __future__ import annotations

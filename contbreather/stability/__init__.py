@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from contbreather.stability.arc import (
     NeimarkSacker,
-    OnArc,
     OverReflection,
     Window,
     neimark_sacker,
@@ -42,7 +41,6 @@ __all__ = [
     "G",
     "Gradient",
     "NeimarkSacker",
-    "OnArc",
     "OverReflection",
     "Verdict",
     "Window",

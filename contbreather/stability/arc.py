@@ -46,7 +46,7 @@ from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW
-from contbreather.stability.characteristic import regular, slope_at_zero, tables
+from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables
 from contbreather.stability.saltation import check_finite, check_kb
 from contbreather.stability.zeros import steep
 
@@ -146,23 +146,10 @@ def on_band(gamma: float, nu: ArrayLike, spring: float) -> tuple[Array, Array, A
     return x, low, high
 
 
-class OnArc(NamedTuple):
-    """(Re, Im) of F = nu sqrt(4 gamma - nu^2) D at an angle in the band, and its derivatives.
-
-    Each is an array of shape (2,) (or (2, ...) for an array of angles).
-    """
-
-    value: Array
-    d_nu: Array
-    d_gamma: Array
-    d_k: Array
-    d_b: Array
-    d_spring: Array
-
-
-def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> OnArc:
+def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> Gradient:
     """The two equations of a Neimark-Sacker point of the infinite chain, with their Jacobian.
 
+    (Re, Im) of F = nu sqrt(4 gamma - nu^2) D, of shape (2,), or (2, ...) for an array of angles.
     F has the zeros of D, the limit from |mu| > 1 at mu = exp(i pi nu), but no poles at the ends
     of the band.
 
@@ -190,7 +177,7 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     check_finite(k, b)
     x, *_ = on_band(gamma, nu, spring)
     rows = [_filled(ON_ARC, gamma, k, b, spring, float(angle)) for angle in x.ravel()]
-    return OnArc(*np.transpose(rows).reshape(6, 2, *x.shape))
+    return Gradient(*np.transpose(rows).reshape(6, 2, *x.shape))
 
 
 def _filled(kernel: Kernel, gamma: float, k: float, b: float, spring: float, nu: float) -> Array:

@@ -445,13 +445,14 @@ def near_slope(
 
 
 class Gradient(NamedTuple):
-    """D and its partial derivatives, each shaped like nu."""
+    """D, or F of `arc`, and its partial derivatives, each of one shape."""
 
     value: Array
     d_nu: Array
     d_gamma: Array
     d_k: Array
     d_b: Array
+    d_spring: Any = 0.0
 
 
 def D_gradient(
