@@ -422,6 +422,9 @@ def event_loop(
 EVENT_LOOP = Kernel(event_loop, long=True)
 
 
+# --- small perturbations along a run --------------------------------------------------------------
+
+
 def fly(
     du: Matrix, dv: Matrix, at_rest: Signs, span: float, on: Parameters, zeros: Vector,
     nowhere: Vector, rows: Matrix,

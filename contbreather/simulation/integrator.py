@@ -52,6 +52,7 @@ Array = NDArray[Any]
 WHERE = [("time", "f8"), ("period", "i8"), ("phase", "f8"), ("site", "i8"), ("wall", "i1")]
 IMPACT = np.dtype([*WHERE, ("before", "f8"), ("after", "f8"), ("acceleration", "f8")])
 REST = np.dtype([*WHERE, ("begins", "?")])
+EVENTS = ("impacts", "rests")  # tables of what happens between rigid walls
 MOMENT = 0.2  # seconds a chunk should take: how long an interruption waits
 
 
@@ -125,15 +126,15 @@ class Chunk:
         return f"<{type(self).__name__} of {self.periods} periods from {self.first}>"
 
 
-def blank(sample: Sample | None, sites: int) -> Chunk:
-    """No periods at all."""
+def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
+    """Some states between which nothing happened."""
     each = (sample.per_period, len(sample.sites)) if sample else (0, 0)
-    return Chunk(0, *np.empty((2, 0, sites)), *np.empty((2, 0, *each)))
+    return Chunk(0, u, v, *np.empty((2, 0, *each)))
 
 
-def columns_of(chunks: Sequence[Chunk]) -> dict[str, Any]:
+def columns_of(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
     """What there is of successive chunks, joined."""
-    names = ("u", "v", "dense_u", "dense_v", "impacts", "rests")
+    names = names or ("u", "v", "dense_u", "dense_v", *EVENTS)
     return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}
 
 
@@ -416,5 +417,4 @@ class Noisy:
                 return chunks[-1]
             if i < count:
                 self.state.v[:] += kicks[i]
-        events = columns_of(chunks)
-        return replace(chunks[-1], impacts=events["impacts"], rests=events["rests"])
+        return replace(chunks[-1], **columns_of(chunks, *EVENTS))

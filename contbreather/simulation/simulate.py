@@ -22,6 +22,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NEEDED
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import (
+    EVENTS,
     IMPACT,
     REST,
     Chunk,
@@ -51,7 +52,6 @@ from contbreather.tables import Sheet
 Array = NDArray[Any]
 
 HELD = 2**27  # numbers of a run in memory, 1 GB, twice that while it is put together
-EVENTS = ("impacts", "rests")  # tables that a run has between rigid walls
 LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 
 
@@ -314,8 +314,7 @@ def gathered(
     integrator: Integrator, *, periods: float, t0: float, progress: bool | Bar | None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Let it go: what `States` has of the run, and its impacts and rests; times count from t0."""
-    sample, sites = integrator.sample, integrator.state.u.size
-    length = length_of(periods, sites)
+    sample, length = integrator.sample, length_of(periods, integrator.state.u.size)
     count, rest = int(length), length - int(length)
     start = State(integrator.state.u.copy(), integrator.state.v.copy())
     chunks: list[Chunk] = []
@@ -327,7 +326,7 @@ def gathered(
             end = integrator.advance(1, count, span=PERIOD * rest)
             # its state is none once in a period, and none at all where it chatters before its end
             of_end: Any = {name: getattr(end, name) for name in (*EVENTS, "stop", "reason")}
-            chunks.append(replace(blank(sample, sites), **of_end))
+            chunks.append(replace(blank(sample, end.u[:0], end.v[:0]), **of_end))
             if end.periods:
                 time = float(t0) + PERIOD * count + PERIOD * rest
                 last = {"final": State(end.u[-1], end.v[-1]), "end": time}
@@ -343,11 +342,12 @@ def joined(
     chunks: list[Chunk], start: State, t0: float, sample: Sample | None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """What `States` has of successive chunks, from the state at t0 on; their impacts and rests."""
-    first = replace(blank(sample, start.u.size), u=start.u[None], v=start.v[None])
-    u, v, dense_u, dense_v, *events = columns_of([first, *chunks]).values()
-    record = None
+    sampled = ("dense_u", "dense_v") if sample else ()
+    first = blank(sample, start.u[None], start.v[None])
+    table = columns_of([first, *chunks], "u", "v", *EVENTS, *sampled)
+    u, v, record = table["u"], table["v"], None
     if sample is not None:
-        dense = [table.reshape(-1, len(sample.sites)) for table in (dense_u, dense_v)]
+        dense = [table[name].reshape(-1, len(sample.sites)) for name in sampled]
         times = t0 + PERIOD / sample.per_period * np.arange(len(dense[0]))
         record = Record(times, tuple(n % start.u.size for n in sample.sites), *dense)
     return {
@@ -358,7 +358,7 @@ def joined(
         "record": record,
         "stop": (chunks[-1].stop if chunks else None) or RunStop.DONE,
         "reason": chunks[-1].reason if chunks else "",
-    }, dict(zip(EVENTS, events, strict=True))
+    }, {name: table[name] for name in EVENTS}
 
 
 S = TypeVar("S", bound=Any)  # a run or a sweep

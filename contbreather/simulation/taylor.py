@@ -107,6 +107,8 @@ class Workspace(NamedTuple):
     listed: Signs  # whether a site is among them
 
 
+# --- the series -----------------------------------------------------------------------------------
+
 STEP = 0.5 * math.pi  # longest step; with more, the bounds of `contact` lose their grip
 LAST = 1e-18  # size of the first term left out, relative to the first one
 

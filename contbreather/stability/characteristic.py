@@ -90,14 +90,14 @@ def resolvent(
     the root ``r = sqrt(1 - 4 gamma/A)`` of one side, ``A = s^2 - spring``."""
     A = s * s - spring
     r = np.sqrt(1.0 - 4.0 * gamma / A) if r is None else r
-    lap = 0.0 if sites is None else _lap(gamma, A, r, sites)
+    lap = _lap(gamma, A, r, sites)
     return np.asarray(-(1.0 + lap) / ((1.0 - lap) * A * r))
 
 
-def _lap(gamma: float, A: Array, r: Array, sites: int) -> Array:
+def _lap(gamma: float, A: Array, r: Array, sites: int | None) -> Any:
     """What is left of a wave once around the ring: x^N with x + 1/x = 2 - s^2/gamma."""
     # z/(1 + r)^2 is (1 - r)/(1 + r), without the difference
-    return np.asarray((-4.0 * gamma / (A * (1.0 + r) ** 2)) ** sites)
+    return 0.0 if sites is None else np.asarray((-4.0 * gamma / (A * (1.0 + r) ** 2)) ** sites)
 
 
 class Resolvent(NamedTuple):
@@ -117,11 +117,11 @@ def resolvent_slopes(
         return Resolvent(-1.0 / A, 2.0 * s / (A * A), np.zeros_like(s))
     edge = A - 4.0 * gamma
     r = np.sqrt(1.0 - 4.0 * gamma / A) if r is None else r
-    g = resolvent(gamma, s, sites, spring, r)
+    lap = _lap(gamma, A, r, sites)
+    g = np.asarray(-(1.0 + lap) / ((1.0 - lap) * A * r))
     # g^2 = 1/(A edge), and the logarithm of a lap falls as that of s^2 rises, by N/r
     by_s, by_gamma = -s * (A + edge) / (A * edge), 2.0 / edge
     if sites is not None and gamma > 0.0:
-        lap = _lap(gamma, A, r, sites)
         turn = 2.0 * sites * lap / ((1.0 - lap * lap) * r)
         by_s, by_gamma = by_s - 2.0 * turn / s, by_gamma + turn / gamma
     return Resolvent(g, g * by_s, g * by_gamma)
@@ -181,6 +181,7 @@ def regular_slopes(
     return value, in_nu, by_gamma
 
 
+@lru_cache(maxsize=64)
 def slope_at_zero(gamma: float) -> float:
     """``R/nu + B`` of the infinite chain in the limit nu -> 0."""
     # of each alias s: g + s g_s of R, -g of B
@@ -259,10 +260,10 @@ def _within(gamma: float, nu: Array, spring: float) -> Array:
     return low & (square < 4.0 * gamma)
 
 
-def _alias0(
+def _root(
     gamma: float, nu: Array, sites: int | None, spring: float = 0.0, continued: bool = False
-) -> Resolvent:
-    """``g(nu) = <1/(w^2 - nu^2)>`` and slopes; inside the band the limit from Im nu < 0.
+) -> Array:
+    """``sqrt(1 - 4 gamma/(nu^2 - spring))`` for `resolvent`; inside the band the limit from below.
 
     ``continued``: also above the band, Im nu > 0, what comes through it from below.
     """
@@ -275,7 +276,7 @@ def _alias0(
         r = np.where(within & (nu.imag == 0.0), limit, r)
         if continued:
             r = np.where(within & (nu.imag > 0.0), -r, r)
-    return resolvent_slopes(gamma, nu, sites, spring, r)
+    return np.asarray(r)
 
 
 def _strip(nu: ArrayLike) -> Array:
@@ -353,7 +354,7 @@ def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:
     """
 
     def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array, ...]:
-        g = _alias0(gamma, s, sites, spring).g
+        g = resolvent(gamma, s, sites, spring, _root(gamma, s, sites, spring))
         R, B, C = regular(gamma, s, sites, spring)
         g11 = 0.5 - 1j * (R + s * g / math.pi)
         return g11, B - g / math.pi, C + s * s * g / math.pi
@@ -377,7 +378,8 @@ def D(gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = Infinit
 
     def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array]:
         smooth, L = smooth_and_L(s, k, b, regular(gamma, s, sites, spring))
-        return (smooth + _alias0(gamma, s, sites, spring).g * L / math.pi,)
+        g = resolvent(gamma, s, sites, spring, _root(gamma, s, sites, spring))
+        return (smooth + g * L / math.pi,)
 
     return _by_depth(gamma, nu, lattice, 1, near, lambda mu, few: determinant(mu, few, k, b)[:1])[0]
 
@@ -438,7 +440,8 @@ def near_slope(
     ``continued`` from the outside through the band of the infinite chain it has zeros just inside:
     resonances, multipliers-to-be.
     """
-    g, g_nu, _ = _alias0(gamma, nu, sites, spring, continued)
+    r = _root(gamma, nu, sites, spring, continued)
+    g, g_nu, _ = resolvent_slopes(gamma, nu, sites, spring, r)
     value, slope, _ = regular_slopes(gamma, nu, sites, spring)
     smooth, L, smooth_nu, L_nu = split(nu, k, b, value, slope)
     return smooth + g * L / math.pi, smooth_nu + (g_nu * L + g * L_nu) / math.pi
@@ -476,7 +479,8 @@ def D_gradient(
     if np.any(np.abs(x.imag) > NEAR):
         raise BadInput(f"nu = {nu!r}: derivatives are known for |Im nu| <= {NEAR:g} only.")
     with np.errstate(divide="ignore", invalid="ignore"):
-        g, g_nu, g_gamma = (part / math.pi for part in _alias0(gamma, x, sites, spring))
+        alias = resolvent_slopes(gamma, x, sites, spring, _root(gamma, x, sites, spring))
+        g, g_nu, g_gamma = (part / math.pi for part in alias)
         value, in_nu, in_gamma = regular_slopes(gamma, x, sites, spring)
         smooth, L, smooth_nu, L_nu = split(x, k, b, value, in_nu)
         _, _, smooth_gamma, L_gamma = split(x, k, b, value, in_gamma, 0.0)
