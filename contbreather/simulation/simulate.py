@@ -377,6 +377,7 @@ Values = Mapping[str, Any]
 
 
 def to_content(run: States) -> dict[str, Any]:
+    """A run of either kind, for files."""
     try:
         conditions = to_dict(run.conditions)
     except NotSerialisable as error:
