@@ -47,14 +47,13 @@ OBJECTS = Path(__file__).parent / "_objects"  # what was compiled when the packa
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
-    "contbreather.lattice.response",
+    "contbreather.lattice.free_flight",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
     "contbreather.orbits.closed_loops",
     "contbreather.orbits.pair_loops",
     "contbreather.orbits.margins",
     "contbreather.simulation.event_loop",
-    "contbreather.simulation.tangent_flow",
     "contbreather.simulation.smooth_flow",
 )
 

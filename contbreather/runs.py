@@ -8,7 +8,7 @@ from contbreather.storage.serialise import later
 
 
 def _simulation() -> None:
-    import contbreather.simulation.stored_runs  # noqa: F401 - enters runs and motions
+    import contbreather.simulation  # noqa: F401 - enters runs and motions
 
 
 later(_simulation)

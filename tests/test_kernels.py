@@ -271,7 +271,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     unwanted = shutil.ignore_patterns("__pycache__", "_objects")
     shutil.copytree(PACKAGE, root / "contbreather", ignore=unwanted)
     text = root / "contbreather" / "kernels.py"
-    one = 'TEXTS = ("contbreather.lattice.response",)'
+    one = 'TEXTS = ("contbreather.lattice.free_flight",)'
     text.write_text(re.sub(r"(?s)^TEXTS = \(.*?^\)", one, text.read_text(), flags=re.MULTILINE))
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         if (ROOT / name).exists():
@@ -285,7 +285,7 @@ if "numba" in sys.argv:
     import numba
 import numpy as np
 from contbreather import kernels
-from contbreather.lattice.response import MEETINGS
+from contbreather.lattice.free_flight import MEETINGS
 before = MEETINGS.code() is not None
 end = time.monotonic() + 500
 while "wait" in sys.argv and time.monotonic() < end and not [*kernels.place().glob("*.o")]:

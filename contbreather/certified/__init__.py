@@ -6,8 +6,13 @@ from typing import Any, overload
 
 from contbreather.certified.balls import Interval
 from contbreather.certified.certificate import Certificate, Covering, Tile
-from contbreather.certified.points import DEFINING, certify_point, checked, parameters
-from contbreather.certified.tiles import certify_curve
+from contbreather.certified.proofs import (
+    DEFINING,
+    certify_curve,
+    certify_point,
+    checked,
+    parameters,
+)
 from contbreather.checks import number
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.defining_systems import event_of

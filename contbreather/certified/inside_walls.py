@@ -18,8 +18,8 @@ from typing import NamedTuple
 from flint import arb, arb_poly
 
 from contbreather.certified import averages
+from contbreather.certified.averages import response
 from contbreather.certified.balls import Ball, about, spread
-from contbreather.certified.closure import response
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
 PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved

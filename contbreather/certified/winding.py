@@ -49,8 +49,8 @@ from typing import NamedTuple
 from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
+from contbreather.certified.averages import saltation
 from contbreather.certified.balls import Ball, hull, nearest, root, spread, working
-from contbreather.certified.closure import saltation
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less

@@ -14,7 +14,7 @@ from contbreather.cli.process import computing
 
 if TYPE_CHECKING:
     from contbreather.simulation import SmoothRun
-    from contbreather.simulation.chunks import Chunk
+    from contbreather.simulation.integrator import Chunk
 
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least
@@ -40,7 +40,7 @@ class RunSummary:
     def chunks(self) -> Iterator[Chunk]:
         """All of it; a stream piece by piece, so that memory does not grow with its length."""
         if self.stream is None:
-            from contbreather.simulation.chunks import Chunk
+            from contbreather.simulation.integrator import Chunk
 
             u, v = (row[1:] for row in self.run.strobe)
             hits: dict[str, Any] = (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from contbreather.lattice import serialised  # noqa: F401 - enters the dicts of all of these
 from contbreather.lattice.band_averages import Lattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
+from contbreather.lattice.conditions import Conditions  # noqa: F401 - enters all dicts of these
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
 from contbreather.lattice.formula import Symbolic, forcing_of
 from contbreather.lattice.parse import lattice_by

@@ -20,12 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
-from contbreather.lattice.free_flight import TERMS, free_flight
+from contbreather.lattice.free_flight import TERMS
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def check_gamma(gamma: float, spring: float = 0.0) -> float:
@@ -153,11 +152,7 @@ class Lattice:
         def _excess(self, z: float) -> float: ...
         def _dexcess(self, z: float) -> float: ...
         def distance(self, n: Any) -> Any: ...
-        def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
-        def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray: ...
-        def moments(self, n: int) -> FloatArray: ...
-        def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray: ...
-        def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]: ...
+        def nodes(self, gamma: float) -> tuple[FloatArray, ...]: ...
 
     def check(self, gamma: float) -> float:
         """gamma as a float, or why there is no breather at this coupling."""
@@ -208,6 +203,10 @@ class Lattice:
         counts = [series.constant, len(series.poles), len(series.powers)]
         return [*counts, *poles, *series.powers, *series.slopes]
 
+    def moments(self, n: int) -> FloatArray:
+        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+        return q_moments(self.sites, self.distance(int(n)))
+
     def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
         moments = moments_of(self, n) if isinstance(n, tuple) else self.moments(n)
@@ -226,27 +225,38 @@ class Lattice:
         slopes = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
         return np.asarray(slopes)
 
-    def response(self, gamma: float, n: int, s: ArrayLike) -> tuple[FloatArray, ...]:
-        """Site n between two impacts of site 0, per unit p: its v, v' and v''.
+    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing, on a
+        ring from both sides and after all laps."""
+        m, rest = self.distance(np.asarray(n)), 1.0 - self.spring
+        r, rho, sign, lap = self._laps(4.0 * self.check(gamma) / rest)
+        profile = rho**m
+        if self.sites:
+            profile = profile + sign * rho ** (self.sites - m)
+        return np.asarray((-1.0) ** m * profile / (r * lap * rest))
 
-        ``v_n(s) = <cos(n theta) sin(w (pi/2 - s))/(w cos(pi w/2))>``, s = t - phi in [0, pi];
-        eq. (9) without its series, good to rounding up to and at the impacts.
+    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
+        """Derivative of `first_harmonic` with respect to gamma."""
+        m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
+        r, rho, sign, lap = self._laps(4.0 * self.check(gamma) / rest)
+        turn, profile = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0), rho**m
+        if size:
+            profile = profile + sign * rho ** (size - m)
+            turn += sign * (size - m) * rho ** (size - m - 1)
+            turn += profile * sign * size * rho ** (size - 1) / lap
+        slope = turn / (r * (1.0 + r)) ** 2 + profile / (2.0 * r**3)
+        return np.asarray(4.0 * (-1.0) ** m * slope / (lap * rest**2))
 
-        Parameters
-        ----------
-        gamma : float
-            Coupling in [0, 1/4).
-        n : int
-            Site, counted from the one that impacts.
-        s : array_like
-            Times since the impact, in [0, pi].
-
-        Returns
-        -------
-        tuple of three ndarrays, the shape of ``s``
-        """
-        answer = free_flight(float(self.first_harmonic(gamma, n)), self.powers(gamma, n))
-        return answer.at(np.asarray(s, dtype=float) - 0.5 * math.pi)
+    def _laps(self, z: float) -> tuple[float, float, float, float]:
+        """r, the factor rho of (A3) from site to site, the sign and 1 - sign * rho^N of a lap."""
+        r = math.sqrt(1.0 - z)
+        rho = z / (1.0 + r) ** 2  # |xi| of (A3)
+        if not self.sites:
+            return r, rho, 0.0, 1.0
+        if self.sites % 2:
+            return r, rho, -1.0, 1.0 + rho**self.sites
+        # near the band's edge rho -> 1: the difference must not be formed
+        return r, rho, 1.0, -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""

@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice, band_averages, check_gamma, q_moments
+from contbreather.lattice.band_averages import Lattice, band_averages, check_gamma
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 LONGEST = 10**7  # sites of a ring: of longer ones a few rows of numbers fill the memory
@@ -88,89 +87,11 @@ class InfiniteChain(Lattice):
         """The sites coupled to site n."""
         return (n - 1, n + 1)
 
-    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing."""
-        rest = 1.0 - self.spring
-        x = 4.0 * self.check(gamma) / rest
-        r = math.sqrt(1.0 - x)
-        xi = -x / (1.0 + r) ** 2  # (A3): from one site to the next
-        return np.asarray(xi ** np.abs(np.asarray(n)) / (r * rest))
-
-    def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """Derivative of `first_harmonic` with respect to gamma."""
-        rest = 1.0 - self.spring
-        x = 4.0 * self.check(gamma) / rest
-        m = np.abs(np.asarray(n))
-        r = math.sqrt(1.0 - x)
-        rho = x / (1.0 + r) ** 2
-        ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
-        slope = ahead / (r * (1.0 + r)) ** 2 + rho**m / (2.0 * r**3)
-        return np.asarray(4.0 * (-1.0) ** m * slope / rest**2)
-
     def first_by_spring(self, gamma: float, n: ArrayLike) -> FloatArray:
         """Derivative of `first_harmonic` with respect to the spring: it is homogeneous in
         gamma and ``1 - spring``, of degree -1."""
         by_gamma = gamma * self.dfirst_harmonic(gamma, n)
         return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
-
-    def moments(self, n: int) -> FloatArray:
-        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
-        return q_moments(None, abs(int(n)))
-
-    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
-        """``<1/(w^2 - s^2)> = -1/sqrt(s^2 (s^2 - 4 gamma))``, the branch with -1/s^2 far away.
-
-        Parameters
-        ----------
-        gamma : float
-            Coupling in [0, 1/4).
-        s : array_like of complex
-            Anywhere off the band: Im s != 0 or |s| > 2 sqrt(gamma).
-
-        Returns
-        -------
-        ndarray of complex, the shape of ``s``.
-
-        Raises
-        ------
-        BadInput
-            Where s is real and in the band, the mean does not exist there.
-
-        Examples
-        --------
-        >>> complex(InfiniteChain().resolvent(0.0, 2.0)).real
-        -0.25
-        """
-        gamma = self.check(gamma)
-        s2 = np.square(np.asarray(s, dtype=complex)) - self.spring
-        if np.any((s2.imag == 0.0) & (s2.real <= 4.0 * gamma) & (s2.real >= 0.0)):
-            low, high = math.sqrt(self.spring), math.sqrt(self.spring + 4.0 * gamma)
-            raise BadInput(
-                f"the mean <1/(w^2 - s^2)> does not exist for real s in the band "
-                f"[{low:.6g}, {high:.6g}] of gamma = {gamma}; move s off the real axis."
-            )
-        # 1 - 4 gamma/s^2 is negative only on the band, so the principal root is the right one
-        return np.asarray(-1.0 / (s2 * np.sqrt(1.0 - 4.0 * gamma / s2)))
-
-    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]:
-        """Nodes, weights and frequencies of the trapezoid rule for means over the band.
-
-        Good to rounding for ``cos(n theta)`` with n <= reach times anything whose nearest
-        singularity is w = 1; evenness in theta leaves [0, pi].
-
-        Returns
-        -------
-        theta, weight, w : ndarray, shape (M,)
-        """
-        gamma = self.check(gamma)
-        r = math.sqrt(1.0 - 4.0 * gamma / (1.0 - self.spring))
-        width = 2.0 * math.atanh(min(r, 1.0 - 1e-12))  # strip of analyticity about the real axis
-        # M = 2 half nodes on the circle are off by exp(-M width): exp(-40) is below rounding
-        half = 8 + (int(40.0 / width) + int(reach) + 1) // 2
-        theta = np.linspace(0.0, math.pi, half + 1)
-        weight = np.full(half + 1, 1.0 / half)
-        weight[[0, -1]] *= 0.5  # 0 and pi are their own mirror images
-        return theta, weight, np.sqrt(self.spring + 4.0 * gamma * np.sin(0.5 * theta) ** 2)
 
 
 @lru_cache(maxsize=64)
@@ -276,46 +197,14 @@ class Ring(Lattice):
         half = self.sites // 2
         return abs((n + half) % self.sites - half)
 
-    def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
-        """``(1/N) sum of cos(n theta)/(1 - w^2)``: the chain's, from both sides and all laps."""
-        gamma = check_gamma(gamma)
-        m = np.asarray(n) % self.sites
-        m = np.minimum(m, self.sites - m)
-        # the shorter way round and the longer one, each with all its laps
-        r, rho, sign, lap = self._laps(4.0 * gamma)
-        return np.asarray((-1.0) ** m * (rho**m + sign * rho ** (self.sites - m)) / (r * lap))
-
     def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """Derivative of `first_harmonic` with respect to gamma."""
-        gamma = check_gamma(gamma)
-        m = np.asarray(n) % self.sites
-        m, size = np.minimum(m, self.sites - m), self.sites
-        r, rho, sign, lap = self._laps(4.0 * gamma)
-        if size % 2 and size * r < 1.0:  # as in `_dexcess`
-            q, c, weight = _quarter_waves(size)
-            wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))
-            return np.asarray(
-                4.0 * wave @ (weight * q / ((1.0 - 4.0 * gamma) + 4.0 * gamma * c) ** 2)
-            )
-        ahead = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0)
-        behind = sign * (size - m) * rho ** (size - m - 1)
-        profile = rho**m + sign * rho ** (size - m)
-        turn = (ahead + behind) + profile * sign * size * rho ** (size - 1) / lap
-        slope = turn / (r * (1.0 + r)) ** 2 + profile / (2.0 * r**3)
-        return np.asarray(4.0 * (-1.0) ** m * slope / lap)
-
-    def _laps(self, z: float) -> tuple[float, float, float, float]:
-        """r, the factor rho of (A3) from site to site, the sign and 1 - sign * rho^N of a lap."""
-        r = math.sqrt(1.0 - z)
-        rho = z / (1.0 + r) ** 2  # |xi| of (A3)
-        if self.sites % 2:
-            return r, rho, -1.0, 1.0 + rho**self.sites
-        # near the band's edge rho -> 1: the difference must not be formed
-        return r, rho, 1.0, -math.expm1(-2.0 * self.sites * math.atanh(r)) if r < 1.0 else 1.0
-
-    def moments(self, n: int) -> FloatArray:
-        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
-        return q_moments(self.sites, self.distance(n))
+        m, size = self.distance(np.asarray(n)), self.sites
+        if not (size % 2 and size * math.sqrt(1.0 - 4.0 * self.check(gamma)) < 1.0):
+            return super().dfirst_harmonic(gamma, n)
+        q, c, weight = _quarter_waves(size)  # as in `_dexcess`
+        wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))
+        return np.asarray(4.0 * wave @ (weight * q / ((1.0 - 4.0 * gamma) + 4.0 * gamma * c) ** 2))
 
     def frequencies(self, gamma: float) -> FloatArray:
         """``w_j = 2 sqrt(gamma) |sin(pi j/N)|``, j = 0..N-1."""
@@ -324,37 +213,8 @@ class Ring(Lattice):
         # sin(pi j/N) and sin(pi (N-j)/N) must be the same number: degenerate pairs stay so
         return 2.0 * math.sqrt(gamma) * np.sin(np.pi * np.minimum(j, self.sites - j) / self.sites)
 
-    def resolvent(self, gamma: float, s: ArrayLike) -> ComplexArray:
-        """``(1/N) sum of 1/(w_j^2 - s^2)`` in closed form; see `InfiniteChain.resolvent`.
-
-        Real s inside the band is allowed, except the frequencies themselves.
-
-        Raises
-        ------
-        BadInput
-            If s is a frequency of the ring.
-
-        Examples
-        --------
-        >>> complex(Ring(1).resolvent(0.2, 0.5)).real
-        -4.0
-        """
-        gamma = check_gamma(gamma)
-        s2 = np.square(np.asarray(s, dtype=complex))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            z = 4.0 * gamma / s2
-            r = np.sqrt(1.0 - z)
-            e = (-z / (1.0 + r) ** 2) ** self.sites  # xi^N of (A3) at this s: one lap
-            value = np.asarray(-(1.0 + e) / ((1.0 - e) * r * s2))
-        if not np.all(np.isfinite(value)):
-            raise BadInput(
-                f"the mean <1/(w^2 - s^2)> has a pole at each frequency of the ring of "
-                f"{self.sites} sites (0 among them); move s off them."
-            )
-        return value
-
-    def nodes(self, gamma: float, reach: int = 0) -> tuple[FloatArray, ...]:
-        """The ring's own modes, those at theta and -theta counted together; ``reach`` is free.
+    def nodes(self, gamma: float) -> tuple[FloatArray, ...]:
+        """The ring's own modes, those at theta and -theta counted together.
 
         Returns
         -------

@@ -1,18 +1,35 @@
-"""What a lattice moves under: forcing, coupling, losses, springs, walls."""
+"""What a lattice moves under: forcing, coupling, losses, springs, walls; and all of it as dicts of
+numbers and names, and from these again.
+
+What somebody else has written, a forcing of his own for instance, is not among them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
+import numpy as np
+
 from contbreather.checks import whole
 from contbreather.errors import BadInput
-from contbreather.lattice.chain import InfiniteChain
-from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.finite import Lattice
+from contbreather.lattice.forcing import (
+    Forcing,
+    Fourier,
+    Harmonic,
+    Harmonics,
+    Periodic,
+    Samples,
+    Series,
+)
+from contbreather.lattice.formula import Symbolic
 from contbreather.parameters import NAMES, parameter
+from contbreather.storage.serialise import serialised, to_dict
 
 
 def restitution_ratio(k: float) -> float:
@@ -140,3 +157,142 @@ def _moved(
         forcing = forcing.at(**dict(zip(names, values[len(NAMES) :], strict=True)))
     a, gamma, k, damping, spring = values[: len(NAMES)]
     return Conditions(a, gamma, k, damping, spring, forcing, walls, lattice)
+
+
+# --- the forced response where a spring holds every site: f'' + spring f = F ----------------------
+
+
+@dataclass(frozen=True)
+class SpringResponse(Periodic):
+    """The response to a forcing, with the spring as one of its parameters.
+
+    Attributes
+    ----------
+    of : Forcing
+    spring : float
+        Below 1, the square of the lowest harmonic.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Harmonic
+    >>> spring_response(Harmonic(), 0.2).f(0.0)
+    1.25
+    """
+
+    of: Forcing
+    spring: float
+
+    def __post_init__(self) -> None:
+        # -F_m/m^2 of the free lattice becomes F_m/(spring - m^2)
+        object.__setattr__(self, "_series", Series(self._scaled(self.of.harmonics)))
+
+    def _scaled(self, harmonics: Harmonics, power: int = 1) -> Harmonics:
+        """Divided by ``1 - spring/m^2``; with the second power the slope of that."""
+
+        def scale(m: int) -> float:
+            # d/ds of m^2/(m^2 - s) is m^2/(m^2 - s)^2
+            return float(m * m / (m * m - self.spring) ** power)
+
+        return tuple((m, scale(m) * A, scale(m) * B) for m, A, B in harmonics)
+
+    @property
+    def params(self) -> dict[str, float]:
+        return {**self.of.params, "spring": self.spring}
+
+    def _with(self, params: dict[str, float]) -> SpringResponse:
+        spring = params.pop("spring")
+        return spring_response(self.of.at(**params), spring)
+
+    def _slope(self, name: str) -> Series:
+        """In a parameter of the forcing or in the spring."""
+        if name == "spring":
+            return Series(self._scaled(self.of.harmonics, 2))
+        return Series(self._scaled(self.of.slope_harmonics(name)))
+
+    def describe(self) -> str:
+        return self.of.describe()
+
+
+@lru_cache(maxsize=256)
+def spring_response(forcing: Forcing, spring: float) -> SpringResponse:
+    """`SpringResponse`, kept: residual, Jacobian and sensitivities ask for the same few in turn."""
+    return SpringResponse(forcing, spring)
+
+
+# --- as dicts -------------------------------------------------------------------------------------
+
+serialised("harmonic", Harmonic, lambda forcing: {})(Harmonic)
+serialised("samples", Samples, lambda forcing: {"values": list(forcing.values)})(Samples)
+serialised("infinite chain", InfiniteChain, lambda chain: {"spring": chain.spring})(InfiniteChain)
+serialised("ring", Ring, lambda ring: {"sites": ring.sites})(Ring)
+
+
+@serialised("fourier", Fourier, lambda f: {"cos": [*map(list, f.cos)], "sin": [*map(list, f.sin)]})
+def _fourier(cos: Sequence[tuple[int, float]], sin: Sequence[tuple[int, float]]) -> Fourier:
+    return Fourier(dict(cos), dict(sin))
+
+
+@serialised("formula", Symbolic, lambda f: {"formula": f.expression, "values": dict(f.values)})
+def _formula(formula: str, values: dict[str, float]) -> Symbolic:
+    return Symbolic(formula, **values)
+
+
+@serialised(
+    "held", SpringResponse, lambda forcing: {"of": to_dict(forcing.of), "spring": forcing.spring}
+)
+def _spring_response(of: Any, spring: float) -> SpringResponse:
+    return spring_response(of, spring)
+
+
+def _lattice_to_dict(lattice: Lattice) -> dict[str, Any]:
+    """By the entries of its stiffness that are not zero, each once."""
+    rows, columns = np.nonzero(np.triu(lattice.stiffness))
+    entries = lattice.stiffness[rows, columns]
+    weights = {name: getattr(lattice, name) for name in ("masses", "drive")}
+    return {
+        "name": lattice.name,
+        "sites": lattice.sites,
+        "rows": rows.tolist(),
+        "columns": columns.tolist(),
+        "entries": entries.tolist(),
+        # ones are what a lattice has unless it is told otherwise
+        **{name: values.tolist() for name, values in weights.items() if (values != 1.0).any()},
+    }
+
+
+@serialised("lattice", Lattice, _lattice_to_dict)
+def _lattice(
+    name: str,
+    sites: int,
+    rows: list[int],
+    columns: list[int],
+    entries: list[float],
+    masses: list[float] | None = None,
+    drive: list[float] | None = None,
+) -> Lattice:
+    matrix = np.zeros((sites, sites))
+    matrix[rows, columns] = matrix[columns, rows] = entries  # symmetric: a file has its upper half
+    return Lattice(matrix, masses, drive, name=name)
+
+
+def _ends(pair: Pair) -> list[float | None]:
+    """Low and high, None for a wall that is not there: JSON has no infinity."""
+    return [wall if math.isfinite(wall) else None for wall in pair]
+
+
+@serialised(
+    "walls",
+    Walls,
+    lambda walls: {"of_all": _ends(walls.of_all), "own": [[n, _ends(p)] for n, p in walls.own]},
+)
+def _walls(of_all: Sequence[float | None], own: Sequence[Any]) -> Walls:
+    return Walls(Walls.given(tuple(of_all)).of_all, Walls.given(dict(own)).own)
+
+
+def _conditions_to_dict(on: Conditions) -> dict[str, Any]:
+    numbers = {name: float(getattr(on, name)) for name in NAMES}
+    parts = ("forcing", "walls", "lattice")
+    return {**numbers, **{name: to_dict(getattr(on, name)) for name in parts}}
+
+
+serialised("conditions", Conditions, _conditions_to_dict)(Conditions)

@@ -58,7 +58,10 @@ def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagato
     array([1., 0.])
     """
     if damping or z.min() < 0.0:
-        return _damped(z, time, damping)
+        half = 0.5 * damping
+        c, s = _waves((z - half * half) * time * time, half * time)
+        reach = time * s
+        return ModalPropagator(c + half * reach, reach, z * reach, c - half * reach)
     w = np.sqrt(z)
     angle = w * time
     sine = np.sin(angle)
@@ -68,13 +71,6 @@ def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagato
     np.divide(sine, w, out=reach, where=w > 0.0)
     cosine = np.cos(angle)
     return ModalPropagator(cosine, reach, w * sine, cosine)
-
-
-def _damped(z: FloatArray, time: Any, damping: float) -> ModalPropagator:
-    c, s = _waves((z - 0.25 * damping * damping) * time * time, 0.5 * damping * time)
-    reach = time * s
-    lag = 0.5 * damping * reach
-    return ModalPropagator(c + lag, reach, z * reach, c - lag)
 
 
 def _waves(x: FloatArray, lost: Any) -> tuple[FloatArray, FloatArray]:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Walls
-
-if TYPE_CHECKING:
-    from contbreather.lattice.finite import Lattice
+from contbreather.lattice.finite import Grid, Lattice, OpenChain
 
 KNOWN = (
     "ring:20, open:9, open:9:fixed, grid:5x5, grid:5x5:periodic, a .csv with a stiffness matrix "
@@ -35,8 +33,6 @@ def lattice_by(typed: str | None, sites: int | None = None) -> Any:
 
 def _usual(typed: str) -> Any:
     """Ring, open chain or grid, by its sizes."""
-    from contbreather.lattice.finite import Grid, OpenChain
-
     name, size, *ends = typed.lower().split(":") if ":" in typed else (typed, "")
     # what is no size counts as 0, which no lattice has
     sizes = [int(word) if word.isdecimal() and len(word) < 10 else 0 for word in size.split("x")]
@@ -53,8 +49,6 @@ def _usual(typed: str) -> Any:
 
 def _of_matrix(path: str) -> Lattice:
     """A row of the stiffness matrix on each line, its numbers apart by commas or spaces."""
-    from contbreather.lattice.finite import Lattice
-
     lines = read_text(path).replace(",", " ").replace(";", " ").splitlines()
     try:
         rows = [[float(word) for word in line.split()] for line in lines if line.strip()]
@@ -72,8 +66,6 @@ def _of_graph(path: str) -> Lattice:
     from xml.etree.ElementTree import ParseError
 
     import networkx as nx
-
-    from contbreather.lattice.finite import Lattice
 
     text = read_text(path)
     try:

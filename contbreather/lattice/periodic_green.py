@@ -31,9 +31,8 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import Lattice, check_gamma, moments_of
 from contbreather.lattice.chain import Ring
-from contbreather.lattice.free_flight import TERMS, cosine_and_sine, polynomial
-from contbreather.lattice.response import Responses
-from contbreather.lattice.zeta import zeta
+from contbreather.lattice.free_flight import TERMS, Responses, cosine_and_sine, polynomial
+from contbreather.lattice.zeta import bernoulli
 
 FloatArray = NDArray[np.float64]
 Four = tuple[Any, Any, Any, Any]
@@ -222,11 +221,9 @@ def _rows(moments: FloatArray, first: Any, second: Any) -> FloatArray:
 def _bernoulli() -> FloatArray:
     """``-1/pi`` times the coefficients of y^2i in ``sum over j of (-1)^j cos(jy)/j^(2l+2)``."""
     table = np.zeros((POWERS, TERMS + 1))
-    for i in range(POWERS):
-        for order in range(max(i - 1, 0), TERMS + 1):
-            r = 2 * (order + 1 - i)
-            alternating = 0.5 if r == 0 else (1.0 - 2.0 ** (1 - r)) * zeta(r)
-            table[i, order] = (-1) ** i * alternating / (math.pi * math.factorial(2 * i))
+    for order in range(TERMS + 1):
+        even = bernoulli(2 * order + 2, -math.pi)[: 2 * POWERS : 2]
+        table[: even.size, order] = even
     return table
 
 

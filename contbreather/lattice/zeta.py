@@ -57,8 +57,17 @@ def zeta(s: ArrayLike, first: float = 1.0) -> Any:
 
 def binomial(n: ArrayLike, m: ArrayLike) -> NDArray[np.float64]:
     """``n!/(m! (n - m)!)`` of whole numbers; 0 where n is negative."""
-    return np.asarray(np.vectorize(_binomial, otypes=[float])(n, m))
+    whole = np.vectorize(lambda n, m: math.comb(n, m) if n >= 0 else 0, otypes=[float])
+    return np.asarray(whole(n, m))
 
 
-def _binomial(n: int, m: int) -> float:
-    return float(math.comb(int(n), int(m))) if n >= 0 else 0.0
+def bernoulli(p: int, over: float = 1.0) -> NDArray[np.float64]:
+    """The sum over j >= 1 of cos(js)/j^p, p even, or sin(js)/j^p, p odd, is a polynomial of
+    Bernoulli's: its coefficients by powers of ``y = pi - s``, over a number."""
+    odd, coefficients = p % 2, np.zeros(p + 1)
+    for power in range(odd, p + 1, 2):
+        r = p - power  # sum over j of (-1)^(j-1)/j^r
+        alternating = 0.5 if r == 0 else (1.0 - 2.0 ** (1 - r)) * zeta(r)
+        sign = (-1) ** ((power + odd) // 2)
+        coefficients[power] = -sign * alternating / (over * math.factorial(power))
+    return coefficients

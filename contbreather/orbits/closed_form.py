@@ -18,8 +18,7 @@ from contbreather.lattice import (
     Lattice,
     Ring,
 )
-from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
-from contbreather.lattice.on_site_spring import spring_response
+from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio, spring_response
 from contbreather.orbits import closed_slopes
 from contbreather.orbits.closure import Closure, roots, sprung
 from contbreather.orbits.grazing import ALIKE, GrazingSite

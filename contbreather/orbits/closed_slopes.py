@@ -177,7 +177,7 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     """Along the curve's columns, through b and directly, and the angle."""
     orbit = Point(curve, z).solution
     F = of.map(orbit).gradient(of.angle(extra), of.radius)
-    direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": getattr(F, "d_spring", 0.0)}
+    direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": F.d_spring}
     columns = [
         F.d_b * _b_slope(orbit.representation, name) + direct.get(name, 0.0)
         for name in _names(curve)

@@ -30,9 +30,8 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
-from contbreather.lattice.conditions import restitution_ratio
+from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Series
-from contbreather.lattice.on_site_spring import SpringResponse
 from contbreather.orbits import closed_loops
 from contbreather.orbits.closed_loops import FIRST, GAMMA, A, K
 from contbreather.parameters import parameter

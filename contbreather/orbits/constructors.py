@@ -21,10 +21,9 @@ from contbreather.lattice import (
     forcing_of,
     lattice_of,
 )
-from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.conditions import Conditions, Walls, spring_response
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.finite import Lattice as FiniteLattice
-from contbreather.lattice.on_site_spring import spring_response
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.clearance import LIMIT, Inadmissible
 from contbreather.orbits.closed_form import closed_forms

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import periodic_green, responses
-from contbreather.lattice.response import MEETINGS
 from contbreather.orbits.closure import forcing_with
 from contbreather.orbits.section import (
     Section,

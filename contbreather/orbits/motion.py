@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Matrix, Vector, fixed, inlined
-from contbreather.lattice.response import Responses, response
+from contbreather.lattice.free_flight import Responses, response
 
 OFFSET, LOW, HIGH = range(3)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts

@@ -47,8 +47,8 @@ from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
-from contbreather.stability.pairs import nearest, passing, upper
 from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.stability.zeros import nearest, passing, upper
 from contbreather.storage.serialise import serialised
 
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from contbreather.lattice import Forcing, Lattice
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
-from contbreather.lattice.free_flight import POWERS, response_weights
+from contbreather.lattice.free_flight import POWERS, Responses, response_weights
 from contbreather.lattice.periodic_green import bounds, is_resonant, responses
-from contbreather.lattice.response import Responses
 from contbreather.orbits.margins import IMAGE
 from contbreather.orbits.motion import Forced, FreeModes, Motion, points_of
 from contbreather.orbits.section import Impact, Section

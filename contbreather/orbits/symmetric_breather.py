@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from contbreather.checks import real
 from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
-from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.conditions import Conditions, SpringResponse, restitution_ratio
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
-from contbreather.lattice.on_site_spring import SpringResponse
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import ClosedFormMotion, Terms, phase

@@ -15,7 +15,7 @@ from contbreather.errors import NotConverged, partial_result
 from contbreather.orbits import Orbit
 from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic, simulate
 from contbreather.simulation.classify import BROAD
-from contbreather.simulation.energy import localised
+from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import completed
 from contbreather.simulation.smooth import let_go
 
@@ -107,8 +107,8 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
 
 def _after(motion: PeriodicMotion, state: Array) -> Array:
     """Stroboscopic states from one near a motion: shape (TOGETHER + 1, 2, N)."""
-    on = {"periods": TOGETHER, "t0": motion.t0, "progress": False}
-    run = let_go(State(*state), motion.conditions, **on)
+    on, t0 = motion.conditions, motion.t0
+    run = let_go(State(*state), on, periods=TOGETHER, t0=t0, progress=False)
     return np.stack(completed(run).strobe, axis=1)
 
 

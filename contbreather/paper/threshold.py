@@ -24,7 +24,7 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.orbits import Orbit, smallest_amplitude, symmetric
 from contbreather.parameters import parameter
 from contbreather.stability.characteristic import D
-from contbreather.stability.isolated import unstable_multipliers
+from contbreather.stability.counting import unstable_multipliers
 from contbreather.stability.ring_multipliers import even_multipliers
 from contbreather.stability.verdict import THRESHOLD
 

@@ -25,7 +25,7 @@ from contbreather.plotting.canvas import (
 )
 from contbreather.plotting.orbits import draw_states
 from contbreather.simulation import Basin, Outcome, Record, Run, SmoothRun, Sweep
-from contbreather.simulation.energy import localised
+from contbreather.simulation.measures import localised
 from contbreather.simulation.states import PERIOD
 
 if TYPE_CHECKING:

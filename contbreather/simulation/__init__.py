@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from contbreather.simulation.basin import Axis, Basin, Outcome, attraction
-from contbreather.simulation.chunks import RunStop, Sample
 from contbreather.simulation.classify import Kind, Verdict, judge, verdict
-from contbreather.simulation.energy import Localisation, localisation
-from contbreather.simulation.lyapunov import Lyapunov, lyapunov
+from contbreather.simulation.integrator import RunStop, Sample
+from contbreather.simulation.measures import (
+    Localisation,
+    Lyapunov,
+    Rotation,
+    localisation,
+    lyapunov,
+    rotation,
+)
 from contbreather.simulation.periodic import PeriodicMotion, periodic
 from contbreather.simulation.recording import Recording, open_recording, record
-from contbreather.simulation.rotation import Rotation, rotation
 from contbreather.simulation.simulate import Record, Run, simulate
 from contbreather.simulation.smooth import (
     Explicit,

@@ -19,8 +19,8 @@ from contbreather.columns import Columns
 from contbreather.display import HtmlRepr
 from contbreather.errors import Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
-from contbreather.simulation.chunks import RunStop
-from contbreather.simulation.energy import localised
+from contbreather.simulation.integrator import RunStop
+from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import advance, completed
 from contbreather.simulation.states import (
     ModelParameters,
@@ -148,20 +148,6 @@ class Basin(Columns, HtmlRepr):
         return float(np.mean(self.outcome[inside] == Outcome.RETURNED)) if np.any(inside) else 0.0
 
 
-@dataclass(frozen=True)
-class _Task:
-    """What a worker needs for one row; picklable, and nothing else decides its result."""
-
-    reference: State
-    conditions: Conditions
-    x: Axis
-    y: Axis
-    periods: int
-    site: int
-    t0: float
-    tolerance: float
-
-
 def attraction(
     reference: Any,
     x: Axis,
@@ -227,11 +213,13 @@ def attraction(
     t0 = number("t0", t0, -1e300, 1e300, "a time")
     conditions = conditions_of(state.u.size, **on)
     state = within(state, conditions.walls)
-    task = _Task(state, conditions, x, y, whole("periods", periods, 2), site, t0, tolerance)
+    run: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
     shape = len(y.values), len(x.values)
     outcome = np.full(shape, Outcome.PENDING, np.int8)
     distance = np.full(shape, np.nan)
-    work = partial(_row, task)
+    # what a worker needs for a row: picklable, and nothing else decides its result
+    ends = partial(_outcome, state, conditions, run, site % state.u.size, tolerance)
+    work = partial(_row, x, y, ends)
     try:
         rows = [*each(work, range(shape[0]), executor=executor, progress=progress, unit="rows")]
     except Interrupted as stop:
@@ -245,38 +233,37 @@ def attraction(
     return Basin(x, y, outcome, distance, len(done) == shape[0])
 
 
-def _row(task: _Task, j: int) -> tuple[NDArray[np.int8], Array]:
+def _row(x: Axis, y: Axis, ends: Any, j: int) -> tuple[NDArray[np.int8], Array]:
     """All starts of one row."""
-    ends = [_outcome(task, j, i) for i in range(len(task.x.values))]
-    outcomes, distances = zip(*ends, strict=True)
+    row = [ends((x, value), (y, y.values[j])) for value in x.values]
+    outcomes, distances = zip(*row, strict=True)
     return np.array(outcomes, np.int8), np.array(distances)
 
 
-def _outcome(task: _Task, j: int, i: int) -> tuple[int, float]:
-    start = State(task.reference.u.copy(), task.reference.v.copy())
-    task.x.put(start, task.x.values[i])
-    task.y.put(start, task.y.values[j])
-    low, high = wall_rows(task.conditions.walls, start.u.size)
+def _outcome(
+    reference: State, conditions: Conditions, settings: Any, site: int, tolerance: float,
+    *places: tuple[Axis, float],
+) -> tuple[int, float]:  # fmt: skip
+    """Where a start ended, and how far from the reference."""
+    start = State(reference.u.copy(), reference.v.copy())
+    for axis, value in places:
+        axis.put(start, value)
+    low, high = wall_rows(conditions.walls, start.u.size)
     if ((start.u < low) | (start.u > high)).any():
         return Outcome.OUTSIDE, np.nan
-    quietly: dict[str, Any] = {"periods": task.periods, "t0": task.t0, "progress": False}
-    run = completed(advance(start, task.conditions, **quietly))
-    gap = np.abs(np.subtract(run.final, task.reference)).max()
+    run = completed(advance(start, conditions, **settings))
+    gap = float(np.abs(np.subtract(run.final, reference)).max())
     if run.stop is not RunStop.DONE:
-        return Outcome.SPREAD, float(gap)
-    if gap < task.tolerance:
-        return Outcome.RETURNED, float(gap)
-    return _elsewhere(task, run), float(gap)
-
-
-def _elsewhere(task: _Task, run: Any) -> int:
-    """Quiet, spread, or another breather at the site, judged by the last tenth of the run."""
+        return Outcome.SPREAD, gap
+    if gap < tolerance:
+        return Outcome.RETURNED, gap
+    # quiet, spread, or another breather at the site, judged by the last tenth of the run
     late = run.since(run.periods - max(2, run.periods // 10))
     if not late.impacts.size:
-        return Outcome.QUIET
-    if set(late.impacts["site"].tolist()) == {task.site % run.sites}:
-        return Outcome.OTHER
+        return Outcome.QUIET, gap
+    if set(late.impacts["site"].tolist()) == {site}:
+        return Outcome.OTHER, gap
     u, v = run.strobe
-    seen = localised(u[-5:], v[-5:], run.times[-5:], task.conditions)
-    at_site = np.all(seen.centre == task.site % run.sites) and seen.participation.mean() < 2.0
-    return Outcome.OTHER if at_site else Outcome.SPREAD
+    seen = localised(u[-5:], v[-5:], run.times[-5:], conditions)
+    at_site = np.all(seen.centre == site) and seen.participation.mean() < 2.0
+    return (Outcome.OTHER if at_site else Outcome.SPREAD), gap

@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from contbreather.checks import check_kind, whole
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
-from contbreather.simulation.chunks import RunStop
-from contbreather.simulation.energy import forced, localised
-from contbreather.simulation.lyapunov import exponents
+from contbreather.simulation.integrator import RunStop
+from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
-from contbreather.simulation.rotation import Rotation, rotation
 from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state

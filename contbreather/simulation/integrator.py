@@ -1,30 +1,31 @@
-"""The event-driven loop of a lattice between rigid walls, with its parameters and its workspace."""
+"""A run in chunks of some periods, whoever integrates it: what `simulate` and `record` drive.
+
+Behind that the integrators of rigid walls: the event-driven loop with its parameters and its
+workspace, and the same under white noise.
+"""
 
 from __future__ import annotations
 
+import enum
 import math
-from dataclasses import dataclass, field
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from itertools import pairwise
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from contbreather.errors import NotConverged
+from contbreather.checks import whole
+from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.progress import Bar, line_of
 from contbreather.signals import deferred
-from contbreather.simulation.arguments import (
-    Couplings,
-    DenseOutput,
-    EventLog,
-    Harmonics,
-    Parameters,
-    Workspace,
-)
-from contbreather.simulation.chunks import IMPACT, REST, Chunk, RunStop, Sample
 from contbreather.simulation.event_loop import (
     ASTRAY,
     BEGINS_REST,
@@ -34,10 +35,144 @@ from contbreather.simulation.event_loop import (
     FULL,
     HIT,
 )
-from contbreather.simulation.states import PERIOD, State, wall_rows
-from contbreather.simulation.taylor import STEP, terms
+from contbreather.simulation.states import PERIOD, State, reduced, wall_rows
+from contbreather.simulation.taylor import (
+    STEP,
+    Couplings,
+    DenseOutput,
+    EventLog,
+    Harmonics,
+    Parameters,
+    Workspace,
+    terms,
+)
 
 Array = NDArray[Any]
+
+WHERE = [("time", "f8"), ("period", "i8"), ("phase", "f8"), ("site", "i8"), ("wall", "i1")]
+IMPACT = np.dtype([*WHERE, ("before", "f8"), ("after", "f8"), ("acceleration", "f8")])
+REST = np.dtype([*WHERE, ("begins", "?")])
+EVENTS = ("impacts", "rests")  # tables of what happens between rigid walls
+MOMENT = 0.2  # seconds a chunk should take: how long an interruption waits
+
+
+class RunStop(enum.Enum):
+    """Why a run ended; the value is the sentence a user reads."""
+
+    DONE = "went through all its periods"
+    INTERRUPTED = "interrupted; all periods up to here are kept"
+    CHATTER = "ended before a period of more impacts than can be followed"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Sites to record densely, and at how many equal times in each whole period.
+
+    Of a run of 1.5 periods the first one is recorded.
+
+    Examples
+    --------
+    >>> Sample(sites=(0, 1), per_period=128).per_period
+    128
+    """
+
+    sites: Sequence[int] = (0,)
+    per_period: int = 64
+
+    def __post_init__(self) -> None:
+        whole("per_period", self.per_period, 1)
+        if not isinstance(self.sites, Sequence | np.ndarray) or not np.size(self.sites):
+            raise BadInput(
+                f"sites = {self.sites!r}: one site or several were expected, as in (0, 1)."
+            )
+        for n in self.sites:
+            if not isinstance(n, int | np.integer) or isinstance(n, bool):
+                raise BadInput(
+                    f"sites = {self.sites!r}: whole numbers were expected, {n!r} is none."
+                )
+        object.__setattr__(self, "sites", tuple(int(n) for n in self.sites))
+
+
+def check_sample(sample: object, sites: int) -> None:
+    """Refuse what is no `Sample` of a lattice of so many sites."""
+    if not isinstance(sample, Sample | None):
+        raise BadInput(f"sample = {sample!r}: a Sample was expected, as in Sample(sites=(0, 1)).")
+    for n in sample.sites if sample else ():
+        if not -sites <= n < sites:
+            raise BadInput(
+                f"sample: there is no site {n} among {sites}; sites are 0 to {sites - 1}."
+            )
+
+
+@dataclass(frozen=True, repr=False)
+class Chunk:
+    """Some successive periods of a run: what happened in them, and the states after each."""
+
+    first: int
+    u: Array
+    v: Array
+    dense_u: Array  # (periods, times, sites) of a `Sample`
+    dense_v: Array
+    impacts: NDArray[np.void] = field(default_factory=lambda: np.empty(0, IMPACT))
+    rests: NDArray[np.void] = field(default_factory=lambda: np.empty(0, REST))
+    stop: RunStop | None = None
+    reason: str = ""
+
+    @property
+    def periods(self) -> int:
+        return len(self.u)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.periods} periods from {self.first}>"
+
+
+def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
+    """Some states between which nothing happened."""
+    each = (sample.per_period, len(sample.sites)) if sample else (0, 0)
+    return Chunk(0, u, v, *np.empty((2, 0, *each)))
+
+
+def columns_of(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
+    """What there is of successive chunks, joined."""
+    names = names or ("u", "v", "dense_u", "dense_v", *EVENTS)
+    return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}
+
+
+class Integrator(Protocol):
+    """What carries a state on, between walls of either kind: as many periods as asked for (or one
+    of another length), fewer with a reason, or, but one at least, where there is no room for all
+    their impacts; `most_periods` is the most that one chunk may have."""
+
+    state: State
+    conditions: Any
+    sample: Sample | None
+
+    @property
+    def most_periods(self) -> int: ...
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk: ...
+
+
+def in_chunks(
+    integrator: Integrator, *, periods: int, first: int = 0, progress: bool | Bar | None = None
+) -> Iterator[Chunk]:
+    """Yield a run in chunks of about a fifth of a second.
+
+    Times of events are counted from t0. Where chunks are cut has no influence on anything.
+    """
+    count, done = min(4, integrator.most_periods), 0
+    with line_of(progress, lambda shown: Bar(shown, periods)) as bar:
+        while done < periods:
+            began = time.perf_counter()
+            chunk = integrator.advance(min(count, periods - done), first + done)
+            done += chunk.periods
+            bar.advance(done)
+            yield chunk
+            if chunk.stop is not None:
+                return
+            # towards half a `MOMENT`, never shorter, as machines are slow for a while
+            longer = 0.5 * MOMENT / (time.perf_counter() - began)
+            count = min(int(count * min(max(longer, 1.0), 8.0)), integrator.most_periods)
+
 
 MOST = 150_000  # impacts of one site in one period: some seconds
 CHUNK = 2**21  # numbers a chunk may hold: 16 MB
@@ -224,3 +359,62 @@ def event_tables(log: EventLog, t0: float) -> tuple[NDArray[np.void], NDArray[np
     impacts["acceleration"] = push[hits]
     rests["begins"] = kind[~hits] == BEGINS_REST
     return impacts, rests
+
+
+# --- white noise on every site: u'' = ... + noise xi(t) -------------------------------------------
+
+KICKS = 16  # in a step of the series: 64 in a period, more where modes are fast
+
+
+@dataclass
+class Noisy:
+    """An integrator of rigid walls whose sites are kicked.
+
+    Over a time dt white noise changes a velocity by a normal number of variance noise^2 dt. All of
+    it comes in the middle of dt, so that moments of a smooth motion are right to (omega dt)^2.
+    Kicks depend on the seed and the number of the period alone, not on where chunks are cut.
+    """
+
+    flight: EventDriven
+    noise: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        self.t0, self.sample, self.conditions = self.flight.t0, None, self.flight.conditions
+
+    @property
+    def state(self) -> State:
+        return self.flight.state
+
+    @property
+    def most_periods(self) -> int:
+        return self.flight.most_periods
+
+    def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
+        chunks: list[Chunk] = []
+        for period in range(first, first + periods):
+            chunks.append(self._period(period, span))
+            if chunks[-1].stop is not None:
+                break
+        return replace(chunks[-1], first=first, **columns_of(chunks))
+
+    def _period(self, period: int, span: float) -> Chunk:
+        """Half a dt, a kick, a whole dt, a kick, ..., half a dt; no state where it chatters."""
+        start = State(*(x.copy() for x in self.state))
+        count = math.ceil(KICKS * span / self.flight.parameters.step)
+        dt = span / count
+        size = self.noise * math.sqrt(dt)
+        kicks = size * np.random.default_rng([self.seed, period]).normal(size=(count, start.u.size))
+        ends = [0.0, *(dt * (np.arange(count) + 0.5)).tolist(), span]
+        chunks = []
+        for i, (begin, end) in enumerate(pairwise(ends)):
+            self.flight.t0 = reduced(self.t0 + begin)
+            chunks.append(self.flight.advance(1, period, span=end - begin))
+            for table in (chunks[-1].impacts, chunks[-1].rests):
+                table["time"] += begin
+            if chunks[-1].stop is not None:  # nothing is kept of a period that does not end
+                self.flight.state = start
+                return chunks[-1]
+            if i < count:
+                self.state.v[:] += kicks[i]
+        return replace(chunks[-1], **columns_of(chunks, *EVENTS))

@@ -27,7 +27,7 @@ from contbreather.continuation.switching import Lift
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
-from contbreather.simulation.chunks import RunStop, Sample
+from contbreather.simulation.integrator import RunStop, Sample
 from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
 from contbreather.simulation.states import (
@@ -38,6 +38,7 @@ from contbreather.simulation.states import (
     reduced,
 )
 from contbreather.simulation.variation import variation
+from contbreather.storage.serialise import serialised
 
 Array = NDArray[Any]
 Params = Mapping[str, float]
@@ -407,3 +408,16 @@ def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:
 def _outside(point: Point) -> float | int:
     """What every other event changes: where it changes without one, that is said."""
     return math.nan if point.params["damping"] == 0.0 else point.solution.unstable
+
+
+@serialised("returning motion")
+def _read(
+    *,
+    conditions: Conditions | Mapping[str, Any],
+    t0: float,
+    period: int,
+    start: Mapping[str, Any],
+    params: Mapping[str, float],
+) -> Problem:
+    on: Any = SmoothConditions(**conditions) if isinstance(conditions, Mapping) else conditions
+    return problem_of_cycle(on.at(params), t0, State(start["u"], start["v"]), period)

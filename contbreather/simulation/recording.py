@@ -37,16 +37,17 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.parameters import NAMES
 from contbreather.progress import Bar, line_of
-from contbreather.simulation.chunks import (
+from contbreather.simulation.integrator import (
     IMPACT,
     Chunk,
+    EventDriven,
     RunStop,
     Sample,
     check_sample,
+    columns_of,
     in_chunks,
 )
-from contbreather.simulation.integrator import EventDriven
-from contbreather.simulation.simulate import Run, event_tables_of, joined
+from contbreather.simulation.simulate import Run, joined
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
@@ -153,9 +154,9 @@ class Recording:
             else:
                 chunks.append(chunk)
         before = chunks[0].first if chunks else self.periods
-        left = joined(chunks, start, self.t0 + PERIOD * before, None)
-        tables = event_tables_of(chunks, self.t0)
+        left, tables = joined(chunks, start, self.t0 + PERIOD * before, None)
         for table in tables.values():
+            table["time"] += self.t0
             table["period"] -= before
         return Run(conditions=self.conditions, **left, **tables).since(first - before)
 
@@ -350,15 +351,24 @@ def _make(run: Recording) -> None:
 
 
 @contextmanager
+def _allowed(what: str, path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or error
+        raise BadInput(f"cannot {what} {path}: {why}; choose another place.") from error
+
+
+@contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Nobody else writes to the folder meanwhile; the system lets go when the process ends."""
-    try:
+    with _allowed("write", folder):
         folder.mkdir(parents=True, exist_ok=True)
         number = os.open(folder / LOCK, os.O_WRONLY | os.O_CREAT, 0o666)
-    except OSError as error:
-        raise _cannot("write", folder, error) from error
     try:
-        if not _taken(number, folder):
+        with _allowed("lock", folder):
+            taken = alone(number)
+        if not taken:
             raise BadInput(
                 f"{folder} is being written to by another run; wait for its end, or choose another "
                 "folder."
@@ -368,22 +378,9 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(number)
 
 
-def _taken(number: int, folder: Path) -> bool:
-    try:
-        return alone(number)
-    except OSError as error:
-        raise _cannot("lock", folder, error) from error
-
-
-def _cannot(what: str, path: Path, error: OSError) -> BadInput:
-    return BadInput(f"cannot {what} {path}: {error.strerror or error}; choose another place.")
-
-
 def _listed(folder: Path) -> list[Path]:
-    try:
+    with _allowed("read", folder):
         return list(folder.iterdir())
-    except OSError as error:
-        raise _cannot("read", folder, error) from error
 
 
 def _span(path: Path) -> tuple[int, int]:
@@ -396,15 +393,13 @@ def _span(path: Path) -> tuple[int, int]:
 def _write(run: Recording, pieces: list[Chunk]) -> int:
     """One file from some chunks; the number of periods now on disk."""
     first, last = pieces[0], pieces[-1]
-    names = ("u", "v", "impacts", "rests", "dense_u", "dense_v")
-    columns = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
     stop = "" if last.stop is None else last.stop.name
     texts = {"stop": np.array(stop), "reason": np.array(last.reason)}
     done = last.first + last.periods
     path = run.path / f"{first.first:012d}-{done:012d}.npz"
     before = [run.path / START, *(p for p in run.files if p != path)][-1]
     link = np.frombuffer(_bytes(before, last=CHECKSUM), np.uint8)
-    save(path, {**columns, **texts, "first": np.array(first.first), "link": link})
+    save(path, {**columns_of(pieces), **texts, "first": np.array(first.first), "link": link})
     return done
 
 

@@ -2,11 +2,12 @@
 
 Between impacts the flow is summed to rounding (`contbreather.simulation.taylor`), impacts are
 bracketed so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall
-are part of the motion (`cruise`). The only error left is rounding.
+are part of the motion. The only error left is rounding.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar, Unpack
 
@@ -20,18 +21,21 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NEEDED
 from contbreather.progress import Bar
-from contbreather.simulation.chunks import (
+from contbreather.simulation.integrator import (
+    EVENTS,
     IMPACT,
     REST,
     Chunk,
+    EventDriven,
     Integrator,
+    Noisy,
     RunStop,
     Sample,
+    blank,
     check_sample,
+    columns_of,
     in_chunks,
 )
-from contbreather.simulation.integrator import EventDriven
-from contbreather.simulation.noise import Noisy
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
@@ -41,6 +45,8 @@ from contbreather.simulation.states import (
     reduced,
     within,
 )
+from contbreather.storage.netcdf import check_lengths
+from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
 from contbreather.tables import Sheet
 
 Array = NDArray[Any]
@@ -122,7 +128,7 @@ class States(Columns, HtmlRepr):
         states = State(self.strobe.u[period:], self.strobe.v[period:])
         left: dict[str, Any] = {"times": self.times[period:], "strobe": states}
         left |= {"final": State(*(x[-1].copy() for x in states)), "end": float(self.times[-1])}
-        for name in {"impacts", "rests"} & {*vars(self)}:
+        for name in {*EVENTS} & {*vars(self)}:
             table = getattr(self, name)
             left[name] = table[table["period"] >= period].copy()
             left[name]["period"] -= period
@@ -287,17 +293,8 @@ def advance(
         if sample is not None:
             raise BadInput("sample: sites are not recorded densely under noise; leave one out")
         integrator = Noisy(integrator, noise, seed)
-    left, chunks = gathered(integrator, periods=periods, t0=t0, progress=progress)
-    return Run(**left, **event_tables_of(chunks, t0), noise=noise)
-
-
-def event_tables_of(chunks: list[Chunk], t0: float) -> dict[str, Any]:
-    """Impacts and rests of a run that began at t0."""
-    impacts = np.concatenate([np.empty(0, IMPACT), *(chunk.impacts for chunk in chunks)])
-    rests = np.concatenate([np.empty(0, REST), *(chunk.rests for chunk in chunks)])
-    for table in (impacts, rests):
-        table["time"] += t0
-    return {"impacts": impacts, "rests": rests}
+    left, tables = gathered(integrator, periods=periods, t0=t0, progress=progress)
+    return Run(**left, **tables, noise=noise)
 
 
 def length_of(periods: float, sites: int) -> float:
@@ -315,56 +312,53 @@ def length_of(periods: float, sites: int) -> float:
 
 def gathered(
     integrator: Integrator, *, periods: float, t0: float, progress: bool | Bar | None
-) -> tuple[dict[str, Any], list[Chunk]]:
-    """Let it go: what `States` has of the run, with times counted from t0, and its chunks."""
-    length = length_of(periods, integrator.state.u.size)
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Let it go: what `States` has of the run, and its impacts and rests; times count from t0."""
+    sample, length = integrator.sample, length_of(periods, integrator.state.u.size)
     count, rest = int(length), length - int(length)
     start = State(integrator.state.u.copy(), integrator.state.v.copy())
     chunks: list[Chunk] = []
-    fraction: list[Chunk] = []
-    interrupted = False
+    last: dict[str, Any] = {}
     try:
         for chunk in in_chunks(integrator, periods=count, progress=progress):
             chunks.append(chunk)
         if rest > 0.0 and not (chunks and chunks[-1].stop):
-            fraction.append(integrator.advance(1, count, span=PERIOD * rest))
+            end = integrator.advance(1, count, span=PERIOD * rest)
+            # its state is none once in a period, and none at all where it chatters before its end
+            of_end: Any = {name: getattr(end, name) for name in (*EVENTS, "stop", "reason")}
+            chunks.append(replace(blank(sample, end.u[:0], end.v[:0]), **of_end))
+            if end.periods:
+                time = float(t0) + PERIOD * count + PERIOD * rest
+                last = {"final": State(end.u[-1], end.v[-1]), "end": time}
     except KeyboardInterrupt:
-        interrupted = True
-    left = joined(chunks, start, float(t0), integrator.sample)
-    for chunk in fraction:
-        left |= {"stop": chunk.stop or left["stop"], "reason": chunk.reason}
-        if chunk.periods:  # else it chatters before its end
-            left |= {"final": State(chunk.u[-1], chunk.v[-1]), "end": left["end"] + PERIOD * rest}
-    if interrupted:
-        left["stop"] = RunStop.INTERRUPTED
-    return {**left, "conditions": integrator.conditions}, [*chunks, *fraction]
+        last["stop"] = RunStop.INTERRUPTED
+    left, tables = joined(chunks, start, float(t0), sample)
+    for table in tables.values():
+        table["time"] += t0
+    return {**left, **last, "conditions": integrator.conditions}, tables
 
 
-def joined(chunks: list[Chunk], start: State, t0: float, sample: Sample | None) -> dict[str, Any]:
-    """What `States` has of successive chunks, from the state at t0 on."""
-    u = np.concatenate([start.u[None], *(chunk.u for chunk in chunks)])
-    v = np.concatenate([start.v[None], *(chunk.v for chunk in chunks)])
+def joined(
+    chunks: list[Chunk], start: State, t0: float, sample: Sample | None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What `States` has of successive chunks, from the state at t0 on; their impacts and rests."""
+    sampled = ("dense_u", "dense_v") if sample else ()
+    first = blank(sample, start.u[None], start.v[None])
+    table = columns_of([first, *chunks], "u", "v", *EVENTS, *sampled)
+    u, v, record = table["u"], table["v"], None
+    if sample is not None:
+        dense = [table[name].reshape(-1, len(sample.sites)) for name in sampled]
+        times = t0 + PERIOD / sample.per_period * np.arange(len(dense[0]))
+        record = Record(times, tuple(n % start.u.size for n in sample.sites), *dense)
     return {
         "times": t0 + PERIOD * np.arange(len(u)),
         "strobe": State(u, v),
         "final": State(u[-1].copy(), v[-1].copy()),
         "end": t0 + PERIOD * (len(u) - 1),
-        "record": _record(chunks, sample, start.u.size, t0),
+        "record": record,
         "stop": (chunks[-1].stop if chunks else None) or RunStop.DONE,
         "reason": chunks[-1].reason if chunks else "",
-    }
-
-
-def _record(chunks: list[Chunk], sample: Sample | None, sites: int, t0: float) -> Record | None:
-    if sample is None:
-        return None
-    count = len(sample.sites)
-    u, v = (
-        np.concatenate([np.empty((0, count)), *(table.reshape(-1, count) for table in tables)])
-        for tables in ([c.dense_u for c in chunks], [c.dense_v for c in chunks])
-    )
-    times = t0 + PERIOD / sample.per_period * np.arange(len(u))
-    return Record(times, tuple(n % sites for n in sample.sites), u, v)
+    }, {name: table[name] for name in EVENTS}
 
 
 S = TypeVar("S", bound=Any)  # a run or a sweep
@@ -375,3 +369,60 @@ def completed(run: S) -> S:
     if run.stop is RunStop.INTERRUPTED:
         raise KeyboardInterrupt
     return run
+
+
+# --- on disk --------------------------------------------------------------------------------------
+
+Values = Mapping[str, Any]
+
+
+def to_content(run: States) -> dict[str, Any]:
+    """A run of either kind, for files."""
+    try:
+        conditions = to_dict(run.conditions)
+    except NotSerialisable as error:
+        raise BadInput(
+            f"{error.args[0]!r} is of your own making, and a file holds numbers only: give the "
+            "forcing as Fourier, Symbolic or Samples, and simulate with that"
+        ) from error
+    return {
+        "conditions": conditions,
+        "stop": run.stop.name,
+        "reason": run.reason,
+        "columns": {name: (*variable, {}) for name, variable in run.variables().items()},
+        **({"noise": run.noise} if isinstance(run, Run) and run.noise else {}),
+    }
+
+
+def states_of(columns: Values, stop: str, reason: str) -> dict[str, Any]:
+    """What both kinds of runs have."""
+    record = None
+    check_lengths(columns, ("time", "u", "v"), "states")
+    if "sample_time" in columns:
+        check_lengths(columns, ("sample_time", "sample_u", "sample_v"), "samples")
+        sites = tuple(columns["sampled_sites"].tolist())
+        record = Record(columns["sample_time"], sites, columns["sample_u"], columns["sample_v"])
+    return {
+        "times": columns["time"],
+        "strobe": State(columns["u"], columns["v"]),
+        "final": State(columns["final_u"], columns["final_v"]),
+        "end": float(columns["end"]),
+        "record": record,
+        "stop": RunStop[stop],
+        "reason": reason,
+    }
+
+
+def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
+    check_lengths(columns, [f"{what}_{name}" for name in dtype.names or ()], f"{what}s")
+    table = np.empty(columns[f"{what}_time"].size, dtype)
+    for name in dtype.names or ():
+        table[name] = columns[f"{what}_{name}"]
+    return table
+
+
+@serialised("simulated run", Run, to_content)
+def _run(columns: Values, conditions: Conditions, noise: float = 0.0, **ended: Any) -> Run:
+    impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
+    shared = states_of(columns, **ended)
+    return Run(impacts=impacts, rests=rests, conditions=conditions, noise=noise, **shared)

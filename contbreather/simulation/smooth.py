@@ -30,8 +30,8 @@ from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
-from contbreather.simulation.chunks import Chunk, Sample, check_sample
-from contbreather.simulation.simulate import States, advance, gathered
+from contbreather.simulation.integrator import Chunk, Sample, check_sample
+from contbreather.simulation.simulate import States, advance, gathered, states_of, to_content
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
 from contbreather.simulation.states import (
     PERIOD,
@@ -44,7 +44,7 @@ from contbreather.simulation.states import (
     reduced,
     without_noise,
 )
-from contbreather.storage.serialise import to_dict
+from contbreather.storage.serialise import serialised, to_dict
 
 Array = NDArray[Any]
 
@@ -309,6 +309,11 @@ class SmoothRun(States):
         )
 
 
+@serialised("smooth run", SmoothRun, to_content)
+def _smooth_run(columns: Any, conditions: Any, **ended: Any) -> SmoothRun:
+    return SmoothRun(conditions=SmoothConditions(**conditions), **states_of(columns, **ended))
+
+
 def simulate_smooth(
     state: Any,
     *,
@@ -353,30 +358,27 @@ def simulate_smooth(
     start = check_state(state)
     conditions = smooth_conditions_of(start.u.size, m=m, **on)
     settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
-    return advance_smooth(start, conditions, periods=periods, t0=t0, **settings)
+    run: SmoothRun = let_go(start, conditions, periods=periods, t0=t0, **settings)
+    return run
 
 
-def advance_smooth(
-    start: State,
-    conditions: SmoothConditions,
+def let_go(
+    state: State,
+    on: Conditions | SmoothConditions,
     *,
     periods: float,
     t0: float = 0.0,
     sample: Sample | None = None,
-    solver: Solver | None = None,
     progress: bool | Bar | None = None,
-) -> SmoothRun:
-    """`simulate_smooth`, of a state and conditions that have been checked."""
-    check_sample(sample, start.u.size)
-    solver = Explicit() if solver is None else solver
-    integrator = SmoothIntegrator(start, conditions, reduced(t0), sample, solver)
+    solver: Solver | None = None,
+) -> Any:
+    """The run of a state under rigid or smooth walls that have been checked."""
+    if isinstance(on, Conditions):
+        return advance(state, on, periods=periods, t0=t0, sample=sample, progress=progress)
+    check_sample(sample, state.u.size)
+    how = Explicit() if solver is None else solver
+    integrator = SmoothIntegrator(state, on, reduced(t0), sample, how)
     return SmoothRun(**gathered(integrator, periods=periods, t0=t0, progress=progress)[0])
-
-
-def let_go(state: State, on: Conditions | SmoothConditions, **settings: Any) -> Any:
-    """The run of a state under rigid or smooth walls; settings as of `advance`."""
-    go: Any = advance_smooth if isinstance(on, SmoothConditions) else advance
-    return go(state, on, **settings)
 
 
 def flown(

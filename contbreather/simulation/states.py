@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol, Required, TypedDict, TypeVar
+from typing import Any, NamedTuple, Required, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,24 +25,7 @@ FASTEST = 1e6
 RANGES: dict[str, dict[str, Any]] = {"a": {"above": False}}
 
 
-class Moved(Protocol):
-    """What a lattice with walls of any kind moves under."""
-
-    @property
-    def a(self) -> float: ...
-    @property
-    def gamma(self) -> float: ...
-    @property
-    def damping(self) -> float: ...
-    @property
-    def spring(self) -> float: ...
-    @property
-    def forcing(self) -> Forcing: ...
-    @property
-    def lattice(self) -> Finite: ...
-
-
-C = TypeVar("C", bound=Moved)
+C = TypeVar("C", bound=Any)  # rigid or smooth
 
 
 class State(NamedTuple):

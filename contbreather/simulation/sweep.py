@@ -19,8 +19,8 @@ from contbreather.columns import Columns
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
-from contbreather.simulation.chunks import RunStop
-from contbreather.simulation.energy import localised
+from contbreather.simulation.integrator import RunStop
+from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import Run, completed
 from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state, ranged

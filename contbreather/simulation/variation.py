@@ -24,13 +24,11 @@ from contbreather.checks import check_kind, numbers
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.signals import deferred
-from contbreather.simulation.chunks import in_chunks
-from contbreather.simulation.event_loop import begin_period
-from contbreather.simulation.integrator import EventDriven, parameters_of, workspace_of
+from contbreather.simulation.event_loop import TANGENT_FLOW, begin_period
+from contbreather.simulation.integrator import EventDriven, in_chunks, parameters_of, workspace_of
 from contbreather.simulation.simulate import Run
 from contbreather.simulation.smooth import SmoothConditions, SmoothRun, flown
 from contbreather.simulation.states import PERIOD, State, reduced, within
-from contbreather.simulation.tangent_flow import TANGENT_FLOW
 
 Array = NDArray[Any]
 Events = tuple[Array, Array, Array]  # times in their period, sites, entries b (or codes)

@@ -5,10 +5,24 @@ Floor 3. Knows the lattice and the 2x2 block of the saltation matrix, nothing of
 
 from __future__ import annotations
 
-from contbreather.stability.arc import NeimarkSacker, OnArc, Window, neimark_sacker, on_arc, window
+from contbreather.stability.arc import (
+    NeimarkSacker,
+    OverReflection,
+    Window,
+    neimark_sacker,
+    on_arc,
+    over_reflection,
+    over_reflects,
+    scattering,
+    window,
+)
 from contbreather.stability.characteristic import D, D_gradient, D_slope, G, Gradient
-from contbreather.stability.counting import Count, unstable_count
-from contbreather.stability.isolated import closest_approach, unstable_multipliers
+from contbreather.stability.counting import (
+    Count,
+    closest_approach,
+    unstable_count,
+    unstable_multipliers,
+)
 from contbreather.stability.ring_multipliers import (
     apply_half_map,
     dense_half_map,
@@ -17,12 +31,6 @@ from contbreather.stability.ring_multipliers import (
     half_multipliers,
 )
 from contbreather.stability.saltation import saltation, saltation_entry
-from contbreather.stability.scattering import (
-    OverReflection,
-    over_reflection,
-    over_reflects,
-    scattering,
-)
 from contbreather.stability.verdict import Verdict, stability, verdict
 
 __all__ = [
@@ -33,7 +41,6 @@ __all__ = [
     "G",
     "Gradient",
     "NeimarkSacker",
-    "OnArc",
     "OverReflection",
     "Verdict",
     "Window",

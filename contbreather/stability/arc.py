@@ -1,4 +1,5 @@
-"""On the band of the infinite chain: the curve D(mu) traces there, and where it meets zero.
+"""On the band of the infinite chain: the curve D(mu) traces there, where it meets zero, and how the
+breather scatters waves.
 
 For mu = exp(i pi nu) on the arc, 0 < nu < 2 sqrt(gamma), R, B, C are real and the in-band alias is
 ``g = -i/v``, ``v = nu sqrt(4 gamma - nu^2)``. We follow ``F = v D``, bounded on the closed arc:
@@ -15,12 +16,24 @@ the letter q = 2 d/c of (13),
 so at given gamma and k the Neimark-Sacker points are roots in one variable, each with an explicit
 b. Band angles are sampled as nu = 2 sqrt(gamma) sin(alpha), which resolves the square root at the
 edge; R, B, C on a fixed grid in alpha depend on gamma alone and are remembered.
+
+A small wave of that angle meets the impacting site, which multiplies its even part by
+``S = (D continued from inside the circle)/(D from outside)``:
+
+    |S|^2 - 1 = -(8 c d nu/(pi v)) W/|D|^2,   W = (R/nu + B)(c^2 nu R + beta) + d^2,
+
+so more comes back than went in exactly where W < 0: a test without roots or logarithms, and no
+ring of any size is unstable where W >= 0 on the whole band. k = 1 (d = 0) gives |S| = 1. A
+Neimark-Sacker point is a pole of S. A packet of waves runs round a ring of N sites with
+the group velocity ``v_g = sqrt(4 gamma - nu^2)/2`` and meets the site every ``N/v_g``, so that
+``N (|mu| - 1) -> pi v_g ln|S|`` on long rings.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -33,10 +46,15 @@ from contbreather.kernels import Kernel
 from contbreather.lattice import InfiniteChain, check_gamma
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW
-from contbreather.stability.lattice_sums import regular, tables
+from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables
 from contbreather.stability.saltation import check_finite, check_kb
+from contbreather.stability.zeros import steep
 
 Array = NDArray[Any]
+
+
+DEPTH = 48  # halvings of one grid interval: down to 1e-16 in alpha
+NOISE = 1e-15  # of F's own terms: what their rounding amounts to
 
 
 class Arc(NamedTuple):
@@ -86,6 +104,31 @@ def curve(arc: Arc, k: float, b: float) -> tuple[Array, Array]:
     return smooth + pole, smooth - pole
 
 
+def resolved_arc(
+    gamma: float, k: float, b: float, spring: float = 0.0, *, inside: bool = False
+) -> tuple[Arc, Array, Array]:
+    """Samples on the band so close that F = v D turns by less than a radian between them.
+
+    Also v times D continued from the inside; with ``inside`` that, too, is resolved.
+    """
+    arc = grid(gamma, spring)
+    out, into = curve(arc, k, b)
+    if gamma == 0.0:
+        return arc, out, into
+    noise = NOISE * (abs(b) + 1.0)
+    for _ in range(DEPTH):
+        wide = steep(out, noise) | steep(into, noise) if inside else steep(out, noise)
+        i = np.flatnonzero(wide)
+        i = i[arc.alpha[i + 1] - arc.alpha[i] > 1e-15]
+        if i.size == 0:
+            break
+        middle = sample(gamma, 0.5 * (arc.alpha[i] + arc.alpha[i + 1]), spring)
+        new = curve(middle, k, b)
+        out, into = np.insert(out, i + 1, new[0]), np.insert(into, i + 1, new[1])
+        arc = Arc(*(np.insert(old, i + 1, x) for old, x in zip(arc, middle, strict=True)))
+    return arc, out, into
+
+
 def on_band(gamma: float, nu: ArrayLike, spring: float) -> tuple[Array, Array, Array]:
     """Angles inside the band, and how far their squares are from those of its ends."""
     try:
@@ -103,23 +146,10 @@ def on_band(gamma: float, nu: ArrayLike, spring: float) -> tuple[Array, Array, A
     return x, low, high
 
 
-class OnArc(NamedTuple):
-    """(Re, Im) of F = nu sqrt(4 gamma - nu^2) D at an angle in the band, and its derivatives.
-
-    Each is an array of shape (2,) (or (2, ...) for an array of angles).
-    """
-
-    value: Array
-    d_nu: Array
-    d_gamma: Array
-    d_k: Array
-    d_b: Array
-    d_spring: Array
-
-
-def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> OnArc:
+def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> Gradient:
     """The two equations of a Neimark-Sacker point of the infinite chain, with their Jacobian.
 
+    (Re, Im) of F = nu sqrt(4 gamma - nu^2) D, of shape (2,), or (2, ...) for an array of angles.
     F has the zeros of D, the limit from |mu| > 1 at mu = exp(i pi nu), but no poles at the ends
     of the band.
 
@@ -147,7 +177,7 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     check_finite(k, b)
     x, *_ = on_band(gamma, nu, spring)
     rows = [_filled(ON_ARC, gamma, k, b, spring, float(angle)) for angle in x.ravel()]
-    return OnArc(*np.transpose(rows).reshape(6, 2, *x.shape))
+    return Gradient(*np.transpose(rows).reshape(6, 2, *x.shape))
 
 
 def _filled(kernel: Kernel, gamma: float, k: float, b: float, spring: float, nu: float) -> Array:
@@ -286,3 +316,148 @@ def _highest(needed: Callable[[Array], Array]) -> float:
         t = np.linspace(t[max(top - 1, 0)], t[min(top + 1, GRID)], GRID + 1)
         values = needed(t)
     return float(values.max())
+
+
+# --- waves that are scattered ---------------------------------------------------------------------
+
+ZOOMS = 4  # each narrows the bracket of a maximum four times
+ROUNDING = 1e-13  # of ln|S|
+
+
+@dataclass(frozen=True)
+class OverReflection:
+    """How much the breather amplifies waves of the band of the infinite chain.
+
+    ``gain = max ln|S|`` at the angle ``nu`` (times pi), both 0 if nothing is amplified;
+    ``growth = max pi v_g ln|S|`` at ``growth_nu``: on long rings the band's multipliers of QS reach
+    ``|mu| = 1 + growth/N``.
+    """
+
+    over_reflecting: bool
+    gain: float
+    nu: float
+    growth: float
+    growth_nu: float
+
+
+def _margin(arc: Arc, k: float, b: float) -> Array:
+    """nu W: negative where more comes back than went in."""
+    _, nu, _, R, B, C = arc
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    return np.asarray((R + nu * B) * (c * c * nu * R + b - c * c * C) + nu * d * d)
+
+
+def _log_gain(arc: Arc, k: float, b: float) -> Array:
+    """ln|S| on the arc, exact also where |S| is near 1."""
+    # at a Neimark-Sacker point S has a pole; its size is then that of rounding
+    out = np.maximum(np.abs(curve(arc, k, b)[0]), 1e-15 * (1.0 + abs(b))) ** 2
+    c, d = 1.0 + k, 0.5 * (1.0 - k)
+    excess = -8.0 * c * d / math.pi * arc.v * _margin(arc, k, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(excess == 0.0, 0.0, excess / out)
+    return np.asarray(0.5 * np.log1p(np.maximum(ratio, -1.0)))  # ln|S| = ln(1 + (|S|^2 - 1))/2
+
+
+def scattering(gamma: float, nu: ArrayLike, k: float, b: float, spring: float = 0.0) -> Array:
+    """S at the angles nu (times pi) of the band, 0 < nu < 2 sqrt(gamma): complex, an array for many
+    angles. Parameters and errors as of `on_arc`.
+
+    Examples
+    --------
+    >>> bool(abs(abs(scattering(0.1, 0.3, 1.0, 0.2)) - 1) < 1e-14)  # nothing is lost at k = 1
+    True
+    """
+    gamma = check_gamma(gamma, spring)
+    k, b = check_kb(k, b)
+    low = on_band(gamma, nu, spring)[1]
+    alpha = np.arcsin(np.sqrt(low / (4.0 * gamma)))
+    out, into = curve(sample(gamma, alpha, spring), k, b)
+    return np.asarray(into / out)
+
+
+def over_reflects(gamma: float, k: float, b: float, spring: float = 0.0) -> bool:
+    """Whether waves of some angle come back larger than they went in: W < 0 somewhere on the band.
+
+    Examples
+    --------
+    >>> over_reflects(0.08, 0.8, 0.468), over_reflects(0.08, 1.0, 0.468)
+    (True, False)
+    """
+    gamma = check_gamma(gamma, spring)
+    k, b = check_kb(k, b)
+    if gamma == 0.0 or k == 1.0:  # no waves; nothing lost and nothing won
+        return False
+    arc = grid(gamma, spring)
+    lowest = float(np.min(_margin(arc, k, b)[1:] / arc.nu[1:]))
+    if spring == 0.0:  # the limit nu -> 0, the minimum as a rule
+        beta0 = b - 0.5 * (1.0 + k) ** 2 * InfiniteChain().psi(gamma)
+        lowest = min(lowest, slope_at_zero(gamma) * beta0 + 0.25 * (1.0 - k) ** 2)
+    return lowest < -ROUNDING * (1.0 + abs(b))
+
+
+def _speed(gamma: float, arc: Arc, spring: float) -> Array:
+    """The group velocity ``v/(2 nu)``."""
+    return np.asarray(0.5 * arc.v / arc.nu if spring else math.sqrt(gamma) * np.cos(arc.alpha))
+
+
+def _zoom(
+    gamma: float, k: float, b: float, spring: float, left: Array, right: Array, growth: Array
+) -> Array:
+    """Maxima of ln|S| (or pi v_g ln|S| where ``growth``) in brackets: rows (value, alpha)."""
+    ninths = np.linspace(0.0, 1.0, 9)
+    rows = np.arange(left.size)
+    for _ in range(ZOOMS):
+        alpha = left[:, None] + (right - left)[:, None] * ninths
+        arc = sample(gamma, alpha.ravel(), spring)
+        values = _log_gain(arc, k, b).reshape(alpha.shape)
+        weight = math.pi * _speed(gamma, arc, spring).reshape(alpha.shape)
+        values = np.where(growth[:, None], weight * values, values)
+        i = np.clip(values.argmax(axis=1), 1, 7)
+        left, right = alpha[rows, i - 1], alpha[rows, i + 1]
+    low, top, high = values[rows, i - 1], values[rows, i], values[rows, i + 1]
+    # the vertex of the parabola through the last three samples
+    bend = low - 2.0 * top + high
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = np.where(bend < 0.0, 0.5 * (low - high) / bend, 0.0)
+    shift = np.clip(shift, -1.0, 1.0)
+    vertex = top - 0.25 * (low - high) * shift
+    return np.stack([vertex, alpha[rows, i] + shift * (right - alpha[rows, i])])
+
+
+def _brackets(values: Array) -> Array:
+    """Nodes that are maxima, the best and those not far below it."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    peak = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > 0.0))
+    order = np.argsort(values[peak])[::-1][:3]
+    return np.clip(peak[order], 1, values.size - 2)
+
+
+def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> OverReflection:
+    """The largest amplification of a wave by the breather, and the growth of long rings it causes.
+
+    If not ``over_reflecting``, no ring of any size is unstable through its band. Parameters and
+    errors as of `unstable_count`.
+
+    Examples
+    --------
+    >>> worst = over_reflection(0.08, 0.8, 0.46823798739267164)  # a = 0.5
+    >>> round(worst.gain, 4), round(worst.nu, 4), round(worst.growth, 4)
+    (1.257, 0.3685, 0.8488)
+    """
+    if not over_reflects(gamma, k, b, spring):
+        return OverReflection(False, 0.0, 0.0, 0.0, 0.0)
+    arc, _, _ = resolved_arc(gamma, k, b, spring)
+    gain = _log_gain(arc, k, b)
+    gain_at = _brackets(gain)
+    growth_at = _brackets(_speed(gamma, arc, spring) * gain)
+    if gain_at.size == 0:  # amplified, but by less than rounding shows
+        return OverReflection(True, 0.0, 0.0, 0.0, 0.0)
+    i = np.concatenate([gain_at, growth_at])
+    kind = np.repeat([False, True], [gain_at.size, growth_at.size])
+    value, alpha = _zoom(gamma, k, b, spring, arc.alpha[i - 1], arc.alpha[i + 1], kind)
+    nu = angle(gamma, alpha, spring)
+    best = int(value[~kind].argmax())
+    most = gain_at.size + int(value[kind].argmax())
+    return OverReflection(
+        True, float(value[best]), float(nu[best]), float(value[most]), float(nu[most])
+    )

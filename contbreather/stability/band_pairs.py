@@ -1,8 +1,8 @@
 """The equations of a Neimark-Sacker point of the infinite chain, and where they have roots.
 
 Letters and formulas are those of `contbreather.stability.arc`, at one angle of the band at a time.
-`table` holds the tails of `lattice_sums`, three times `POWERS` rows of `ORDERS` numbers, and after
-them the moments of the chain.
+`table` holds the tails of `characteristic`, three times `POWERS` rows of `ORDERS` numbers, and
+after them the moments of the chain.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ TWO_PI = 2.0 * math.pi
 
 
 class Series(NamedTuple):
-    """What is the same for all orbits, see `contbreather.stability.propagators`."""
+    """What is the same for all orbits, see `contbreather.stability.chain_map`."""
 
     number: Cube  # (3, ORDERS, POWERS): of turn, reach, pull the factor of kappa^p <w^2l>, and
     which: Cube  # with which of the sums over far aliases; -1 where there is none

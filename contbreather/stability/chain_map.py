@@ -3,7 +3,13 @@
 Over n forcing periods ``M = Q(T_m) S_m ... Q(T_1) S_1``: free flights Q and one 2x2 block ``S_j``
 at the impacting site for each of the m impacts (19). A perturbation that grows by mu a period is
 known from what it is at the impacts, ``x_i = sum over j of X_ij(mu) (S_j - 1) x_j`` with the mean
-propagators X of `contbreather.stability.propagators`. So, with as many sites as there are,
+propagators X: a kick at one impact that recurs every period, mu times as large, moves the state at
+another by
+
+    ``X(s) = <cos(d theta) [[G', G], [G'', G']](s)>``,   s the time between, d the distance,
+
+G the Green's function with ``G(s + 2 pi) = mu G(s)``, time in units of n forcing periods. So, with
+as many sites as there are,
 
     ``D(mu) = det(1 - X(mu) (S - 1))``,   2m x 2m,   D -> 1 as mu -> infinity,
 
@@ -31,16 +37,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import InfiniteChain
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.periodic_green import check_coupling
+from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter
 from contbreather.stability.bordered import (
     APPROACH,
     AROUND,
     CERTAIN,
+    CLOSED,
     END,
     EVERYWHERE,
+    FAR,
     FARTHEST,
     FLAT,
     HIGHEST,
@@ -48,6 +57,7 @@ from contbreather.stability.bordered import (
     MOST,
     NEAR,
     ON_CIRCLE,
+    ORDERS,
     POWERS,
     RESOLVED,
     START,
@@ -55,16 +65,18 @@ from contbreather.stability.bordered import (
     WHERE,
     CircleSamples,
     Impacts,
+    Series,
     Workspace,
 )
 from contbreather.stability.counting import Count
-from contbreather.stability.propagators import DEEP, deep, inverse, moments, series
 from contbreather.stability.saltation import Saltation, saltation
-from contbreather.stability.zeros import distinct, multipliers_of, newton
+from contbreather.stability.zeros import as_counted, distinct, multipliers_of, newton
 
 Array = NDArray[Any]
 
 ALIASES = (-1, 0, 1)  # that may lie in the band, or, the last, reach its end from outside
+DEEP = 0.5  # beyond this |Im kappa|, 40 modes are the infinite chain
+MODES = 40
 
 
 @dataclass(frozen=True)
@@ -169,10 +181,10 @@ class OrbitMap:
         X = np.empty((kappa.size, m, 2, m, 2), dtype=complex)
         for distance in np.unique(apart):
             i, j = np.nonzero(apart == distance)
-            entries = deep(self.scaled, int(distance), times[i, j], kappa)
-            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = entries.turn.T
-            X[:, i, 0, j, 1] = entries.reach.T
-            X[:, i, 1, j, 0] = entries.pull.T
+            turn, reach, pull = deep(self.scaled, int(distance), times[i, j], kappa)
+            X[:, i, 0, j, 0] = X[:, i, 1, j, 1] = turn.T
+            X[:, i, 0, j, 1] = reach.T
+            X[:, i, 1, j, 0] = pull.T
         jumps = [saltation(self.k, self.periods * kick.b) - np.eye(2) for kick in self.kicks]
         # D = det(1 - X (S - 1)): far off all of X is small, and nothing has a pole to border
         kicked = np.einsum("kiajb,jbc->kiajc", X, jumps).reshape(-1, 2 * m, 2 * m)
@@ -209,24 +221,16 @@ class OrbitMap:
     # --- real multipliers as scalars ---
 
     def crosses(self, mu: float) -> float:
-        """Changes sign where a multiplier is mu, 1 or -1."""
-        return self._plus_one() if mu > 0.0 else self._minus_one()
+        """Changes sign where a multiplier is mu, 1 or -1.
 
-    def _plus_one(self) -> float:
-        """Vanishes where a multiplier is +1: D at mu = 1 without the poles of the band's ends.
-
-        It is the determinant of the orbit's own equations, offsets included: folds, pitchforks
-        and branch points alike.
+        At 1 it is D without the poles of the band's ends: the determinant of the orbit's own
+        equations, offsets included, for folds, pitchforks and branch points alike. At -1, a period
+        doubling, it is ``D/(1 + |g|^2)``, real and bounded also where the band's edge passes there.
         """
-        if len({kick.site for kick in self.kicks}) > 1:
-            raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
-        return -float(self.F(np.zeros(1))[0].real)
-
-    def _minus_one(self) -> float:
-        """Vanishes where a multiplier is -1, a period doubling.
-
-        ``D/(1 + |g|^2)`` at mu = -1, real: bounded also where the band's edge passes there.
-        """
+        if mu > 0.0:
+            if len({kick.site for kick in self.kicks}) > 1:
+                raise BadInput("several sites: a multiplier +1 shows in the orbit's own equations.")
+            return -float(self.F(np.zeros(1))[0].real)
         if self.gamma == 0.0:
             F = self.F(np.array([0.5]))[0].real
         else:
@@ -345,19 +349,8 @@ class OrbitMap:
             mu = self._uncoupled()
             mu = mu[np.abs(mu) > 1.0]
             return mu[np.argsort(-np.abs(mu), kind="stable")]
-        wanted, mu = self.count(), np.empty(0, dtype=complex)
-        for more in (1, 2, 4):
-            if wanted.count:
-                mu = _zeros(self._smooth, self._starts(more), self.edge)
-            if mu.size == wanted.count:
-                return mu
-        if not wanted.certain:
-            return mu
-        raise NotConverged(
-            f"the winding number says {wanted.count} multipliers outside the unit circle, "
-            f"Newton's method found {mu.size}: {mu}.",
-            residual=wanted.distance,
-        )
+        look = lambda more: _zeros(self._smooth, self._starts(more), self.edge)  # noqa: E731
+        return as_counted(self.count(), look, (1, 2, 4))
 
     def _smooth(self, kappa: Array) -> Array:
         """D off the circle without its poles at the ends of the band."""
@@ -426,3 +419,72 @@ def _outside(kappa: Array) -> Array:
     """The mirror images with 0 <= Re kappa <= 1/2 of those outside the circle."""
     kappa = kappa[(kappa.imag < 0.0) & (kappa.imag > -6.0)]
     return np.abs(kappa.real - np.round(kappa.real)) + 1j * kappa.imag
+
+
+# --- mean propagators -----------------------------------------------------------------------------
+
+
+def inverse(gamma: float, kappa: Array) -> Array:
+    """``1/<1/(w^2 - kappa^2)>`` for Im kappa <= 0, on the band its limit from below. With a product
+    of two roots it is exact next to either edge, and zero at them and at kappa = 0."""
+    edge = 2.0 * math.sqrt(gamma)
+    above = kappa.real + 1j * np.abs(kappa.imag)  # the conjugate, on the upper side of the cut
+    return np.asarray(-kappa * (np.sqrt(above - edge) * np.sqrt(above + edge)).conj())
+
+
+def deep(gamma: float, distance: int, times: Array, kappa: Array) -> tuple[Array, Array, Array]:
+    """Turn, reach and pull of pairs of impacts the times apart, at one distance, shape (pairs, K),
+    for |Im kappa| >= `DEEP`: by modes."""
+    theta, weight, w = Ring(MODES + 2 * distance).nodes(gamma)
+    amplitude = weight * np.cos(distance * theta)
+    late = np.where(times <= 0.0, 1.0, 0.0)
+    mu = np.exp(2j * math.pi * kappa)
+    now = (times + 2.0 * math.pi * late)[:, None, None]
+    before = now - 2.0 * math.pi
+    slope = 1.0 - 2.0 * np.cos(2.0 * math.pi * w) / mu[:, None] + mu[:, None] ** -2
+    share = amplitude / slope
+    back = np.exp(-1j * kappa * now[:, 0])  # mu^-1 exp(-i kappa s) for the late ones
+
+    def mean(now_part: Array, before_part: Array) -> Array:
+        return np.sum((now_part - before_part / mu[:, None]) * share, axis=-1) * back
+
+    def reach(s: Array) -> Array:
+        return s * np.sinc(w * s / math.pi)
+
+    return (
+        mean(np.cos(w * now), np.cos(w * before)),
+        mean(reach(now), reach(before)),
+        mean(-w * np.sin(w * now), -w * np.sin(w * before)),
+    )
+
+
+def _expansions() -> tuple[Array, Array]:
+    """``[3, ORDERS, a]``: in (turn, reach, pull) the coefficient of kappa^a <w^2l cos> is this
+    number times that sum S_p."""
+    order, a = np.arange(ORDERS)[:, None], np.arange(POWERS)
+    which, number = [], []
+    # i kappa_j g, g and -kappa_j^2 g - 1 have -kappa_j^-q <w^2l> (but for i), each with its q
+    for q, factor in ((2 * order + 1, -1.0), (2 * order + 2, -1.0), (2 * order, 1.0)):
+        # a term without sum, q = 0, is put at the far end where none other is
+        which.append(np.where(q > 0, q + a - 1, -1))
+        number.append(np.where(q > 0, factor * (-1.0) ** a * binomial(q - 1 + a, a), 0.0))
+    return np.stack(which), np.stack(number)
+
+
+@lru_cache(maxsize=1)
+def series() -> Series:
+    """All of it."""
+    which, number = _expansions()
+    polynomials = np.zeros((CLOSED, CLOSED + 1))
+    for p in range(1, CLOSED + 1):
+        polynomials[p - 1, : p + 1] = bernoulli(p)
+    j = np.arange(NEAR + 1.0, FAR + 1.0)[:, None]
+    powers = j ** -np.arange(CLOSED + 1.0, HIGHEST + 1.0)
+    return Series(number, which.astype(float), polynomials, powers)
+
+
+@lru_cache(maxsize=64)
+def moments(gamma: float, farthest: int) -> Array:
+    """``<w^2l cos(d theta)>`` of the chain for distances d up to the farthest, (d, ORDERS)."""
+    rows = [InfiniteChain().moments(d)[:ORDERS] for d in range(farthest + 1)]
+    return np.ascontiguousarray(rows * (4.0 * gamma) ** np.arange(ORDERS))

@@ -3,8 +3,16 @@
 The half map QS differs from the free propagator Q = exp(pi A) in one 2x2 block, so mu is a
 multiplier exactly where ``D = det(1 + (S0 - 1) G(mu)) = 0``, ``G = <(1 - mu Q_w^-1)^-1>`` a mean
 over the modes. As G11 = G22, with c = 1 + k, ``D = (1 - c G11)^2 + G12 (b - c^2 G21)``.
-We write mu = exp(i pi nu), so |mu| > 1 means Im nu < 0, and G as a sum over aliases nu + 2m
-(`contbreather.stability.lattice_sums`). The alias m = 0, ``g = <1/(w^2 - nu^2)>``, is linear in D,
+We write mu = exp(i pi nu), so |mu| > 1 means Im nu < 0. Sampled once per half period, a frequency s
+cannot be told from s + 2m: so G is a sum of the lattice's resolvent ``g(s) = <1/(w^2 - s^2)>`` over
+all aliases ``s_m = nu + 2m``. Only ``s_0 = nu`` can lie in the band; the others make up
+
+    R = (1/pi) sum' s_m g(s_m),  B = -(1/pi) sum' g(s_m),  C = (1/pi) (1 + sum' (1 + s_m^2 g(s_m)))
+
+(sums over m != 0), which are analytic for |Re nu| <= 1 and real for real nu. The six nearest
+aliases are exact; the rest, |s_m| >= 7, is expanded in 1/s_m^2 and then in nu, where the sums over
+m are Hurwitz zeta functions: a polynomial in nu^2 with coefficients depending on gamma. The alias
+m = 0, ``g = <1/(w^2 - nu^2)>``, is linear in D,
 
     D = (d + i c R)^2 + B (b - c^2 C) + (g/pi) L,   d = (1 - k)/2,
     L = 2 i c nu (d + i c R) - (b - c^2 C) - c^2 nu^2 B,
@@ -17,6 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,13 +34,162 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import shown
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring, check_gamma
-from contbreather.stability.lattice_sums import Regular, alias_slopes, regular, regular_slopes
+from contbreather.lattice.zeta import binomial, zeta
+from contbreather.stability.band_pairs import EXACT, ORDERS, POWERS
 from contbreather.stability.saltation import check_finite
 
-Array = NDArray[Any]
+Array = NDArray[Any]  # real on the real axis, complex off it
 
 NEAR = 1.0  # |Im nu| up to which aliases are summed; beyond, 24 modes are the infinite chain
 MODES = 24  # the trapezoid rule's error is exp(-1.76 * 24) where |Im nu| >= 1
+_SHIFTS = 2.0 * np.array([m for m in range(-EXACT, EXACT + 1) if m != 0])
+
+
+class Regular(NamedTuple):
+    """R, B, C, shaped like nu."""
+
+    R: Array
+    B: Array
+    C: Array
+
+
+@lru_cache(maxsize=1)
+def tables() -> NDArray[np.float64]:
+    """``[3, POWERS, ORDERS]``: the tails of R/nu, B, C as coefficients of nu^2k <w^2j>."""
+    j = np.arange(ORDERS)
+    k = np.arange(POWERS)[:, None]
+    first = EXACT + 1.0
+
+    def tail(power: Array, order: Array) -> Array:
+        # sum over |m| > EXACT of s_m^-power: the coefficient of nu^order
+        n = power + order
+        return 2.0 / math.pi * binomial(n - 1, order) * 2.0**-n * zeta(np.maximum(n, 2), first)
+
+    b = tail(2 * j + 2, 2 * k)
+    r = tail(2 * j + 1, 2 * k + 1)
+    c = np.zeros_like(b)
+    c[:, 1:] = -tail(2 * j[1:], 2 * k)  # the term j = 0 is the 1 that is added to s^2 g
+    return np.stack([r, b, c])
+
+
+@lru_cache(maxsize=256)
+def tail_coefficients(gamma: float, sites: int | None, spring: float = 0.0) -> tuple[Array, Array]:
+    """Coefficients in nu^2 of the tails of (R/nu, B, C), ``[3, POWERS]``, and their derivatives
+    with respect to gamma."""
+    lattice = InfiniteChain().with_spring(spring) if sites is None else Ring(sites)
+    powers, by_gamma = (
+        tables() @ of(gamma, 0)[:ORDERS] for of in (lattice.powers, lattice.dpowers)
+    )
+    return powers, by_gamma
+
+
+def resolvent(
+    gamma: float, s: Array, sites: int | None = None, spring: float = 0.0, r: Array | None = None
+) -> Array:
+    """``g(s) = <1/(w^2 - s^2)>`` of the chain (``sites=None``) or a ring, off the band; on it with
+    the root ``r = sqrt(1 - 4 gamma/A)`` of one side, ``A = s^2 - spring``."""
+    A = s * s - spring
+    r = np.sqrt(1.0 - 4.0 * gamma / A) if r is None else r
+    lap = _lap(gamma, A, r, sites)
+    return np.asarray(-(1.0 + lap) / ((1.0 - lap) * A * r))
+
+
+def _lap(gamma: float, A: Array, r: Array, sites: int | None) -> Any:
+    """What is left of a wave once around the ring: x^N with x + 1/x = 2 - s^2/gamma."""
+    # z/(1 + r)^2 is (1 - r)/(1 + r), without the difference
+    return 0.0 if sites is None else np.asarray((-4.0 * gamma / (A * (1.0 + r) ** 2)) ** sites)
+
+
+class Resolvent(NamedTuple):
+    """g at some frequencies, and its derivatives in s and gamma."""
+
+    g: Array
+    g_s: Array
+    g_gamma: Array
+
+
+def resolvent_slopes(
+    gamma: float, s: Array, sites: int | None = None, spring: float = 0.0, r: Array | None = None
+) -> Resolvent:
+    """`resolvent` with derivatives."""
+    A = s * s - spring
+    if sites == 1:  # a single oscillator knows no coupling
+        return Resolvent(-1.0 / A, 2.0 * s / (A * A), np.zeros_like(s))
+    edge = A - 4.0 * gamma
+    r = np.sqrt(1.0 - 4.0 * gamma / A) if r is None else r
+    lap = _lap(gamma, A, r, sites)
+    g = np.asarray(-(1.0 + lap) / ((1.0 - lap) * A * r))
+    # g^2 = 1/(A edge), and the logarithm of a lap falls as that of s^2 rises, by N/r
+    by_s, by_gamma = -s * (A + edge) / (A * edge), 2.0 / edge
+    if sites is not None and gamma > 0.0:
+        turn = 2.0 * sites * lap / ((1.0 - lap * lap) * r)
+        by_s, by_gamma = by_s - 2.0 * turn / s, by_gamma + turn / gamma
+    return Resolvent(g, g * by_s, g * by_gamma)
+
+
+def _powers(x: Array) -> Array:
+    """1, x, x^2 ... as rows, x flattened."""
+    rows = np.empty((POWERS, x.size), dtype=x.dtype)
+    rows[0] = 1.0
+    rows[1:] = x.ravel()
+    return np.multiply.accumulate(rows, axis=0, out=rows)
+
+
+def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
+    """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
+    s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
+    g = resolvent(gamma, s, sites, spring)
+    sg = s * g
+    tails = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
+    r, b, c = tails.reshape(3, *nu.shape)
+    return Regular(
+        nu * r + sg.sum(0) / math.pi,
+        b - g.sum(0) / math.pi,
+        c + (1.0 + (1.0 + s * sg).sum(0)) / math.pi,
+    )
+
+
+def regular_slopes(
+    gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0
+) -> tuple[Regular, Regular, Regular]:
+    """`regular` with its derivatives with respect to nu and to gamma."""
+    s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
+    g, g_s, g_gamma = resolvent_slopes(gamma, s, sites, spring)
+    sg = s * g
+    coefficients, in_gamma = tail_coefficients(gamma, sites, spring)
+    powers = _powers(nu * nu)
+    r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(
+        6, *nu.shape
+    )
+    in_x = (coefficients[:, 1:] * np.arange(1, POWERS)) @ powers[:-1]
+    r_x, b_x, c_x = 2.0 * nu * in_x.reshape(3, *nu.shape)
+    value = Regular(
+        nu * r + sg.sum(0) / math.pi,
+        b - g.sum(0) / math.pi,
+        c + (1.0 + (1.0 + s * sg).sum(0)) / math.pi,
+    )
+    in_nu = Regular(
+        r + nu * r_x + (g + s * g_s).sum(0) / math.pi,
+        b_x - g_s.sum(0) / math.pi,
+        c_x + (s * (2.0 * g + s * g_s)).sum(0) / math.pi,
+    )
+    by_gamma = Regular(
+        nu * r_g + (s * g_gamma).sum(0) / math.pi,
+        b_g - g_gamma.sum(0) / math.pi,
+        c_g + (s * s * g_gamma).sum(0) / math.pi,
+    )
+    return value, in_nu, by_gamma
+
+
+@lru_cache(maxsize=64)
+def slope_at_zero(gamma: float) -> float:
+    """``R/nu + B`` of the infinite chain in the limit nu -> 0."""
+    # of each alias s: g + s g_s of R, -g of B
+    near = (_SHIFTS * resolvent_slopes(gamma, _SHIFTS).g_s).sum() / math.pi
+    return float(near + tail_coefficients(gamma, None)[0][:2, 0].sum())
+
+
+# --- D --------------------------------------------------------------------------------------------
 
 
 class RingModes(NamedTuple):
@@ -95,12 +253,6 @@ def determinant(mu: Array, modes: RingModes, k: float, b: float) -> tuple[Array,
     return value, -2.0 * c * a * g11_mu + g12_mu * f - c * c * g12 * g21_mu
 
 
-class _Alias0(NamedTuple):
-    g: Array
-    g_nu: Array
-    g_gamma: Array
-
-
 def _within(gamma: float, nu: Array, spring: float) -> Array:
     """Where Re nu is in the band."""
     square = nu.real**2 - spring
@@ -108,32 +260,23 @@ def _within(gamma: float, nu: Array, spring: float) -> Array:
     return low & (square < 4.0 * gamma)
 
 
-def in_band(gamma: float, nu: Array, spring: float = 0.0) -> Array:
-    return (nu.imag == 0.0) & _within(gamma, nu, spring)
-
-
-def _alias0(
+def _root(
     gamma: float, nu: Array, sites: int | None, spring: float = 0.0, continued: bool = False
-) -> _Alias0:
-    """``g(nu) = <1/(w^2 - nu^2)>`` and slopes; inside the band the limit from Im nu < 0.
+) -> Array:
+    """``sqrt(1 - 4 gamma/(nu^2 - spring))`` for `resolvent`; inside the band the limit from below.
 
     ``continued``: also above the band, Im nu > 0, what comes through it from below.
     """
-    # g = -1/((nu^2 - spring) sqrt(1 - z)); on the band its limit is -i/v, sqrt(1 - z) imaginary
     z = 4.0 * gamma / (nu * nu - spring)
     r = np.sqrt(1.0 - z)
     if sites is None:
-        band = in_band(gamma, nu, spring)
-        r = np.where(band, -1j * np.copysign(np.sqrt(np.abs(z - 1.0)), nu.real), r)
+        # on the band the limit of g is -i/v, sqrt(1 - z) imaginary
+        within = _within(gamma, nu, spring)
+        limit = -1j * np.copysign(np.sqrt(np.abs(z - 1.0)), nu.real)
+        r = np.where(within & (nu.imag == 0.0), limit, r)
         if continued:
-            r = np.where((nu.imag > 0.0) & _within(gamma, nu, spring), -r, r)
-    if spring:  # g = -1/(A r), A = nu^2 - spring
-        A = nu * nu - spring
-        g, rise = -1.0 / (A * r), (2.0 * A - 4.0 * gamma) / (A * (A - 4.0 * gamma))
-        return _Alias0(g, -g * nu * rise, 2.0 * g / (A - 4.0 * gamma))
-    h, h_nu, h_gamma = alias_slopes(gamma, nu, sites, r)
-    s2 = nu * nu
-    return _Alias0(-h / s2, (2.0 * h / nu - h_nu) / s2, -h_gamma / s2)
+            r = np.where(within & (nu.imag > 0.0), -r, r)
+    return np.asarray(r)
 
 
 def _strip(nu: ArrayLike) -> Array:
@@ -211,7 +354,7 @@ def G(gamma: float, nu: ArrayLike, lattice: object = InfiniteChain()) -> Array:
     """
 
     def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array, ...]:
-        g = _alias0(gamma, s, sites, spring).g
+        g = resolvent(gamma, s, sites, spring, _root(gamma, s, sites, spring))
         R, B, C = regular(gamma, s, sites, spring)
         g11 = 0.5 - 1j * (R + s * g / math.pi)
         return g11, B - g / math.pi, C + s * s * g / math.pi
@@ -235,7 +378,8 @@ def D(gamma: float, nu: ArrayLike, k: float, b: float, lattice: object = Infinit
 
     def near(gamma: float, s: Array, sites: int | None, spring: float) -> tuple[Array]:
         smooth, L = smooth_and_L(s, k, b, regular(gamma, s, sites, spring))
-        return (smooth + _alias0(gamma, s, sites, spring).g * L / math.pi,)
+        g = resolvent(gamma, s, sites, spring, _root(gamma, s, sites, spring))
+        return (smooth + g * L / math.pi,)
 
     return _by_depth(gamma, nu, lattice, 1, near, lambda mu, few: determinant(mu, few, k, b)[:1])[0]
 
@@ -257,17 +401,8 @@ def D_slope(
     return value, slope
 
 
-class Split(NamedTuple):
-    """``D = smooth + (g/pi) L``: both parts and their slopes in nu; g is the in-band alias."""
-
-    smooth: Array
-    L: Array
-    smooth_nu: Array
-    L_nu: Array
-
-
 def smooth_and_L(nu: Array, k: float, b: float, value: Regular) -> tuple[Array, Array]:
-    """The two parts of D, see the module's docstring."""
+    """``D = smooth + (g/pi) L``: both parts, see the module's docstring; g is the in-band alias."""
     R, B, C = value
     c, d = 1.0 + k, 0.5 * (1.0 - k)
     c2 = c * c
@@ -275,17 +410,19 @@ def smooth_and_L(nu: Array, k: float, b: float, value: Regular) -> tuple[Array, 
     return a * a + B * beta, 2j * c * nu * a - beta - c2 * nu * nu * B
 
 
-def split(nu: Array, k: float, b: float, value: Regular, slope: Regular) -> Split:
-    """`smooth_and_L` with slopes."""
+def split(
+    nu: Array, k: float, b: float, value: Regular, slope: Regular, by_nu: float = 1.0
+) -> tuple[Array, Array, Array, Array]:
+    """`smooth_and_L`, and both their slopes as nu changes at the rate ``by_nu``."""
     R, B, C = value
-    R_nu, B_nu, C_nu = slope
+    by_R, by_B, by_C = slope
     c, d = 1.0 + k, 0.5 * (1.0 - k)
     c2 = c * c
-    beta, a, a_nu = b - c2 * C, d + 1j * c * R, 1j * c * R_nu
-    return Split(
+    beta, a, by_a = b - c2 * C, d + 1j * c * R, 1j * c * by_R
+    return (
         *smooth_and_L(nu, k, b, value),
-        2.0 * a * a_nu + B_nu * beta - c2 * B * C_nu,
-        2j * c * (a + nu * a_nu) + c2 * (C_nu - 2.0 * nu * B - nu * nu * B_nu),
+        2.0 * a * by_a + by_B * beta - c2 * B * by_C,
+        2j * c * (by_nu * a + nu * by_a) + c2 * (by_C - nu * (2.0 * by_nu * B + nu * by_B)),
     )
 
 
@@ -303,23 +440,22 @@ def near_slope(
     ``continued`` from the outside through the band of the infinite chain it has zeros just inside:
     resonances, multipliers-to-be.
     """
-    g, g_nu, _ = _alias0(gamma, nu, sites, spring, continued)
+    r = _root(gamma, nu, sites, spring, continued)
+    g, g_nu, _ = resolvent_slopes(gamma, nu, sites, spring, r)
     value, slope, _ = regular_slopes(gamma, nu, sites, spring)
-    part = split(nu, k, b, value, slope)
-    return (
-        part.smooth + g * part.L / math.pi,
-        part.smooth_nu + (g_nu * part.L + g * part.L_nu) / math.pi,
-    )
+    smooth, L, smooth_nu, L_nu = split(nu, k, b, value, slope)
+    return smooth + g * L / math.pi, smooth_nu + (g_nu * L + g * L_nu) / math.pi
 
 
 class Gradient(NamedTuple):
-    """D and its partial derivatives, each shaped like nu."""
+    """D, or F of `arc`, and its partial derivatives, each of one shape."""
 
     value: Array
     d_nu: Array
     d_gamma: Array
     d_k: Array
     d_b: Array
+    d_spring: Any = 0.0
 
 
 def D_gradient(
@@ -343,20 +479,19 @@ def D_gradient(
     if np.any(np.abs(x.imag) > NEAR):
         raise BadInput(f"nu = {nu!r}: derivatives are known for |Im nu| <= {NEAR:g} only.")
     with np.errstate(divide="ignore", invalid="ignore"):
-        g, g_nu, g_gamma = (part / math.pi for part in _alias0(gamma, x, sites, spring))
-        (R, B, C), in_nu, in_gamma = regular_slopes(gamma, x, sites, spring)
-        c, cc, a = 1.0 + k, (1.0 + k) ** 2, 0.5 * (1.0 - k) + 1j * (1.0 + k) * R
-        # D = a^2 + B beta + (g/pi) (wave - beta), g with its 1/pi
-        beta, wave = b - cc * C, 2j * c * x * a - cc * x * x * B
-        by_b = B - g  # D is linear in beta
-
-        def along(slope: Regular, dg: Array, dx: float) -> Array:
-            da = 1j * c * slope.R
-            dwave = 2j * c * (dx * a + x * da) - cc * x * (2.0 * dx * B + x * slope.B)
-            direct = 2.0 * a * da + beta * (slope.B - dg) + dg * wave + g * dwave
-            return np.asarray(direct - cc * by_b * slope.C)
-
-        dwave_k = 2j * x * (a + c * (1j * R - 0.5)) - 2.0 * c * x * x * B
-        in_k = 2.0 * a * (1j * R - 0.5) + g * dwave_k - 2.0 * c * by_b * C
-        value = _finite(a * a + B * beta + g * (wave - beta), gamma, lattice)
-        return Gradient(value, along(in_nu, g_nu, 1.0), along(in_gamma, g_gamma, 0.0), in_k, by_b)
+        alias = resolvent_slopes(gamma, x, sites, spring, _root(gamma, x, sites, spring))
+        g, g_nu, g_gamma = (part / math.pi for part in alias)
+        value, in_nu, in_gamma = regular_slopes(gamma, x, sites, spring)
+        smooth, L, smooth_nu, L_nu = split(x, k, b, value, in_nu)
+        _, _, smooth_gamma, L_gamma = split(x, k, b, value, in_gamma, 0.0)
+        (R, B, C), c, a = value, 1.0 + k, 0.5 * (1.0 - k) + 1j * (1.0 + k) * value.R
+        by_a = 1j * R - 0.5  # in k
+        smooth_k = 2.0 * (a * by_a - c * B * C)
+        L_k = 2j * x * (a + c * by_a) + 2.0 * c * (C - x * x * B)
+        return Gradient(
+            _finite(smooth + g * L, gamma, lattice),
+            smooth_nu + g_nu * L + g * L_nu,
+            smooth_gamma + g_gamma * L + g * L_gamma,
+            smooth_k + g * L_k,
+            B - g,
+        )

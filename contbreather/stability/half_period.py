@@ -12,13 +12,24 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability.arc import OnArc, on_arc, window
+from contbreather.stability.arc import (
+    OverReflection,
+    on_arc,
+    over_reflection,
+    over_reflects,
+    window,
+)
 from contbreather.stability.characteristic import D, D_gradient, Gradient, checked
-from contbreather.stability.counting import Count, ends_of, outside, unstable_count
-from contbreather.stability.isolated import closest_approach, unstable_multipliers
-from contbreather.stability.pairs import farthest, outermost, upper
+from contbreather.stability.counting import (
+    Count,
+    closest_approach,
+    ends_of,
+    outside,
+    unstable_count,
+    unstable_multipliers,
+)
 from contbreather.stability.ring_multipliers import even_multipliers, half_multipliers
-from contbreather.stability.scattering import OverReflection, over_reflection, over_reflects
+from contbreather.stability.zeros import farthest, outermost, upper
 
 Array = NDArray[Any]
 
@@ -105,14 +116,14 @@ class HalfMap:
             return complex(real, imag)
         return complex(D(self.gamma, _depth(angle, radius), self.k, self.b, self.lattice))
 
-    def gradient(self, angle: float, radius: float = 1.0) -> OnArc | Gradient:
+    def gradient(self, angle: float, radius: float = 1.0) -> Gradient:
         """`on_circle` of a complex multiplier, with its derivatives in the angle and in gamma, k, b
         and the spring."""
         if self.lattice.sites is not None:
             on = self.gamma, _depth(angle, radius), self.k, self.b, self.lattice
             return D_gradient(*on)
         arc = on_arc(self.gamma, angle, self.k, self.b, self.lattice.spring)
-        return OnArc(*(np.array(complex(*parts)) for parts in arc))
+        return Gradient(*(np.array(complex(*parts)) for parts in arc))
 
     def unstable(self, threshold: float) -> int:
         """How many multipliers are outside: isolated ones on the infinite chain, of a ring those

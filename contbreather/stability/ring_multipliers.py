@@ -9,7 +9,7 @@ sector is diagonal plus rank two, its multipliers are the zeros of D
     exp(i N theta) = S = (V + i L)/(V - i L),   V = 2 pi gamma sin(theta) (smooth part of D):
 
 a wave of wave number theta, scattered once at the impacting site (S as in
-`contbreather.stability.scattering`), closes on itself around the ring. Nearly all roots lie next
+`contbreather.stability.arc`), closes on itself around the ring. Nearly all roots lie next
 to real theta and are found there together by Newton's method, each in O(1) whatever N. The few
 that are left are the roots of the polynomial that remains when all others are divided out. In the
 end D must be *the* product over all zeros and poles; if it is not, the even sector is solved dense.
@@ -26,16 +26,16 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Ring, check_gamma
+from contbreather.stability.arc import resolved_arc
 from contbreather.stability.characteristic import (
     MODES,
     RingModes,
     determinant,
     modes,
     near_slope,
+    regular_slopes,
     split,
 )
-from contbreather.stability.counting import resolved_arc
-from contbreather.stability.lattice_sums import regular_slopes
 from contbreather.stability.saltation import check_kb, saltation
 from contbreather.stability.zeros import newton
 
@@ -110,12 +110,12 @@ def _wave_step(
     edge = 2.0 * math.sqrt(gamma)
     nu, nu_theta = edge * np.sin(0.5 * theta), 0.5 * edge * np.cos(0.5 * theta)
     value, slope, _ = regular_slopes(gamma, nu, resolvent_sites)
-    part = split(nu, k, b, value, slope)
+    smooth, L, smooth_nu, L_nu = split(nu, k, b, value, slope)
     scale = 2.0 * math.pi * gamma
     sine, cosine = np.sin(theta), np.cos(theta)
-    V = scale * sine * part.smooth
-    V_theta = scale * (cosine * part.smooth + sine * part.smooth_nu * nu_theta)
-    iL, iL_theta = 1j * part.L, 1j * part.L_nu * nu_theta
+    V = scale * sine * smooth
+    V_theta = scale * (cosine * smooth + sine * smooth_nu * nu_theta)
+    iL, iL_theta = 1j * L, 1j * L_nu * nu_theta
     plus, minus = V + iL, V - iL
     phi = sites * theta + 1j * np.log(plus / minus)
     phi -= 2.0 * math.pi * np.round(phi.real / (2.0 * math.pi))

@@ -22,9 +22,9 @@ from contbreather.checks import real, shown
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
+from contbreather.stability.arc import OverReflection
 from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
-from contbreather.stability.scattering import OverReflection
 from contbreather.tables import Sheet
 
 Array = NDArray[Any]

@@ -1,13 +1,16 @@
-"""Zeros of analytic functions: counted by the turning on a curve, found by Newton's method."""
+"""Zeros of analytic functions: counted by the turning on a curve, found by Newton's method; and
+multipliers of a finite lattice next to a circle, what events of real ones and of pairs test."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from contbreather.errors import NotConverged
 
 Array = NDArray[Any]
 
@@ -91,6 +94,33 @@ def distinct(x: Array, apart: float | Array) -> Array:
     return np.array(kept, dtype=complex)
 
 
+def as_counted(
+    wanted: Any, look: Callable[[int], Array], rounds: Iterable[int], slack: float = 0, at: str = ""
+) -> Array:
+    """The multipliers outside the unit circle that Newton's method finds, largest first: held to
+    the winding number, as many as that says, and each time looked for from more starts.
+
+    Raises
+    ------
+    NotConverged
+        If fewer or more are found.
+    """
+    mu = np.empty(0, dtype=complex)
+    for more in rounds:
+        if wanted.count:
+            mu = look(more)
+        # those on the circle to within rounding are outside only if the winding number says so
+        if mu.size >= wanted.count and np.all(np.abs(mu[wanted.count :]) < 1.0 + slack):
+            return mu[: wanted.count]
+    if not wanted.certain:  # one of them sits on the circle to within rounding
+        return mu
+    raise NotConverged(
+        f"{at}the winding number says {wanted.count} multipliers outside the unit circle, "
+        f"Newton's method found {mu.size}: {mu}.",
+        residual=wanted.distance,
+    )
+
+
 def on_axis(nu: Array) -> Array:
     """Real multipliers ``exp(i pi nu)`` put exactly on the real axis."""
     for axis in (0.0, 1.0):
@@ -108,3 +138,51 @@ def multipliers_of(nu: Array) -> Array:
     real = np.repeat(twice == 1, twice)
     mu[real] = mu[real].real
     return mu
+
+
+# --- multipliers of a finite lattice --------------------------------------------------------------
+
+REAL = 1e-8  # a multiplier with a smaller imaginary part counts as real
+
+
+def beyond(mu: Array, place: float) -> int:
+    """How many real multipliers are farther out than a place on the real axis, on its side."""
+    real = mu[mu.imag == 0.0].real
+    return int(np.count_nonzero(real > place if place > 0.0 else real < place))
+
+
+def outermost(mu: Array, radius: float = 1.0) -> float:
+    """By how much the first pair has left a circle, negative where none has; NaN if there is none.
+
+    For rings, where one pair after the other follows the first and tells nothing new.
+    """
+    pairs = np.abs(mu[mu.imag > 0.0])
+    return float(pairs.max()) / radius - 1.0 if pairs.size else math.nan
+
+
+def passing(mu: Array, radius: float = 1.0) -> tuple[float, int]:
+    """How far off a circle the nearest pair is, with a sign that changes wherever one passes it,
+    positive where none is outside, NaN if there is none; and how many are outside."""
+    off = np.abs(mu[mu.imag > 0.0]) / radius - 1.0
+    outside = int(np.count_nonzero(off > 0.0))
+    return (-1.0) ** outside * float(abs(off).min()) if off.size else math.nan, outside
+
+
+def upper(mu: Array) -> Array:
+    """Complex ones in the upper half plane; those of modes without impacts never leave."""
+    return np.asarray(mu[mu.imag > REAL])
+
+
+def farthest(mu: Array) -> float:
+    """Angle, over pi, of the complex pair with the largest modulus; NaN if there is none."""
+    return _angle(mu, abs)
+
+
+def nearest(mu: Array, radius: float) -> float:
+    """The same of the pair that is nearest to a circle."""
+    return _angle(mu, lambda pairs: -abs(abs(pairs) - radius))
+
+
+def _angle(mu: Array, by: Callable[[Array], Array]) -> float:
+    pairs = upper(mu)
+    return float(np.angle(pairs[by(pairs).argmax()])) / math.pi if pairs.size else math.nan

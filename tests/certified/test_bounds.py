@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_poly
 
-from contbreather.certified import averages, balls, inside_walls, points, winding
+from contbreather.certified import averages, balls, inside_walls, proofs, winding
 from contbreather.stability.characteristic import D, regular
 from tests.lattice.by_hand import MEANS, ring_mean
 
@@ -242,24 +242,24 @@ def square(z: Any) -> Any:
 def test_a_zero_is_alone_up_to_the_next_one() -> None:
     """Zeros at +-1e-13: no box of half width 1e-13 around one of them is said to hold it alone."""
     with balls.working():
-        zero = points.zero_near(square, [1.1e-13], 1e-12)
+        zero = proofs.zero_near(square, [1.1e-13], 1e-12)
         assert zero is not None
         assert zero[0].contains(arb(1e-13))
-        assert 2e-14 < points.alone_within(square, zero) < 2e-13
-        assert points.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
+        assert 2e-14 < proofs.alone_within(square, zero) < 2e-13
+        assert proofs.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
         line = [balls.about(0.2, 1e-20)]
-        assert points.alone_within(lambda z: [z[0] - arb(0.2)], line) == points.FARTHEST == 0.3
+        assert proofs.alone_within(lambda z: [z[0] - arb(0.2)], line) == proofs.FARTHEST == 0.3
 
 
 def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
     with balls.working():
         for within, there in ((1.5e-9, True), (0.9e-9, False)):
-            found = points.zero_near(lambda z: [z[0] - arb(1e-9)], [0.0], within)
+            found = proofs.zero_near(lambda z: [z[0] - arb(1e-9)], [0.0], within)
             assert (found is not None) is there
-        assert points.zero_near(lambda z: [z[0] * z[0]], [0.0], 1e-3) is None
+        assert proofs.zero_near(lambda z: [z[0] * z[0]], [0.0], 1e-3) is None
         assert balls.krawczyk(lambda z: [z[0] * z[0]], [balls.about(0.0, 1e-3)]) is None
-        assert points.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
-        assert not points.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)
+        assert proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
+        assert not proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)
 
 
 def test_a_site_that_rises_through_a_wall_late_in_its_flight_is_not_inside() -> None:

@@ -19,10 +19,9 @@ from flint import arb
 
 import contbreather as cb
 import contbreather.certified
-from contbreather.certified import Interval, certificate, certify, tiles, winding
+from contbreather.certified import Interval, certificate, certify, proofs, winding
 from contbreather.certified.balls import working
-from contbreather.certified.points import certify_point
-from contbreather.certified.tiles import Sheet, certify_curve
+from contbreather.certified.proofs import Sheet, certify_curve, certify_point
 from contbreather.orbits import Orbit, orbit_of
 from contbreather.stability import unstable_count
 from tests.lattice.by_hand import MEANS, ring_mean
@@ -184,7 +183,7 @@ def test_ends_that_differ_are_printed_differently() -> None:
     assert Interval(0.02, 0.03).shown == "[0.02, 0.03]"
     assert Interval(0.3, 0.3).shown == "[0.3, 0.3]"
     gap = (certificate.Tile("a", {}, Interval(low, high), None, None, "no proof"),)
-    assert list(tiles._missing("a", gap)) == ["for a in [0.1196343, 0.1196343000003], no proof"]
+    assert list(proofs._missing("a", gap)) == ["for a in [0.1196343, 0.1196343000003], no proof"]
 
 
 def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
@@ -227,11 +226,11 @@ def test_tiles_are_joined_only_if_both_hold_the_point_they_share() -> None:
     sheet = Sheet({"gamma": arb(0.04), "k": arb(0.8)}, "a")
     places = [(b.p, b.phi, a) for a in (0.2, 0.21, 0.22) for b in [cb.symmetric(a, 0.04, 0.8)]]
     with working():
-        one, other = (tiles._proved(sheet, ends, (True, True)) for ends in pairwise(places))
-        assert tiles._joined(sheet, one, replace(other, alone=one.alone))
+        one, other = (proofs._proved(sheet, ends, (True, True)) for ends in pairwise(places))
+        assert proofs._joined(sheet, one, replace(other, alone=one.alone))
         moved = tuple(x + 3 * x.rad() for x in one.alone)
-        assert not tiles._joined(sheet, one, replace(other, alone=moved))
-        assert not tiles._joined(sheet, replace(one, box=()), other)
+        assert not proofs._joined(sheet, one, replace(other, alone=moved))
+        assert not proofs._joined(sheet, replace(one, box=()), other)
 
 
 def test_a_tile_in_k_and_in_a_harmonic_is_proved_too() -> None:

@@ -1,4 +1,4 @@
-"""Means over the modes of a ring in mpmath's precision, mode by mode."""
+"""Means over the modes of a ring in mpmath's precision, and a site between two impacts."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import mpmath as mp
+import numpy as np
+
+from contbreather.lattice.free_flight import free_flight
 
 MEANS = {
     "chi": lambda w: mp.tan(mp.pi * w / 2) / w if w else mp.pi / 2,
@@ -25,3 +28,9 @@ def ring_mean(of: Callable[[Any], Any], gamma: Any, sites: int, n: int = 0) -> A
         )
         / sites
     )
+
+
+def response(lattice: Any, gamma: float, n: int, s: Any) -> tuple[Any, ...]:
+    """v, v' and v'' of site n between two impacts of site 0, per unit p, s after the first."""
+    flight = free_flight(float(lattice.first_harmonic(gamma, n)), lattice.powers(gamma, n))
+    return flight.at(np.asarray(s, dtype=float) - 0.5 * np.pi)

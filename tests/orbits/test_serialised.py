@@ -13,8 +13,7 @@ import pytest
 import contbreather as cb
 from contbreather.continuation.branch_to_dict import branch_to_dict
 from contbreather.continuation.diagram import Diagram
-from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.on_site_spring import spring_response
+from contbreather.lattice.conditions import Conditions, Walls, spring_response
 from contbreather.orbits.constructors import asymmetric
 from contbreather.storage import netcdf
 from contbreather.storage.serialise import from_dict, to_dict

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.lattice import InfiniteChain
-from contbreather.lattice.on_site_spring import spring_response
+from contbreather.lattice.conditions import spring_response
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.stability import window
 

@@ -14,7 +14,7 @@ import contbreather as cb
 from contbreather.cli import DONE, main
 from contbreather.paper import lifetimes, time_series
 from contbreather.simulation import Sample, State, periodic, simulate, simulate_smooth, sweep
-from contbreather.simulation.chunks import IMPACT
+from contbreather.simulation.integrator import IMPACT
 from tests.simulation import zoo
 
 SET = {"gamma": 0.104, "k": 0.8}

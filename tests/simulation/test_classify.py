@@ -21,7 +21,7 @@ from contbreather.simulation import (
     sweep,
     verdict,
 )
-from contbreather.simulation.rotation import weighted_mean
+from contbreather.simulation.measures import weighted_mean
 from tests.simulation.zoo import breather
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from contbreather.simulation import Kind, Rotation, State, judge, simulate, simulate_smooth
-from contbreather.simulation.chunks import IMPACT
 from contbreather.simulation.classify import chaos_or_torus
+from contbreather.simulation.integrator import IMPACT
 from contbreather.simulation.periodic import PeriodicMotion
 from contbreather.simulation.states import PERIOD
 

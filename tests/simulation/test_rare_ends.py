@@ -28,8 +28,7 @@ from contbreather.simulation import (
     simulate,
     simulate_smooth,
 )
-from contbreather.simulation.chunks import in_chunks
-from contbreather.simulation.integrator import EventDriven
+from contbreather.simulation.integrator import EventDriven, in_chunks
 
 HERE: dict[str, Any] = {"a": 0.2, "gamma": 0.04, "k": 0.8}
 STATE = cb.symmetric(**HERE).state(4)

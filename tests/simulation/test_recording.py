@@ -52,7 +52,7 @@ def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path, monkeypat
     monkeypatch.setattr(recording, "LARGEST", 50_000)
     monkeypatch.setattr(recording, "EVERY", math.inf)  # seconds
     monkeypatch.setattr(contbreather.simulation.integrator, "CHUNK", 2**14)
-    monkeypatch.setattr(contbreather.simulation.chunks, "MOMENT", math.inf)
+    monkeypatch.setattr(contbreather.simulation.integrator, "MOMENT", math.inf)
     state = symmetric(0.7, 0.06, 0.2).state(20)
     peaks = []
     for name, periods in (("warm", 10), ("short", 3000), ("long", 30000)):

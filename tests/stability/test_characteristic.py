@@ -10,7 +10,7 @@ import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import D, D_gradient, D_slope, G, dense_half_map, saltation
-from contbreather.stability.lattice_sums import regular
+from contbreather.stability.characteristic import regular
 from tests.stability.by_hand import b_of, exact_G, slope
 
 GAMMAS = (0.0, 1e-6, 0.05, 0.2, 0.2499)

@@ -13,9 +13,9 @@ from contbreather.lattice.modal_flow import propagator
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap, ModalSaltation, ring_map
-from contbreather.stability.pairs import outermost
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.verdict import verdict
+from contbreather.stability.zeros import outermost
 
 
 def half_by_modes(sites: int, gamma: float, k: float, b: float, damping: float = 0.0) -> ModalMap:

@@ -12,10 +12,9 @@ from scipy.optimize import brentq
 from contbreather.lattice import Ring
 from contbreather.lattice.finite import Grid
 from contbreather.stability import modal_map
-from contbreather.stability.modal_map import ModalMap, ring_map
-from contbreather.stability.pairs import REAL, beyond, outermost
-from contbreather.stability.reduced_determinant import ReducedDeterminant
+from contbreather.stability.modal_map import ModalMap, ReducedDeterminant, ring_map
 from contbreather.stability.saltation import Saltation
+from contbreather.stability.zeros import REAL, beyond, outermost
 
 ONE = (Saltation(0, 0.0, 0.3),)
 ARM = (Saltation(0, 0.0, 0.5), Saltation(0, 2.9, 0.2))

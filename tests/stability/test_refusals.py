@@ -12,10 +12,10 @@ import pytest
 from contbreather import stability
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.stability import counting, isolated, unstable_count, unstable_multipliers
+from contbreather.stability import counting, unstable_count, unstable_multipliers
 from contbreather.stability.chain_map import OrbitMap, _zeros
 from contbreather.stability.characteristic import D, D_gradient
-from contbreather.stability.isolated import closest_approach
+from contbreather.stability.counting import closest_approach
 from contbreather.stability.modal_map import ring_map
 from contbreather.stability.ring_multipliers import dense_half_map, even_multipliers
 from contbreather.stability.saltation import Saltation
@@ -155,22 +155,22 @@ def test_newton_is_held_to_the_winding_number(monkeypatch) -> None:
         looks.append(given[-1])
         return np.empty(0, dtype=complex)
 
-    monkeypatch.setattr(isolated, "_outside", nothing)
+    monkeypatch.setattr(counting, "_zeros", nothing)
     with pytest.raises(NotConverged, match=r"the winding number says 2 .* found 0") as caught:
         unstable_multipliers(*UNSTABLE)
     assert looks == sorted(looks)  # each time from more starts
     assert len(looks) >= 3
     assert caught.value.residual > 0.0
-    sure = isolated.unstable_count
-    monkeypatch.setattr(isolated, "unstable_count", lambda *at: replace(sure(*at), certain=False))
+    sure = counting.unstable_count
+    monkeypatch.setattr(counting, "unstable_count", lambda *at: replace(sure(*at), certain=False))
     assert unstable_multipliers(*UNSTABLE).size == 0  # on the circle to within rounding
 
 
 def test_more_than_the_winding_number_says_is_cut_to_it(monkeypatch) -> None:
-    own = isolated._outside
+    own = counting._zeros
     real = unstable_multipliers(*UNSTABLE)
     on_circle = np.exp(1j * np.array([0.4, -0.4]))
-    monkeypatch.setattr(isolated, "_outside", lambda *at: np.concatenate([own(*at), on_circle]))
+    monkeypatch.setattr(counting, "_zeros", lambda *at: np.concatenate([own(*at), on_circle]))
     assert unstable_multipliers(*UNSTABLE) == pytest.approx(real)
 
 
@@ -181,7 +181,7 @@ def test_a_count_that_turns_too_fast_is_refused(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("sites", [8, 9, 20, 50])
-def test_multipliers_outside_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None:
+def test_zeros_a_circle_are_listed_from_the_largest_in_pairs(sites: int) -> None:
     gamma, k, b = UNSTABLE
     whole = np.linalg.eigvals(dense_half_map(sites, gamma, k, b))
     for radius in (1.0025, 1.02):

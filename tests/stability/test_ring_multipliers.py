@@ -20,7 +20,7 @@ from contbreather.stability import (
     ring_multipliers,
     stability,
 )
-from contbreather.stability.pairs import beyond, outermost
+from contbreather.stability.zeros import beyond, outermost
 from tests.stability.by_hand import apart, b_of, fold_b, paper_matrix, pitchfork_b
 
 BREATHERS = [  # a, gamma, k: stable, unstable either way, elastic, perfectly plastic

@@ -18,7 +18,7 @@ from contbreather.stability import (
     over_reflects,
     scattering,
 )
-from contbreather.stability.scattering import OverReflection
+from contbreather.stability.arc import OverReflection
 from tests.stability.by_hand import b_of, pitchfork_b
 
 

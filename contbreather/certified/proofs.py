@@ -1,7 +1,7 @@
-"""A branch of breathers proved piece by piece.
+"""Breathers and special points proved one by one, and a branch of breathers piece by piece.
 
-A tile is an interval of one coordinate of (p, phi, parameter) and a box of the other two.
-Krawczyk's test with that coordinate a ball proves exactly one zero in the box for each of its
+A tile of a branch is an interval of one coordinate of (p, phi, parameter) and a box of the other
+two. Krawczyk's test with that coordinate a ball proves exactly one zero in the box for each of its
 values; the zero depends smoothly on it. What cannot be proved of a tile is tried of its halves.
 Neighbours share a point of the branch: where its own enclosure lies in both boxes, both hold the
 same curve.
@@ -14,9 +14,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby, pairwise
+from typing import Any
 
 from flint import arb, arb_mat
 
+from contbreather.certified import averages
+from contbreather.certified.averages import check_forcing, equations, fold, pitchfork, saltation
 from contbreather.certified.balls import (
     Ball,
     Equations,
@@ -26,14 +29,132 @@ from contbreather.certified.balls import (
     interval,
     jacobian,
     krawczyk,
+    newton_step,
     working,
 )
-from contbreather.certified.certificate import Covering, Tile
-from contbreather.certified.closure import equations
+from contbreather.certified.certificate import Certificate, Covering, Tile
 from contbreather.certified.inside_walls import admissible
-from contbreather.certified.points import UNKNOWNS, zero_near
 from contbreather.certified.winding import unstable_count
+from contbreather.errors import BadInput
+from contbreather.lattice import InfiniteChain
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.parameters import NUMBERS
+
+UNKNOWNS = ("p", "phi")
+DEFINING = {"LP": fold, "PF": pitchfork}
+FARTHEST = 0.3  # half width of the largest box in which a zero is tried to be the only one
+
+
+def parameters(on: Conditions) -> dict[str, float]:
+    """Those that are exactly what they are given as, by name; or why there is no proof.
+
+    Raises
+    ------
+    BadInput
+        Unless this is about the infinite chain without springs, driven by exact harmonics.
+    """
+    if on.lattice != InfiniteChain() or on.spring or on.damping or on.walls != Walls():
+        raise BadInput(
+            "certify() is about breathers of the infinite chain, without springs or damping, walls "
+            f"at -1 and 1; this one is on the {on.lattice.describe()} with spring = {on.spring}, "
+            f"damping = {on.damping}: take it to the chain, orbit.on(InfiniteChain())."
+        )
+    check_forcing(on.forcing)
+    return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
+
+
+def checked(orbit: Any) -> Any:
+    """An orbit that these proofs are about."""
+    section = getattr(orbit, "section", None)
+    if section is None:
+        raise BadInput(f"{orbit!r}: certify() takes a breather, a point or a branch of breathers.")
+    if not (section.symmetric and section.count == 1):
+        raise BadInput(
+            "certify() is about symmetric breathers with one impacting site; this one has the "
+            f"{section.describe()}."
+        )
+    return orbit
+
+
+def box_around(point: Sequence[float], radius: float) -> list[Ball]:
+    return [about(x, radius) for x in point]
+
+
+def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:
+    """An enclosure of the one zero in a box around a point, or None if none is found."""
+    step = newton_step(equations, [arb(x) for x in point])
+    if step is None:
+        return None
+    radius = min(within, 4.0 * max(step) + 1e-30)
+    while radius <= within:
+        box = krawczyk(equations, box_around(point, radius))
+        if box is not None:
+            return krawczyk(equations, box) or box
+        radius *= 16.0
+    return None
+
+
+def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
+    """Half the width of a box around a zero in which there is no other."""
+    middle, radius = [float(x.mid()) for x in zero], FARTHEST
+    while radius > 1e-15:
+        box = box_around(middle, radius)
+        if all(x.contains_interior(y) for x, y in zip(box, zero, strict=True)) and krawczyk(
+            equations, box
+        ):
+            return radius
+        radius *= 0.5
+    return 0.0
+
+
+def excluded(equations: Equations, point: Sequence[float], within: float) -> bool:
+    """Whether there is surely no zero in the box around a point."""
+    return any(not value.contains(0) for value in equations(box_around(point, within)))
+
+
+def certify_point(
+    params: Mapping[str, float], unknowns: Mapping[str, float], kind: str, within: float
+) -> Certificate:
+    """The proof for a breather (kind "") or a special point: parameters, a guess at unknowns."""
+    names, point = tuple(unknowns), tuple(unknowns.values())
+    certificate = Certificate(dict(params), within, kind)
+    with working():
+        fixed = {name: arb(x) for name, x in params.items()}
+        system = equations(fixed, names, DEFINING.get(kind))
+        zero = zero_near(system, point, within)
+        if zero is None:
+            none = excluded(system, point, within)
+            why = () if none else (f"that there is a breather within {within:g} of this point",)
+            return replace(certificate, exists=False if none else None, unproved=why)
+        values = {**fixed, **dict(zip(names, zero, strict=True))}
+        follows = {"chi": averages.chi(values["gamma"]), "b": saltation(values)}
+        enclosed = {**dict(zip(names, zero, strict=True)), **follows}
+        return replace(
+            certificate,
+            exists=True,
+            unique=True,
+            alone=alone_within(system, zero),
+            enclosure={name: interval(x) for name, x in enclosed.items()},
+            **_judged(values, kind),
+        )
+
+
+def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
+    """Whether it keeps off the walls; if it may, its multipliers."""
+    verdict = admissible(values)
+    entries: dict[str, Any] = {"admissible": verdict.holds}
+    if verdict.holds is False:
+        return {**entries, "reason": verdict.reason}
+    missing = [] if verdict.holds else [f"whether it is admissible: {verdict.reason}"]
+    if kind:
+        missing.append("how many multipliers are outside the circle: one is on it")
+    else:
+        entries["unstable"], why = unstable_count(values)
+        missing += [f"how many multipliers are outside the circle: {why}"] if why else []
+    return {**entries, "unproved": tuple(missing)}
+
+
+# --- a branch, tile by tile -----------------------------------------------------------------------
 
 NARROW = 1e-9  # where breathers or their clearance are not proved, tiles are halved down to this
 COUNTED = 1e-5  # and where only the number of multipliers is not proved
@@ -140,7 +261,7 @@ def _proved(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -
         alone[along] = x
         box = krawczyk(sheet.system, alone, along)
         if box is not None:
-            return _judged(sheet, replace(piece, alone=tuple(alone), box=tuple(box), why=""))
+            return _settled(sheet, replace(piece, alone=tuple(alone), box=tuple(box), why=""))
     return piece
 
 
@@ -152,7 +273,7 @@ def _reach(sheet: Sheet, ends: tuple[Place, Place], along: int, outer: Sequence[
     return hull(max(low, bottom), min(high, top))
 
 
-def _judged(sheet: Sheet, piece: Piece) -> Piece:
+def _settled(sheet: Sheet, piece: Piece) -> Piece:
     """With what is proved of all breathers of a tile."""
     values = {**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))}
     clear = admissible(values)
