@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .compiled_steps import Corrector, Loops
-from .dense import Dense
+from .compiled_steps import Corrector, Loops, compiled_equations
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
@@ -24,6 +23,7 @@ from .newton import (
     rounding,
 )
 from .sparse import (
+    Dense,
     Factors,
     Matrix,
     Pattern,
@@ -215,9 +215,7 @@ class Curve:
             return problem.loops(self.free, params)
         if not problem.compiled or self.start.size > WIDEST:
             return None
-        from .given_loops import given_loops
-
-        return given_loops(self, params)
+        return compiled_equations(self, params)
 
     @property
     def finer(self) -> Any:

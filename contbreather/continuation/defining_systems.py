@@ -22,15 +22,14 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..kernels import bound
-from . import derivatives, null_loops
+from . import derivatives, null_vectors
 from .compiled_steps import Loops
 from .curve import Curve, Params
-from .dense import solve
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
 from .newton import Undefined
 from .point import Event, Locus, Point
 from .problem import Problem
-from .sparse import Matrix, above, beside, is_large, shifted
+from .sparse import Matrix, above, beside, is_large, shifted, solve
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -159,7 +158,7 @@ class _NullVector:
     def loops(self, plain: Loops, n: int) -> Loops:
         """The equations and these conditions, from the equations alone."""
         bounds = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n, "SHIFT": self.shift}
-        texts = null_loops.conditions, null_loops.slopes
+        texts = null_vectors.conditions, null_vectors.slopes
         conditions, slopes = (bound(text, **bounds) for text in texts)
         return Loops(conditions, slopes, plain.data, plain.at_once)
 

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from .curve import Curve
-from .dense import Dense
 from .linear_algebra import least_singular, sense
-from .newton import Array, Solution, Undefined
+from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined
 from .point import Point
-from .sparse import Matrix
+from .sparse import Dense, Matrix
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
+_CLOSE = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 
 
@@ -100,6 +100,18 @@ class StepInterpolant:
 
     def _point(self, u: float, z: Array, tangent: Array, residual: float) -> Point:
         return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
+
+
+def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | None:
+    """The point halfway between two neighbours of a branch, solved for; None where they are one
+    but for rounding, or none is found: on a branch without its equations, for instance.
+    """
+    if last.arclength - first.arclength <= _CLOSE * (1 + first.curve.length(first.z)):
+        return None
+    try:
+        return StepInterpolant(first, last, tolerance).at(0.5)
+    except OUT_OF_DOMAIN:
+        return None
 
 
 def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:

@@ -26,8 +26,8 @@ from .curve import Params
 from .equilibria import cusp, fold
 from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
 from .problem import Problem
+from .settings import all_of
 from .sparse import is_sparse
-from .starts import all_of
 from .switching import Lift
 
 Array = NDArray[np.float64]

@@ -20,9 +20,9 @@ from .interpolant import LEVEL, StepInterpolant, tangent_at
 from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
+from .settings import Steps
 from .starts import Bound, rounding
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, next_size
-from .steps import Steps
 
 LOG = logging.getLogger(__name__)
 

@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 from ..checks import one_of
 from ..errors import BadInput, partial_result
 from ..progress import Counter, line_of
-from .active_events import active_events, having
-from .branch import Branch, Settings, Stop, labelled
+from .branch import Branch, Stop, labelled
 from .checkpoint import Save, checkpoint
 from .curve import PASSED, Curve
 from .defining_systems import Singular
@@ -31,17 +30,9 @@ from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure, measure_many
-from .starts import (
-    Within,
-    all_of,
-    bounds_of,
-    corrected_start,
-    directed_start,
-    first_tangent,
-    windows,
-)
+from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
+from .starts import bounds_of, corrected_start, directed_start, first_tangent
 from .stepper import EXACT, Failed, Step, Stepper
-from .steps import Steps, steps_of
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import compiled_steps, given_loops
+from contbreather.continuation import compiled_steps
 
 from ..apart import ended
 from .zoo import knowing
@@ -234,11 +234,11 @@ def test_a_function_that_numba_refuses_is_taken_as_it_is_and_that_is_said_once(
 
 
 def test_a_function_that_means_something_else_when_it_is_compiled_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr(given_loops.compiler, "address", lambda function, kinds: 0)
+    monkeypatch.setattr(compiled_steps.compiler, "address", lambda function, kinds: 0)
     # leaves zeros
-    monkeypatch.setattr(given_loops, "callable_at", lambda address, kinds: lambda *addresses: 0)
+    monkeypatch.setattr(compiled_steps, "callable_at", lambda address, kinds: lambda *addresses: 0)
     loops = compiled_steps.Loops(len, len, ())
     with pytest.raises(
         cb.BadInput, match=r"compiled, the residual .* \[0.0\]; as it is .* \[1.0\]"
     ):
-        given_loops._check(loops, np.zeros(2), np.ones(1), np.ones((1, 2)))
+        compiled_steps._check(loops, np.zeros(2), np.ones(1), np.ones((1, 2)))

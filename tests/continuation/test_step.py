@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import given_loops, step
+from contbreather.continuation import compiled_steps, step
 from contbreather.continuation.compiled_steps import Corrector, Loops
 
 RNG = np.random.default_rng(17)
@@ -132,8 +132,8 @@ def test_columns_of_a_user_s_functions_are_their_derivatives() -> None:
             raise ValueError("beyond")
         return dict(zip(names, data[:3], strict=True))
 
-    put = given_loops._put(residual, 2, lambda value, i: value[i], record)
-    column = given_loops._column(put, 3, 2, (1,))
+    put = compiled_steps._put(residual, 2, lambda value, i: value[i], record)
+    column = compiled_steps._column(put, 3, 2, (1,))
     data = [*params, *steps]
     wanted = np.array([[4 * 0.5**3 * 2.0, 3.0, 0.5**4], [-1.0, 4.0, 2 * 2.0 * -1.0]])
     for c in range(3):

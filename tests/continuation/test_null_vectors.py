@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contbreather.continuation import null_loops
+from contbreather.continuation import null_vectors
 from contbreather.kernels import bound
 
 SIXTH = tuple((k * s, s * w) for k, w in ((1, 0.75), (2, -0.15), (3, 1 / 60)) for s in (-1, 1))
@@ -41,7 +41,7 @@ def loops(n: int, shift: float) -> Any:
         return 0
 
     given = {"evaluate": evaluate, "derive": derive, "N": n, "SHIFT": shift}
-    return bound(null_loops.conditions, **given), bound(null_loops.slopes, **given)
+    return bound(null_vectors.conditions, **given), bound(null_vectors.slopes, **given)
 
 
 def expected(z: Any, n: int, shift: float) -> Any:
