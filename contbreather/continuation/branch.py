@@ -386,6 +386,18 @@ def labelled(points: Iterable[Point]) -> Points:
     return replace(points, made=marked)
 
 
+def with_ends(branch: Branch) -> Branch:
+    """Label both ends: EP, or MX where the numerics gave up."""
+    points = Points.of(branch.points)
+    for i, stops in ((0, {branch.began}), (len(points) - 1, {branch.stop})):
+        if len(points) == 1:  # both ends in one
+            stops = {branch.began, branch.stop}
+        if not points[i].kind:
+            kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
+            points = points.put(i, replace(points[i], kind=kind))
+    return replace(branch, points=labelled(points))
+
+
 def _joined(before: Points, after: Points) -> Points:
     """Both, with what happens at the seam once: an event is known by its object, and a point where
     nothing happens is left out beside one where something does."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
@@ -85,10 +85,13 @@ class Steps:
         return max(_LARGEST, _RELATIVE * length) if self.largest is None else self.largest
 
 
+_USUAL = Steps()
+
+
 def steps_of(steps: object, usual: Steps | None = None) -> Steps:
     """Steps as they were given, the usual ones if none were; anything else is refused."""
     if steps is None:
-        return usual or Steps()
+        return usual or _USUAL
     if not isinstance(steps, Steps):
         raise BadInput(f"steps must be given as Steps(largest=...), got {shown(steps)}")
     return steps
@@ -208,10 +211,13 @@ def _margin(walls: tuple[Event, ...], point: Point) -> float:
 
 def _recording(problem: Problem, events: Iterable[Event]) -> Problem:
     """The problem with the columns that go with its events, as far as it has none of the name."""
-    taken = {*problem.names, *problem.record}
-    brought = {name: of for event in events for name, of in event.columns(problem).items()}
-    new = {name: column for name, column in brought.items() if name not in taken}
-    return replace(problem, record={**problem.record, **new}) if new else problem
+    brought = dict[str, Callable[[Point], float]]()
+    for event in events:
+        brought |= event.columns(problem)
+    if brought:
+        taken = {*problem.names, *problem.record}
+        brought = {name: column for name, column in brought.items() if name not in taken}
+    return replace(problem, record={**problem.record, **brought}) if brought else problem
 
 
 def _with_rule(problem: Problem, event: EventWithRule) -> Problem:

@@ -118,15 +118,17 @@ class Stepper:
     @cached_property
     def _compiled(self) -> ManySteps | None:
         curve, steps = self.curve, self.steps
-        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
-        if curve.start.size > WIDEST or len(bounds) < len(self.bounds):
+        loops = curve.loops() if curve.start.size <= WIDEST else None
+        if loops is None:
             return None
-        loops = curve.loops()
+        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
+        if len(bounds) < len(self.bounds):
+            return None
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
         sizes = steps.tolerance, steps.smallest, largest, steps.growth
         metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
         plane = curve.dual(self.start.direction), curve.start
-        return None if loops is None else ManySteps(loops, sizes, bounds, metric, plane)
+        return ManySteps(loops, sizes, bounds, metric, plane)
 
     def _inner(self, bound: Bound) -> tuple[float, float]:
         """Where these end short of a bound: it is landed on, unless the curve begins there."""
@@ -143,20 +145,17 @@ class Stepper:
             return Step(self.points[self.used - 1])
         step = self._advance(point)
         length = step.point.arclength - point.arclength
-        self._make_progress(length)
+        # what only takes tiny steps would not get anywhere, at great expense
+        self.longest = max(self.longest, length)
+        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
+        if self.tiny > _PATIENCE:
+            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
         self.bend = (step.point.direction - point.direction) / length
         self.size, self.side = step.next_size, step.side or self.side
         if count > 2 and self._closes(point, step.point):
             length = point.arclength + self.curve.length(self.start.z - point.z)
             step = replace(step, point=replace(self.start, arclength=length), stop=Stop.CLOSED)
         return step
-
-    def _make_progress(self, length: float) -> None:
-        """End what only takes tiny steps: it would not get anywhere, at great expense."""
-        self.longest = max(self.longest, length)
-        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
-        if self.tiny > _PATIENCE:
-            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
 
     def _closes(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start, in the direction in which the curve left it."""
@@ -192,7 +191,7 @@ class Stepper:
             return self._halving(point)
 
     def _halving(self, point: Point) -> Step:
-        failed = Failed(Stop.NO_CONVERGENCE)
+        failed: Failed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
@@ -205,7 +204,7 @@ class Stepper:
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        raise failed
+        raise failed or Failed(Stop.NO_CONVERGENCE)
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
@@ -228,9 +227,11 @@ class Stepper:
         last = Point(curve, solution.z, here.ahead, arclength, solution.residual)
         branch_point = None
         if end.side * side < 0:
-            branch_point = self._branch_point(
-                StepInterpolant(point, last, self.steps.tolerance), size, side
-            )
+            segment = StepInterpolant(point, last, self.steps.tolerance)
+            branch_point = self._crossing_on(segment, side)
+            # without any the step ended on another curve, unless it is too short to tell
+            if branch_point is None and size > _GAP * (1 + curve.length(last.z)):
+                raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
         if self._leaves(point, last, end.length):
             raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
         LOG.debug(
@@ -301,14 +302,6 @@ class Stepper:
         if any(not other.low <= other.value(z) <= other.high for other in others):
             raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
         return replace(solution, z=z)
-
-    def _branch_point(self, segment: StepInterpolant, size: float, before: int) -> Point | None:
-        """The branch point at which the determinant changed sign; without any the step ended on
-        another curve, unless it is too short to tell."""
-        branch_point = self._crossing_on(segment, before)
-        if branch_point is None and size > _GAP * (1 + self.curve.length(segment.last.z)):
-            raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
-        return branch_point
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Where the determinant changes its sign: by halving, and then by a system of its own."""
