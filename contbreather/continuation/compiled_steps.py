@@ -63,72 +63,45 @@ class MachineCode(NamedTuple):
     code: Mapping[Kernel, Callable[..., int]]
 
 
-class _Kernels:
-    """The kernels on the equations of one curve, as they are or by machine code."""
+class CompiledCurve:
+    """The equations of a curve, and the kernels on them: by machine code, or as they are.
+
+    Attributes
+    ----------
+    loops : Loops
+    here : Here
+        Where the latest of many steps ended.
+    """
 
     def __init__(self, loops: Loops, metric: Array) -> None:
-        d, self.machine = metric.size, machine(loops)
+        d, self.loops, self.machine = metric.size, loops, machine(loops)
         evaluate: Any = self.machine.evaluate if self.machine else loops.evaluate
         derive: Any = self.machine.derive if self.machine else loops.derive
         value, flat = np.zeros((2, 3 * d * d))
         matrix, data = flat[: d * d].reshape(d, d), np.array(loops.data)
         self.eq = Equations(evaluate, derive, data, metric, value, flat, matrix, np.zeros(d))
+        self.here, self.answer = Here(*np.zeros((6, d))), np.zeros(3)
 
-    def call(self, kernel: Kernel, *values: Any) -> None:
+    def _call(self, kernel: Kernel, *values: Any) -> None:
         if self.machine is not None:
             kernel.run(self.machine.code[kernel], (self.eq, *values))
         else:
             kernel.as_it_is(self.eq, *values)
 
-
-class ManySteps:
-    """Steps of one walk, many in one call.
-
-    Attributes
-    ----------
-    state : ndarray
-        After a call: arclength, the size to try next, the sign of the bordered determinant, the
-        longest step so far.
-    here : Here
-        Where it ended.
-    """
-
-    def __init__(
-        self,
-        loops: Loops,
-        sizes: tuple[float, float, float, float],
-        bounds: Sequence[tuple[int, float, float]],
-        metric: Array,
-        plane: tuple[Array, Array],
-    ) -> None:
-        self.loops, self.kernels = loops, _Kernels(loops, metric)
-        slots = np.array([slot for slot, _, _ in bounds], dtype=np.int64)
-        low, high = (np.array([bound[i] for bound in bounds], dtype=float) for i in (1, 2))
-        self.rules = Rules(*sizes, slots, low, high, *plane)
-        self.here, self.state = Here(*np.zeros((6, metric.size))), np.zeros(4)
-
-    def take(
-        self, start: Sequence[Array], state: Sequence[float], most: int
+    def steps(
+        self, rules: Rules, start: Sequence[Array], state: Array, most: int
     ) -> tuple[Array, Array, Array, Array]:
         """As many steps as come off, at most so many: their z, tangents, arclengths and residuals;
-        from z, tangent and its bend, and the state there."""
+        from z, tangent and its bend, and the state there, arclength, the size to try next, the sign
+        of the bordered determinant, the longest step so far, which becomes that of the last."""
         for buffer, entries in zip(self.here, start, strict=False):
             buffer[:] = entries
-        self.state[:] = state
         d, count = self.here.z.size, np.zeros(1, dtype=np.int64)
-        out = np.empty((min(most, _AT_ONCE if self.kernels.machine else _AS_IT_IS), 2 * d + 2))
+        out = np.empty((min(most, _AT_ONCE if self.machine else _AS_IT_IS), 2 * d + 2))
         with suppress(ArithmeticError, ValueError):  # where machine code goes on with an infinity
-            self.kernels.call(STEPS, self.rules, self.here, self.state, out, count)
+            self._call(STEPS, rules, self.here, state, out, count)
         rows = out[: count[0]].copy()
         return rows[:, :d], rows[:, d : 2 * d], rows[:, -2], rows[:, -1]
-
-
-class Corrector:
-    """Solves for single points of a curve."""
-
-    def __init__(self, loops: Loops, metric: Array) -> None:
-        self.kernels, self.here = _Kernels(loops, metric), Here(*np.zeros((6, metric.size)))
-        self.answer = np.zeros(3)
 
     def corrected(
         self, guess: Array, across: Array, slope: Array, tolerance: float
@@ -138,7 +111,7 @@ class Corrector:
         here = self.here
         here.there[:] = guess
         try:
-            self.kernels.call(CORRECTED, tolerance, across, slope, here, self.answer)
+            self._call(CORRECTED, tolerance, across, slope, here, self.answer)
         except (ArithmeticError, ValueError):
             return None
         status, iterations, residual = self.answer.tolist()
@@ -152,24 +125,17 @@ _known: dict[Any, MachineCode | None] = {}
 
 def machine(loops: Loops) -> MachineCode | None:
     """Machine code of a problem and of the kernels, None where there is none."""
-    evaluate = loops.evaluate
-    if evaluate not in _known:
-        _known[evaluate] = _machine(loops)
-    return _known[evaluate]
-
-
-def _machine(loops: Loops) -> MachineCode | None:
-    address = compiler.address if loops.at_once else kernels.address
+    if loops.evaluate in _known:
+        return _known[loops.evaluate]
+    address, code = compiler.address if loops.at_once else kernels.address, None
     try:
         evaluate, derive = address(loops.evaluate, "ppp"), address(loops.derive, "ppp")
-        code = {
-            kernel: callable_at(address(kernel.function, ""), FRAME)
-            for kernel in (STEPS, CORRECTED)
-        }
+        entries = {k: callable_at(address(k.function, ""), FRAME) for k in (STEPS, CORRECTED)}
+        code = MachineCode(evaluate, derive, entries)
     except NotCompiled as reason:
         _log.info("steps are taken without compiled code: %s", reason)
-        return None
-    return MachineCode(evaluate, derive, code)
+    _known[loops.evaluate] = code
+    return code
 
 
 # --- functions that a user gave ---------------------------------------------------------------

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .compiled_steps import Corrector, Loops, compiled_equations
+from .compiled_steps import CompiledCurve, Loops, compiled_equations
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
@@ -121,7 +121,7 @@ class Curve:
             weights[slot] = 1 / (np.size(self.start[slot]) * size**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
-        self._corrector: Any = _UNKNOWN
+        self._compiled: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
@@ -130,7 +130,7 @@ class Curve:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        return {**self.__dict__, "_known": {}, "_corrector": _UNKNOWN}
+        return {**self.__dict__, "_known": {}, "_compiled": _UNKNOWN}
 
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
@@ -194,13 +194,13 @@ class Curve:
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     @property
-    def corrector(self) -> Corrector | None:
-        """Who solves for single points, where the equations can be compiled."""
-        if self._corrector is _UNKNOWN:
+    def compiled(self) -> CompiledCurve | None:
+        """Who takes steps and solves for single points, where the equations can be compiled."""
+        if self._compiled is _UNKNOWN:
             loops = self.loops() if self.start.size <= WIDEST else None
             metric = np.ones(self.start.size) if self.metric is None else self.metric
-            self._corrector = None if loops is None else Corrector(loops, metric)
-        return self._corrector
+            self._compiled = None if loops is None else CompiledCurve(loops, metric)
+        return self._compiled
 
     def loops(self, params: Params | None = None) -> Loops | None:
         """The equations as functions that can be compiled, where they can; `params` are the other

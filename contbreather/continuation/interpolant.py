@@ -68,8 +68,8 @@ class StepInterpolant:
 
     def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
         """z, tangent and residual across the chord, by loops where the equations have any."""
-        curve, corrector = self.curve, self.curve.corrector
-        answer = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
+        curve, compiled = self.curve, self.curve.compiled
+        answer = compiled and compiled.corrected(guess, self._across, slope, self.tolerance)
         if answer:
             self._near(guess, answer[0])
             return answer[:3]

@@ -14,7 +14,6 @@ from .. import kernels
 from . import step as rules
 from .branch import Stop
 from .branch_points import crossing
-from .compiled_steps import ManySteps
 from .curve import Curve
 from .interpolant import LEVEL, StepInterpolant, tangent_at
 from .newton import Array, Solution, Undefined, correction, length
@@ -22,7 +21,7 @@ from .point import Point
 from .points import Points
 from .settings import Steps
 from .starts import Bound, rounding
-from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, next_size
+from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
 
@@ -90,15 +89,16 @@ class Stepper:
         """Take steps ahead, as many as come off, where all that were are looked at."""
         if self.used < len(self.points):
             return
-        self.points, self.used, compiled = (), 0, self._compiled
-        if compiled is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
+        self.points, self.used, rules, compiled = (), 0, self._rules, self.curve.compiled
+        # at this level each step has a line of its own
+        if rules is None or compiled is None or LOG.isEnabledFor(logging.DEBUG):
             return
-        state = point.arclength, self.size, float(self.side), self.longest
-        rows = compiled.take((point.z, point.direction, self.bend), state, most)
+        state = np.array([point.arclength, self.size, self.side, self.longest])
+        rows = compiled.steps(rules, (point.z, point.direction, self.bend), state, most)
         if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
-            self._compiled = None
+            self._rules = None
             return
-        _, self.size, side, longest = compiled.state.tolist()
+        _, self.size, side, longest = state.tolist()
         self.bend = compiled.here.bend.copy()
         if len(rows[0]):
             self.side, self.longest, self.tiny = int(side), longest, 0
@@ -116,19 +116,17 @@ class Stepper:
         return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
 
     @cached_property
-    def _compiled(self) -> ManySteps | None:
+    def _rules(self) -> Rules | None:
+        """What many steps in one call go by; None where there are none."""
         curve, steps = self.curve, self.steps
-        loops = curve.loops() if curve.start.size <= WIDEST else None
-        if loops is None:
+        if curve.compiled is None or not all(isinstance(b.slot, int) for b in self.bounds):
             return None
-        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
-        if len(bounds) < len(self.bounds):
-            return None
+        ends = np.array([self._inner(bound) for bound in self.bounds]).reshape(-1, 2)
+        slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
         sizes = steps.tolerance, steps.smallest, largest, steps.growth
-        metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
-        plane = curve.dual(self.start.direction), curve.start
-        return ManySteps(loops, sizes, bounds, metric, plane)
+        low, high = np.ascontiguousarray(ends.T)
+        return Rules(*sizes, slots, low, high, curve.dual(self.start.direction), curve.start)
 
     def _inner(self, bound: Bound) -> tuple[float, float]:
         """Where these end short of a bound: it is landed on, unless the curve begins there."""
@@ -246,7 +244,7 @@ class Stepper:
         """The solution where a row keeps its value, by machine code where there is any."""
         curve = self.curve
         across = row if curve.metric is None else row / curve.metric
-        end = curve.corrector and curve.corrector.corrected(
+        end = curve.compiled and curve.compiled.corrected(
             guess, across, slope, self.steps.tolerance
         )
         if not end:

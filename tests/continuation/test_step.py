@@ -10,7 +10,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import compiled_steps, step
-from contbreather.continuation.compiled_steps import Corrector, Loops
+from contbreather.continuation.compiled_steps import CompiledCurve, Loops
 
 RNG = np.random.default_rng(17)
 
@@ -91,7 +91,7 @@ def parabola(strength: float) -> tuple[Any, Any]:
 
 
 def test_a_single_point_is_solved_for_as_closely_as_is_asked_for() -> None:
-    corrector = Corrector(Loops(*parabola(1.0), ()), np.ones(2))
+    corrector = CompiledCurve(Loops(*parabola(1.0), ()), np.ones(2))
     guess, across, along = np.array([1.5, 1.0]), np.array([0.0, 1.0]), np.array([1.0, 2.0]) / 5**0.5
     counts = []
     for tolerance, side in ((0.5, 1), (1e-3, -1), (1e-12, 1)):
