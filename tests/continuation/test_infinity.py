@@ -79,6 +79,8 @@ def test_a_window_says_how_far_to_go_instead() -> None:
         assert far(fall, within={"mu": (1e-12, 2.0)})[-1]["mu"] == 1e-12
     for window in ({"x": (0.0, np.inf)}, {"mu": (0.0, 2.0)}):  # neither does
         assert far(FALLS["exponential"], within=window).stop is Stop.INFINITY
+    square = Problem(lambda x, p: x - p["mu"] ** 2, {"x": 0.0}, {"mu": 0.0})
+    assert trace(square, "mu", within={"mu": (0, 300)})[-1]["x"] == pytest.approx(9e4)
 
 
 @pytest.mark.parametrize("limit", [0.0, 1.0])

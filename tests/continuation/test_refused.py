@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 import contbreather as cb
 from contbreather.continuation import Event
@@ -168,6 +169,11 @@ GIVEN: list[Row] = [
     (LINE.problem.at, (), {"nu": 1.0}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
     (LINE.problem.at, (), {"x": [1.0, 2.0]}, r"x = \[1\.0, 2\.0\]: a number was expected"),
     (problem({"u": np.ones(3)}, {}).at, (), {"u": 1.0}, r"u = 1\.0: an array was expected, as it"),
+    *(
+        (cb.FixedPoint, (lambda x, p: x, {"x": 0.6}, {"r": 2.5}), {"period": period},
+         "a whole number, at least 1, was expected")
+        for period in (0, -1, 1.5, True, "2")
+    ),
     # equations and their derivatives
     (solved, (lambda u, p: np.zeros(3),), {}, r"the residual has shape \(3,\) for 2 unknowns"),
     (solved, (lambda u, p: 0.0,), {}, r"has shape \(1,\) for 2 unknowns; as many equations as unk"),
@@ -185,6 +191,14 @@ GIVEN: list[Row] = [
         for equation in (
             lambda x, mu: 1 / mu, lambda x, mu: math.log(mu), lambda x, mu: x * math.nan,
         )
+    ),
+    (solved, (lambda x, p: csr_array([[x[0] - p["mu"]]]),), {"n": 1}, "an array of numbers was"),
+    (solved, (lambda x, p: x - p["mu"] if p["mu"] < 0.5 else np.append(x, 0.0),),
+     {"n": 1, "jacobian": lambda x, p: np.eye(1)}, r"has shape \(2,\) for 1 unknowns"),
+    *(
+        (solved, (lambda u, p: u,), {"jacobian": lambda u, p, given=given: given},
+         r"the Jacobian (is|has)")
+        for given in (None, "matrix", [[1.0, 2.0], [3.0]], np.ones(3))
     ),
     (solved, (lambda u, p: u,), {"jacobian": lambda u, p: np.eye(3)},
      r"Jacobian has shape \(3, 3\); \(2, 2\) was expected"),
