@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ from .sparse import (
     Dense,
     Factors,
     Matrix,
-    Pattern,
     beside,
     canonical,
     columns_of,
@@ -61,11 +61,9 @@ def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
     if actual != shape:
         kind = "is sparse and has" if sparse else "has"
         raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")
-    if sparse:
-        _check_entries(what, canonical(value))
-
-
-def _check_entries(what: str, matrix: Matrix) -> None:
+    if not sparse:
+        return
+    matrix = canonical(value)
     wrong = np.flatnonzero(~np.isfinite(matrix.data))
     if wrong.size:
         entry = (int(matrix.indices[wrong[0]]), int(columns_of(matrix)[wrong[0]]))
@@ -283,7 +281,11 @@ class Curve:
                 whole = problem.derivatives(self.unknowns(z), params, self.free)
                 return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
             if problem.sparsity is not None:
-                return self._with_parameters(z, self._by_pattern(z), width)
+                # unknowns of one colour move together, each in proportion to its size
+                steps = np.maximum(self.scales, abs(z))[: self.size]
+                few = partial(self._by_few, z, columns=range(1))
+                matrix = problem.sparsity.derivative(lambda way: few(way)[:, 0], steps)
+                return self._with_parameters(z, matrix, width)
             if problem.jacobian is None:
                 return self._by_trying(self._raw, z, range(width), self.scales)
             jacobian = problem.jacobian(self.unknowns(z), params)
@@ -315,13 +317,6 @@ class Curve:
         if not math.isfinite(jacobian.data.sum() + columns.sum()):
             raise Undefined("the derivatives are not finite")
         return beside(jacobian, columns)
-
-    def _by_pattern(self, z: Array) -> Matrix:
-        """The derivative in the unknowns where it is known which entries are not zero."""
-        pattern: Pattern = self.problem.sparsity
-        # unknowns of one colour move together, each in proportion to its size
-        steps = np.maximum(self.scales, abs(z))[: self.size]
-        return pattern.derivative(lambda way: self._by_few(z, way, range(1))[:, 0], steps)
 
     def _by_few(self, z: Array, way: Array, columns: range) -> Array:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""

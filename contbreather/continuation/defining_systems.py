@@ -364,25 +364,8 @@ class Extended:
             )
         return np.concatenate([values, conditions])
 
-    def loops(self, names: tuple[str, ...], params: Params) -> Loops | None:
-        """As those of a `Problem`."""
-        longer = self.locus.loops
-        shorter = longer and Curve(self.problem, (self.released, *names)).loops(params)
-        return longer(shorter, self.n) if longer and shorter else None
-
-    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        """Columns in the order: unknowns, extra, released, free."""
-        (curve, z), extra = self.beneath(x, params, free), x[self.n : -1]
-        n, unfolding = self.n, self.locus.unfolding
-        matrix, rows = curve.jacobian(z), self._of_conditions(curve, z, extra)
-        middle = np.zeros((n, self.extra)) if unfolding is None else unfolding(extra)[1]
-        # y the extra unknowns, r the released parameter, u the unfolding
-        # | F_x  u_y  F_r  F_p |
-        # | g_x  g_y  g_r  g_p |
-        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
-        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
-
-    def _of_conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+    def slopes(self, curve: Curve, z: Array, extra: Array) -> Array:
+        """Those of the conditions in z and in the extra unknowns."""
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
@@ -413,10 +396,22 @@ class ExtendedProblem(Problem):
         return self.residual.problem.internals | vectors
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        return self.residual.derivatives(x, params, free)
+        """Columns in the order: unknowns, extra, released, free."""
+        of = self.residual
+        (curve, z), extra = of.beneath(x, params, free), x[of.n : -1]
+        n, unfolding = of.n, of.locus.unfolding
+        matrix, rows = curve.jacobian(z), of.slopes(curve, z, extra)
+        middle = np.zeros((n, of.extra)) if unfolding is None else unfolding(extra)[1]
+        # y the extra unknowns, r the released parameter, u the unfolding
+        # | F_x  u_y  F_r  F_p |
+        # | g_x  g_y  g_r  g_p |
+        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
+        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
     def loops(self, free: tuple[str, ...], params: Params) -> Loops | None:
-        return self.residual.loops(free, params)
+        of = self.residual
+        shorter = of.locus.loops and Curve(of.problem, (of.released, *free)).loops(params)
+        return of.locus.loops(shorter, of.n) if of.locus.loops and shorter else None
 
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)

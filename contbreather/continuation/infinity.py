@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -89,12 +90,11 @@ class Growth:
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
         self.curve, self.first = curve, 1.0 + curve.length(start)
         self.weights = np.ones(start.size) if curve.metric is None else curve.metric
-        self.windows = {bound.name: (bound.low, bound.high) for bound in bounds}
-        self.tendencies = []
+        self.bounds, self.tendencies = bounds, list[Tendency]()
         for name in curve.varied:
-            slot, (low, high) = curve.slots[name], self.windows.get(name, (0.0, 0.0))
-            tendency = Tendency(name, slot, abs(float(start[slot])), low <= 0.0 <= high)
-            self.tendencies.append(tendency)
+            slot = curve.slots[name]
+            reaches = all(b.low <= 0.0 <= b.high for b in bounds if b.name == name)
+            self.tendencies.append(Tendency(name, slot, abs(float(start[slot])), reaches))
 
     def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
         """The first of several places beyond which nothing is to come, and what it tends to."""
@@ -141,13 +141,13 @@ class Growth:
 
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
         """Whether a window says how far something may go that grows with z."""
-        for name, (low, high) in self.windows.items():
-            slot = self.curve.slots[name]
-            value, rate = z[slot], tangent[slot]
+        for bound in self.bounds:
+            value: Any = z[bound.slot]
+            rate: Any = tangent[bound.slot]
             if np.ndim(value):  # the window of an array is one of its norm
                 value, rate = np.linalg.norm(value), value @ rate / (np.linalg.norm(value) or 1.0)
-            if rate * size > SHARE * value >= 0.0 and math.isfinite(high):
+            if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):
                 return True
-            if rate * size < SHARE * value <= 0.0 and math.isfinite(low):
+            if rate * size < SHARE * value <= 0.0 and math.isfinite(bound.low):
                 return True
         return False

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
+from operator import attrgetter
 
 from ..checks import flag, real, shown
 from ..errors import BadInput
@@ -165,7 +166,7 @@ def active_events(
         problem = _lifted(problem)
     if wanted is None:
         return _recording(problem, problem.events), problem.events
-    kinds = {event.kind for event in wanted}
+    kinds = list(map(attrgetter("kind"), wanted))
     walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
     for event in wanted:
         if isinstance(event, EventWithRule):

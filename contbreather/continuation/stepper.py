@@ -121,18 +121,18 @@ class Stepper:
         curve, steps = self.curve, self.steps
         if curve.compiled is None or not all(isinstance(b.slot, int) for b in self.bounds):
             return None
-        ends = np.array([self._inner(bound) for bound in self.bounds]).reshape(-1, 2)
+        ends = np.empty((2, len(self.bounds)))
+        for i, bound in enumerate(self.bounds):
+            start = bound.value(curve.start)
+            for side, end in ((0, bound.low), (1, bound.high)):
+                # short of a bound: it is landed on, unless the curve begins there
+                off = rounding(end) if abs(start - end) > rounding(end) else 0.0
+                ends[side, i] = end - off if side else end + off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
         sizes = steps.tolerance, steps.smallest, largest, steps.growth
-        low, high = np.ascontiguousarray(ends.T)
+        low, high = ends
         return Rules(*sizes, slots, low, high, curve.dual(self.start.direction), curve.start)
-
-    def _inner(self, bound: Bound) -> tuple[float, float]:
-        """Where these end short of a bound: it is landed on, unless the curve begins there."""
-        start, ends = bound.value(self.curve.start), (bound.low, bound.high)
-        off = [rounding(end) if abs(start - end) > rounding(end) else 0.0 for end in ends]
-        return ends[0] + off[0], ends[1] - off[1]
 
     # --- one by one ---
 

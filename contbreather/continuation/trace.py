@@ -150,7 +150,7 @@ def trace(
         branch = _so_far(walks)
         return branch and replace(branch, settings=settings, origin=origin)
 
-    line = line_of(progress, lambda progress: Counter(progress, free))
+    line = line_of(progress, partial(Counter, free=free))
     with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
         finer: Finer | None = start, along
         while finer is not None:
@@ -172,7 +172,7 @@ def trace(
 
 def _whole(walks: Sequence[ContinuationIterator]) -> Branch:
     """Both sides as one branch, with its ends labelled."""
-    first, *second = (one_way.branch() for one_way in walks)
+    first, *second = map(ContinuationIterator.branch, walks)
     if first.stop is Stop.CLOSED:
         return first
     return with_ends(first.reversed().join(second[0]) if second else first)
