@@ -35,6 +35,7 @@ from .zoo import (
     chebyshev,
     cusp_surface,
     events_of,
+    ignition,
     mesh,
     scalar,
     takens,
@@ -185,15 +186,7 @@ def test_any_point_of_a_boundary_can_be_its_start(planar: Branch) -> None:
 def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
     """u'' + lam exp(u/(1 + eps u)) = 0: the fold at eps = 0 is Bratu's; it ends in a cusp."""
     second = chebyshev(16)
-
-    def residual(u, p):
-        return second @ u + p["lam"] * np.exp(u / (1 + p["eps"] * u))
-
-    def jacobian(u, p):
-        inner = 1 + p["eps"] * u
-        return second + np.diag(p["lam"] * np.exp(u / inner) / inner**2)
-
-    problem = Problem(residual, {"u": np.zeros(15)}, {"lam": 1.0, "eps": 0.0}, jacobian=jacobian)
+    problem = ignition(second, lam=1.0)
     branch = trace(
         problem, "lam", within={"lam": (1, 5)}, events=[fold()], steps=Steps(largest=0.5)
     )
@@ -204,7 +197,9 @@ def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
     cusp = line.first("CP")
     assert cusp["eps"] == pytest.approx(0.24578, abs=1e-5)
     for point in line.points[::10]:  # by another road: the derivative has an eigenvalue 0
-        values = np.linalg.eigvals(jacobian(point["u"], point.params | {"lam": point["lam"]}))
+        values = np.linalg.eigvals(
+            problem.jacobian(point["u"], point.params | {"lam": point["lam"]})
+        )
         assert abs(values).min() < 1e-9
 
 
@@ -216,19 +211,7 @@ def test_a_fold_of_a_large_system_is_traced_with_few_evaluations() -> None:
 def test_a_cusp_is_one_in_any_units_and_on_any_mesh(second, rows, unit) -> None:
     """The same equation: on the mesh the cubic coefficient falls as 1/n, and rows grow as n^2."""
     weights = np.resize(rows, len(second))
-
-    def residual(v, p):
-        u = unit * v
-        return weights * (second @ u + p["lam"] * np.exp(u / (1 + p["eps"] * u)))
-
-    def jacobian(v, p):
-        inner = 1 + p["eps"] * unit * v
-        slope = np.diag(p["lam"] * np.exp(unit * v / inner) / inner**2)
-        return unit * weights[:, None] * (second + slope)
-
-    start, scales = {"u": np.full(len(second), 1.5 / unit)}, {"u": 1 / unit}
-    params = {"lam": 5.0, "eps": 0.24}
-    problem = Problem(residual, start, params, jacobian=jacobian, scales=scales)
+    problem = ignition(second, weights, unit, u=1.5, lam=5.0, eps=0.24)
     ahead = {"towards": "up", "events": [fold()], "steps": Steps(first=0.3, largest=3.0, most=6)}
     line = boundary(trace(problem, "lam", **ahead).first("LP"), ("eps", "lam"), **ahead)
     assert line.first("CP")["eps"] == pytest.approx(0.24578, abs=1e-4)

@@ -74,33 +74,36 @@ def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
 # --- coefficients ---------------------------------------------------------------------------------
 
 
-def test_without_values_to_both_sides_a_doubling_has_no_coefficient() -> None:
-    def image(x: Array, p: Params) -> Any:
-        if np.real(x[0]) < -1e-9:
-            raise ValueError("only to the right")
-        return -(1.0 + p["m"]) * x + x**2
+def to_the_right(u: Array, p: Params) -> Array:
+    """A map that doubles, or a flow that turns, without values to the left."""
+    if np.real(u[0]) < -1e-9:
+        raise ValueError("only to the right")
+    if u.size == 1:
+        return -(1.0 + p["m"]) * u + u**2
+    x, y = u
+    grow = p["m"] - (x * x + y * y)
+    return np.array([grow * x - 2.0 * y, 2.0 * x + grow * y])
 
-    mine = cb.FixedPoint(image, {"x": 0.0}, {"m": -0.31})
-    point = cb.trace(mine, "m", within={"m": (-0.4, 0.3)}).first("PD")
+
+@pytest.mark.parametrize(
+    ("mine", "kind", "name", "known"),
+    [
+        (cb.FixedPoint(to_the_right, {"x": 0.0}, {"m": -0.31}), "PD", "c", {}),
+        (
+            cb.Problem(to_the_right, START, {"m": -0.31}, events=[cb.hopf()]),
+            "HB",
+            "l1",
+            {"omega": 2},
+        ),
+    ],
+)
+def test_without_values_to_both_sides_there_is_no_coefficient(mine, kind, name, known) -> None:
+    point = cb.trace(mine, "m", within={"m": (-0.4, 0.3)}).first(kind)
     assert point["m"] == pytest.approx(0.0, abs=1e-9)
     assert point.detail["criticality"].startswith("unknown: ")
-    assert "c" not in point.detail
-
-
-def test_without_values_to_both_sides_a_hopf_point_has_no_coefficient() -> None:
-    def field(u: Array, p: Params) -> Any:
-        x, y = u
-        if np.real(x) < -1e-9:
-            raise ValueError("only to the right")
-        grow = p["m"] - (x * x + y * y)
-        return np.array([grow * x - 2.0 * y, 2.0 * x + grow * y])
-
-    mine = cb.Problem(field, START, {"m": -0.31})
-    point = cb.trace(mine, "m", within={"m": (-0.4, 0.3)}, events=[cb.hopf()]).first("HB")
-    assert point["m"] == pytest.approx(0.0, abs=1e-9)
-    assert point.detail["omega"] == pytest.approx(2.0, abs=1e-9)
-    assert point.detail["criticality"].startswith("unknown: ")
-    assert "l1" not in point.detail
+    assert name not in point.detail
+    for what, value in known.items():
+        assert point.detail[what] == pytest.approx(value, abs=1e-9)
 
 
 def test_two_multipliers_minus_one_with_two_eigenvectors_are_no_simple_doubling() -> None:

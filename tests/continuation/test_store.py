@@ -421,6 +421,17 @@ engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
         (lambda path, one: save(path), "results with different names are expected, got none"),
         (lambda path, one: save(path, one, branch1=one), "results with different names"),
         (lambda path, one: save(path, 3), r"^an int cannot be kept in a file; branches.* can$"),
+        *(
+            (lambda path, one, given=given: load(given), r"name of|cannot read")
+            for given in (3, "", None, "\0", "x" * 300)
+        ),
+        *(
+            (
+                lambda path, one, given=given: load(given),
+                f"read {given}: it is not an ordinary file",
+            )
+            for given in ("/dev/zero", "/dev/null")
+        ),
     ],
 )
 def test_what_cannot_be_written_or_read_is_refused(
@@ -669,18 +680,6 @@ def test_a_read_that_fails_keeps_no_other_thread_from_reading(path: Path) -> Non
     changed(_put("branch1/x", np.zeros(2)), places[2])
     done = ended("-c", LOCKED, *places, hung=60)
     assert (done.returncode, done.stdout) == (0, "2\n")
-
-
-@pytest.mark.parametrize("given", [3, "", None, "\0", "x" * 300])
-def test_what_is_no_name_of_a_file_is_refused(given: Any) -> None:
-    with pytest.raises(BadInput, match=r"name of|cannot read"):
-        load(given)
-
-
-@pytest.mark.parametrize("place", ["/dev/zero", "/dev/null"])
-def test_only_ordinary_files_are_read(place: str) -> None:
-    with pytest.raises(BadInput, match=f"cannot read {place}: it is not an ordinary file"):
-        load(place)
 
 
 def test_a_folder_without_files_is_refused(tmp_path: Path) -> None:

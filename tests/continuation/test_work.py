@@ -52,27 +52,24 @@ def test_each_test_is_asked_at_the_ends_and_in_the_middle_of_a_step(jacobian: bo
         assert calls[kind] <= 2 * steps + 4, kind
 
 
-def test_a_test_that_is_far_from_zero_is_asked_once_a_step() -> None:
+@pytest.mark.parametrize(
+    ("level", "towards", "each", "more", "found"),
+    [
+        (5.0, "both", 1, 9, []),  # far from zero all along; more at both ends of each side
+        (0.31, "both", 2, 5, [0.31]),
+        (0.0, "up", 2, 6, None),  # a start on an event: a look beside it
+    ],
+)
+def test_a_test_is_asked_so_many_times_a_step(level, towards, each, more, found) -> None:
     calls: Counter[str] = Counter()
-    events = [watched(calls, cb.user("m", 5.0))]
-    branch = cb.trace(counted(calls), "m", within=WITHIN, events=events)
-    assert calls["UZ"] <= len(branch) + 8  # more at both ends of each side
-
-
-def test_an_event_that_is_found_costs_a_few_looks_more() -> None:
-    calls: Counter[str] = Counter()
-    events = [watched(calls, cb.user("m", 0.31))]
-    branch = cb.trace(counted(calls), "m", within=WITHIN, events=events)
-    assert branch.first("UZ")["m"] == pytest.approx(0.31, abs=1e-12)
-    assert calls["UZ"] <= 2 * (len(branch) - 1) + 5
-
-
-def test_a_start_on_an_event_costs_a_look_beside_it() -> None:
-    calls: Counter[str] = Counter()
-    events = [watched(calls, cb.user("m", 0.0))]
-    branch = cb.trace(counted(calls), "m", within=WITHIN, events=events, towards="up")
-    assert calls["UZ"] <= 2 * (len(branch) - 1) + 6
-    assert [point.kind for point in branch.special] in (["UZ", "EP"], ["EP", "EP"])
+    events = [watched(calls, cb.user("m", level))]
+    branch = cb.trace(counted(calls), "m", within=WITHIN, events=events, towards=towards)
+    assert calls["UZ"] <= each * (len(branch) - 1) + more
+    places = [point["m"] for point in branch.special if point.kind == "UZ"]
+    if found is None:
+        assert [point.kind for point in branch.special] in (["UZ", "EP"], ["EP", "EP"])
+    else:
+        assert places == pytest.approx(found, abs=1e-12)
 
 
 def test_residuals_and_derivatives_of_a_walk_are_a_few_for_each_point() -> None:
