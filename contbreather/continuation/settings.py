@@ -183,8 +183,9 @@ def having(problem: Problem, *names: str) -> Problem:
     """The problem with these parameters among its own, as far as it can have them."""
     wider = problem.having(*names)
     # a boundary is made anew with what its base problem has, walls or none
-    base = problem.beneath is None
-    return _lifted(wider) if base and walls_are_lifted(problem) else wider
+    if wider is problem or problem.beneath is not None or not walls_are_lifted(problem):
+        return wider
+    return _lifted(wider)
 
 
 def titled(title: str, problem: Problem) -> str:

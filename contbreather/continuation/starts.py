@@ -110,9 +110,16 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     where that does not change at first, the curve leads away from the bound that it starts at, and
     else to where the leading unknown grows: neither is left to the sign of what rounding leaves.
     """
-    z = curve.start
+    z, matrix = curve.start, curve.jacobian(curve.start)
     along = np.eye(1, z.size, z.size - 1)[0]
-    if _nearly_singular(curve, z, along):
+    if is_sparse(matrix):  # fine meshes have small singular values everywhere
+        weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
+        singular = weak.size < 1e-4 * weak.second
+    else:
+        # with the row of the parameter below: singular at folds as well as where curves cross
+        sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
+        singular = bool(sizes[-1] < 1e-7 * sizes[0])
+    if singular:
         try:
             branch_point = crossing(curve, z)
             if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
@@ -135,16 +142,6 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
         if abs(slope) > LEVEL:
             return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
-
-
-def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
-    matrix = curve.jacobian(z)
-    if is_sparse(matrix):  # fine meshes have small singular values everywhere
-        weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
-        return weak.size < 1e-4 * weak.second
-    # with the row of the parameter below: singular at folds as well as where curves cross
-    sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
-    return bool(sizes[-1] < 1e-7 * sizes[0])
 
 
 def rounding(value: float) -> float:
