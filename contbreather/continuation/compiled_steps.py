@@ -219,10 +219,12 @@ def _compiled(
     m, width, by_hand = len(slots), n + len(slots), 0 if jacobian is None else n
     record = _as_record(names)
     # of a single equation a number will do
-    entry = numba.njit((lambda value, i: value) if scalar else (lambda value, i: value[i]))
-    put = njit(_put(njit(residual), n, entry, record))
+    entry = njit((lambda value, i, k: value) if scalar else (lambda value, i, k: value[i]))
+    slope = njit(lambda value, i, k: value[i][k])
+    put = njit(_put(njit(residual), (n, 1, 1), entry, record))
     column = njit(_column(put, len(names), n, slots))
-    rows = njit(_rows(njit(jacobian), n, width, record) if jacobian else lambda x, data, out: 0)
+    given = jacobian and _put(njit(jacobian), (n, n, width), slope, record)
+    rows = njit(given or (lambda x, data, out: 0))
 
     def unpack(z: Any, data: Any) -> Any:
         x = np.empty(n)
@@ -249,8 +251,10 @@ def _compiled(
     return njit(evaluate), njit(derive)
 
 
-def _put(function: Any, n: int, entry: Any, record: Any) -> Callable[..., int]:
-    """Fill in the values of a function at x and data; 1 where it raises."""
+def _put(function: Any, shape: tuple[int, int, int], entry: Any, record: Any) -> Callable[..., int]:
+    """Fill in the values of a function at x and data, so many rows and columns of an array of so
+    many columns; 1 where it raises."""
+    n, columns, width = shape
 
     def put(x: Any, data: Any, out: Any) -> int:
         try:
@@ -258,26 +262,11 @@ def _put(function: Any, n: int, entry: Any, record: Any) -> Callable[..., int]:
         except Exception:  # noqa: BLE001 - numba knows no others
             return 1
         for i in range(n):
-            out[i] = entry(value, i)
+            for k in range(columns):
+                out[i * width + k] = entry(value, i, k)
         return 0
 
     return put
-
-
-def _rows(slopes: Any, n: int, width: int, record: Any) -> Callable[..., int]:
-    """Fill in the derivative that was given."""
-
-    def rows(x: Any, data: Any, out: Any) -> int:
-        try:
-            value = slopes(x, record(data))
-        except Exception:  # noqa: BLE001 - numba knows no others
-            return 1
-        for i in range(n):
-            for k in range(n):
-                out[i * width + k] = value[i][k]
-        return 0
-
-    return rows
 
 
 def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..., Any]:

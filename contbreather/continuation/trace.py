@@ -42,7 +42,6 @@ _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a wo
 _MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
 _QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
-_KIND = attrgetter("kind")
 
 
 class Startable(Protocol):
@@ -293,7 +292,7 @@ class ContinuationIterator:
         for piece in self.pieces():
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
-            kept.look(isinstance(piece, list) and any(map(_KIND, piece)), so_far)
+            kept.look(isinstance(piece, list) and any(map(attrgetter("kind"), piece)), so_far)
             finer = look(piece[-1])
             if finer is not None:
                 return finer

@@ -369,7 +369,7 @@ def test_columns_of_a_user_s_functions_are_their_derivatives() -> None:
             raise ValueError("beyond")
         return dict(zip(names, data[:3], strict=True))
 
-    put = compiled_steps._put(residual, 2, lambda value, i: value[i], record)
+    put = compiled_steps._put(residual, (2, 1, 1), lambda value, i, k: value[i], record)
     column = compiled_steps._column(put, 3, 2, (1,))
     data = [*params, *steps]
     wanted = np.array([[4 * 0.5**3 * 2.0, 3.0, 0.5**4], [-1.0, 4.0, 2 * 2.0 * -1.0]])

@@ -34,6 +34,7 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.errors import BadInput, ContbreatherError
+from contbreather.storage import netcdf
 
 from ..apart import ended
 from .zoo import ARMS, CIRCLE, CUSP, LINE, ZOO, Case, brusselator, takens, trace_case
@@ -464,7 +465,10 @@ def test_axis_of_an_array_and_an_unknown_of_its_name_are_refused_together(path: 
         save(path, both)
 
 
-@pytest.mark.parametrize("name", ["a/b", "..", ".", "", " a", "a\nb", "\udc80", "\0", "n" * 201])
+@pytest.mark.parametrize(
+    "name",
+    ["a/b", "..", ".", "", " a", "a ", "_nc4_a", "a\nb", "\udc80", "\0", "n" * 201, "é" * 101],
+)
 def test_names_that_netcdf_does_not_take_are_refused(name: str, path: Path) -> None:
     for attempt in (
         lambda: save(path, line(unknown=name)),
@@ -477,7 +481,9 @@ def test_names_that_netcdf_does_not_take_are_refused(name: str, path: Path) -> N
     assert not path.exists()
 
 
-@pytest.mark.parametrize("name", ["a b", "β", "1", "_x", "a:b", "label", "n" * 200, "detail_x"])
+@pytest.mark.parametrize(
+    "name", ["a b", "β", "1", "_x", "a:b", "label", "n" * 200, "é" * 100, "detail_x"]
+)
 def test_any_other_name_comes_back(name: str, path: Path) -> None:
     branches = {name: line(unknown=name), "other": line(parameter=name)}
     save(path, **branches)
@@ -497,6 +503,8 @@ def test_a_column_that_bears_the_name_of_a_dimension_comes_back(path: Path) -> N
 def test_no_label_keeps_a_branch_from_being_saved(text: str, path: Path) -> None:
     save(path, line(label=text))
     assert load(path).problem.label == text
+    assert netcdf.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"  # as an attribute
+    assert netcdf.text("a\0b") == rb"a\0b"
 
 
 def test_kind_of_several_words_comes_back(path: Path) -> None:
