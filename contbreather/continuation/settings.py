@@ -170,7 +170,11 @@ def active_events(
     walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
     for event in wanted:
         if isinstance(event, EventWithRule):
-            problem = _with_rule(problem, event)
+            # what its columns are about stands in the label
+            plain = problem.label.removesuffix(_LIFTED)
+            about = f" ({event.about})" if event.about else ""
+            label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
+            problem = replace(problem, record={**problem.record, **event.record}, label=label)
     return _recording(problem, wanted), (*wanted, *walls)
 
 
@@ -220,12 +224,3 @@ def _recording(problem: Problem, events: Iterable[Event]) -> Problem:
         taken = {*problem.names, *problem.record}
         brought = {name: column for name, column in brought.items() if name not in taken}
     return replace(problem, record={**problem.record, **brought}) if brought else problem
-
-
-def _with_rule(problem: Problem, event: EventWithRule) -> Problem:
-    """The problem with the columns that an event brings, and what they are about in its label."""
-    plain = problem.label.removesuffix(_LIFTED)
-    end = problem.label[len(plain) :]
-    about = f" ({event.about})" if event.about else ""
-    label = plain.partition(" (")[0] + about + end
-    return replace(problem, record={**problem.record, **event.record}, label=label)
