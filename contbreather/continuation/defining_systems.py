@@ -397,11 +397,10 @@ class ExtendedProblem(Problem):
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         """Columns in the order: unknowns, extra, released, free."""
-        of = self.residual
-        (curve, z), extra = of.beneath(x, params, free), x[of.n : -1]
-        n, unfolding = of.n, of.locus.unfolding
-        matrix, rows = curve.jacobian(z), of.slopes(curve, z, extra)
-        middle = np.zeros((n, of.extra)) if unfolding is None else unfolding(extra)[1]
+        both, n = self.residual, self.residual.n
+        (curve, z), extra, unfolding = both.beneath(x, params, free), x[n:-1], both.locus.unfolding
+        matrix, rows = curve.jacobian(z), both.slopes(curve, z, extra)
+        middle = np.zeros((n, both.extra)) if unfolding is None else unfolding(extra)[1]
         # y the extra unknowns, r the released parameter, u the unfolding
         # | F_x  u_y  F_r  F_p |
         # | g_x  g_y  g_r  g_p |
@@ -409,9 +408,9 @@ class ExtendedProblem(Problem):
         return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
     def loops(self, free: tuple[str, ...], params: Params) -> Loops | None:
-        of = self.residual
-        shorter = of.locus.loops and Curve(of.problem, (of.released, *free)).loops(params)
-        return of.locus.loops(shorter, of.n) if of.locus.loops and shorter else None
+        both, longer = self.residual, self.residual.locus.loops
+        shorter = longer and Curve(both.problem, (both.released, *free)).loops(params)
+        return longer(shorter, both.n) if longer and shorter else None
 
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)

@@ -144,7 +144,7 @@ def without_candidate(
     """Which tests are so far from zero, by the parabola through their last three values, and change
     so little that nothing is to be looked for within the step between two points; `pace` is the
     length of the step before, relative to this one."""
-    calm = set[int]()
+    clear = set[int]()
     for i, (event, past, start, end) in enumerate(zip(events, earlier, before, after, strict=True)):
         if event.test is None:
             quiet = start == end
@@ -155,8 +155,8 @@ def without_candidate(
         else:
             quiet = _is_flat(pace, past, start, end) and not counts_apart(event, *ends)
         if quiet:
-            calm.add(i)
-    return calm
+            clear.add(i)
+    return clear
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
