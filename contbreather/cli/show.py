@@ -96,7 +96,7 @@ def extend(
     in_place = into.save is None or identity(into.save) == identity(place)
     into = replace(into, save=str(place) if in_place else into.save)
     into.check({} if in_place else {"RUN": str(place)})
-    settings = branch.settings or cb.continuation.branch.Settings()
+    settings = branch.settings or cb.continuation.settings.Settings()
     within = settings.within if window is None else {**settings.within, branch.free: window}
     steps = settings.steps if most is None else replace(settings.steps, most=most)
     others = dict(cb.Run(place)) if in_place else {}

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from .boundary import boundary
-from .branch import Branch, Stop, with_columns
+from .branch import Branch, Stop, refined, with_columns
 from .equilibria import branch_point, cusp, fold, hopf
 from .point import Event, Locus, Point, user
 from .problem import Problem
-from .refine import refined
 from .resume import extend
 from .run import Run, load, save
-from .steps import Steps
+from .settings import Steps
 from .switching import Lift
 from .trace import trace, walk
 

@@ -15,8 +15,7 @@ from ..checks import check_kind
 from ..errors import BadInput
 from ..progress import Counter
 from ..storage.serialise import from_dict, to_dict
-from .active_events import active_events, having, titled, walls_are_lifted
-from .branch import Branch, Settings
+from .branch import Branch
 from .branch_points import Crossings, branch_point_test, branches_cross
 from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
@@ -24,8 +23,18 @@ from .defining_systems import Extended, ExtendedProblem, event_of, extended, lif
 from .newton import Undefined
 from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
 from .problem import Problem
-from .starts import Within, all_of, windows
-from .steps import Steps, steps_of
+from .settings import (
+    Settings,
+    Steps,
+    Within,
+    active_events,
+    all_of,
+    having,
+    steps_of,
+    titled,
+    walls_are_lifted,
+    windows,
+)
 from .trace import trace
 
 _MOST = 500  # steps in each direction

@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, cast, overload
+from itertools import pairwise
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import check_kind, shown
+from ..checks import check_kind, number, shown, whole
 from ..columns import Columns
 from ..display import HtmlRepr
 from ..errors import BadInput
 from ..tables import Column, Sheet
 from .curve import Curve
-from .newton import Array
-from .point import Event, Point, UnstableDimension
+from .interpolant import StepInterpolant
+from .newton import Array, Undefined
+from .point import Point, UnstableDimension
 from .points import Points
 from .problem import Problem
-from .steps import Steps
-
-if TYPE_CHECKING:
-    pass
-
+from .settings import Settings
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
 
@@ -49,16 +47,6 @@ class Stop(enum.Enum):
     def failed(self) -> bool:
         """Whether the numerics gave up, rather than the curve being at its end."""
         return self in (Stop.NO_CONVERGENCE, Stop.RIM)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How a walk was asked for; its parts are as in `trace`, of a boundary as in `boundary`."""
-
-    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    events: tuple[Event, ...] | None = None
-    steps: Steps = field(default_factory=Steps)
-    inadmissible: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,6 +330,48 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
 
 
+def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
+    """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
+    finds them; what it had stays.
+
+    Parameters
+    ----------
+    branch : Branch
+    fewest : int
+    tolerance : float
+        Of Newton's iteration at the new points.
+
+    Examples
+    --------
+    >>> import numpy as np, contbreather as cb
+    >>> circle = cb.Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                     start={"x": 1.0}, params={"mu": 0.0})
+    >>> fine = refined(cb.trace(circle, "mu"), 300)
+    >>> len(fine) >= 300, bool(abs(fine["residual"]).max() < 1e-14)
+    (True, True)
+    """
+    check_kind(branch, Branch, "a Branch")
+    if len(branch) >= whole("fewest", fewest, 1):
+        return branch
+    tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
+    spacing = (branch[-1].arclength - branch[0].arclength) / fewest
+    points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
+    return replace(branch, points=(*points, branch[-1]))
+
+
+def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
+    """The first of two neighbours and as many between them as the spacing asks for."""
+    yield first
+    pieces = math.ceil((last.arclength - first.arclength) / spacing)
+    segment = StepInterpolant(first, last, tolerance)
+    for i in range(1, pieces):
+        try:
+            point = segment.at(i / pieces)
+        except Undefined:
+            continue  # left out rather than interpolated
+        yield point
+
+
 def labelled(points: Iterable[Point]) -> Points:
     """Number the special points of each kind in their order: PF1, PF2, ..."""
     points = Points.of(points)
@@ -354,6 +384,18 @@ def labelled(points: Iterable[Point]) -> Points:
             dot = "." if kind[-1].isdigit() else ""  # the second R1 is R1.2, not R12
             marked[i] = replace(marked[i], label=f"{kind}{dot}{count[kind]}")
     return replace(points, made=marked)
+
+
+def with_ends(branch: Branch) -> Branch:
+    """Label both ends: EP, or MX where the numerics gave up."""
+    points = Points.of(branch.points)
+    for i, stops in ((0, {branch.began}), (len(points) - 1, {branch.stop})):
+        if len(points) == 1:  # both ends in one
+            stops = {branch.began, branch.stop}
+        if not points[i].kind:
+            kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
+            points = points.put(i, replace(points[i], kind=kind))
+    return replace(branch, points=labelled(points))
 
 
 def _joined(before: Points, after: Points) -> Points:

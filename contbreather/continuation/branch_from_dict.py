@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..storage.netcdf import check_lengths
 from ..storage.serialise import can_read, from_dict
-from .active_events import active_events
 from .boundary import boundary_problem
-from .branch import Branch, Settings, Stop, labelled
+from .branch import Branch, Stop, labelled
 from .curve import Curve
 from .defining_systems import ExtendedProblem
 from .equilibria import branch_point, fold, hopf
@@ -26,7 +25,7 @@ from .point import Event, Point, UnstableDimension
 from .points import Points
 from .problem import Problem
 from .samples import measure
-from .steps import Steps
+from .settings import Settings, Steps, active_events
 
 Array = NDArray[Any]
 Content = Mapping[str, Any]

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 from .curve import Curve
 from .defining_systems import Singular, signed_smallest
-from .dense import solve
 from .linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
 from .newton import Solution, Undefined
 from .point import Event, Locus, Point
-from .sparse import Factors, Matrix, above, beside, is_large, is_sparse
+from .sparse import Factors, Matrix, above, beside, is_large, is_sparse, solve
 
 Array = NDArray[np.float64]
 

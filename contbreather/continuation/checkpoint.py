@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -62,17 +61,18 @@ class Checkpoint:
 
     def __init__(self, path: str | Path | None = None, name: str = "") -> None:
         self.path, self.name = None if path is None else netcdf.target_of(path), name
-        self.soonest = self.due = math.inf if path is None else time.monotonic() + EVERY
+        self.soonest = self.due = time.monotonic() + EVERY
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
         """Write what there is, if it is time; `piece` gives it, or None."""
         now = time.monotonic()
-        if now < (self.soonest if special else self.due):
+        if self.path is None or now < (self.soonest if special else self.due):
             return
         result = piece()
         if result is not None:
             try:
-                self._write(result, recorded=False)  # these columns may take as long as the run
+                # recorded columns may take as long as the run
+                self._write(self.path, result, recorded=False)
             except BadInput as error:  # a disk that is full now may not be later
                 logging.getLogger("contbreather").warning("%s; the run goes on", error)
         end = time.monotonic()
@@ -87,19 +87,19 @@ class Checkpoint:
         NotKept
             With the result, which is not lost where there is no room for it.
         """
+        if self.path is None:
+            return
         try:
-            self._write(result, recorded=None)
+            self._write(self.path, result, recorded=None)
         except BadInput as error:
             raise NotKept(str(error), result) from error
 
-    def _write(self, result: Any, *, recorded: bool | None) -> None:
-        if self.path is None:
-            return
+    def _write(self, path: Path, result: Any, *, recorded: bool | None) -> None:
         several = isinstance(result, tuple)
         named = result if isinstance(result, Mapping) else {self.name: result}
         if several:
             named = {f"{self.name}{i}": part for i, part in enumerate(result, start=1)}
-        write(self.path, named, alone=len(named) == 1 and not several, recorded=recorded)
+        write(path, named, alone=len(named) == 1 and not several, recorded=recorded)
 
 
 class Inner(Checkpoint):

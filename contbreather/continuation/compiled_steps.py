@@ -1,24 +1,35 @@
-"""Problems of a few unknowns whose equations are machine code: many steps in one call of `step`."""
+"""Problems of a few unknowns whose equations are machine code: many steps in one call of `step`.
+
+Functions that a user gave are compiled by numba for this session. They are written for an array and
+a dict; compiled they get an array and a record, which is indexed by the names of its fields like a
+dict.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kernels
-from ..kernels import FRAME, Kernel
+from .. import compiler, kernels
+from ..errors import BadInput
+from ..kernels import FRAME, Kernel, NotCompiled, callable_at
+from . import derivatives
 from .step import CORRECTED, STEPS, TAKEN, Equations, Here, Rules
 
 Array = NDArray[np.float64]
 
 _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
+
+_AGREE = 1e-10  # relative; what is compiled may round otherwise
+_DERIVED = 1e-5  # and derivatives by differences at a rim or a fine feature may be this bad
 
 _log = logging.getLogger(__name__)
 
@@ -52,72 +63,45 @@ class MachineCode(NamedTuple):
     code: Mapping[Kernel, Callable[..., int]]
 
 
-class _Kernels:
-    """The kernels on the equations of one curve, as they are or by machine code."""
+class CompiledCurve:
+    """The equations of a curve, and the kernels on them: by machine code, or as they are.
+
+    Attributes
+    ----------
+    loops : Loops
+    here : Here
+        Where the latest of many steps ended.
+    """
 
     def __init__(self, loops: Loops, metric: Array) -> None:
-        d, self.machine = metric.size, machine(loops)
+        d, self.loops, self.machine = metric.size, loops, machine(loops)
         evaluate: Any = self.machine.evaluate if self.machine else loops.evaluate
         derive: Any = self.machine.derive if self.machine else loops.derive
         value, flat = np.zeros((2, 3 * d * d))
         matrix, data = flat[: d * d].reshape(d, d), np.array(loops.data)
         self.eq = Equations(evaluate, derive, data, metric, value, flat, matrix, np.zeros(d))
+        self.here, self.answer = Here(*np.zeros((6, d))), np.zeros(3)
 
-    def call(self, kernel: Kernel, *values: Any) -> None:
+    def _call(self, kernel: Kernel, *values: Any) -> None:
         if self.machine is not None:
             kernel.run(self.machine.code[kernel], (self.eq, *values))
         else:
             kernel.as_it_is(self.eq, *values)
 
-
-class ManySteps:
-    """Steps of one walk, many in one call.
-
-    Attributes
-    ----------
-    state : ndarray
-        After a call: arclength, the size to try next, the sign of the bordered determinant, the
-        longest step so far.
-    here : Here
-        Where it ended.
-    """
-
-    def __init__(
-        self,
-        loops: Loops,
-        sizes: tuple[float, float, float, float],
-        bounds: Sequence[tuple[int, float, float]],
-        metric: Array,
-        plane: tuple[Array, Array],
-    ) -> None:
-        self.loops, self.kernels = loops, _Kernels(loops, metric)
-        slots = np.array([slot for slot, _, _ in bounds], dtype=np.int64)
-        low, high = (np.array([bound[i] for bound in bounds], dtype=float) for i in (1, 2))
-        self.rules = Rules(*sizes, slots, low, high, *plane)
-        self.here, self.state = Here(*np.zeros((6, metric.size))), np.zeros(4)
-
-    def take(
-        self, start: Sequence[Array], state: Sequence[float], most: int
+    def steps(
+        self, rules: Rules, start: Sequence[Array], state: Array, most: int
     ) -> tuple[Array, Array, Array, Array]:
         """As many steps as come off, at most so many: their z, tangents, arclengths and residuals;
-        from z, tangent and its bend, and the state there."""
+        from z, tangent and its bend, and the state there, arclength, the size to try next, the sign
+        of the bordered determinant, the longest step so far, which becomes that of the last."""
         for buffer, entries in zip(self.here, start, strict=False):
             buffer[:] = entries
-        self.state[:] = state
         d, count = self.here.z.size, np.zeros(1, dtype=np.int64)
-        out = np.empty((min(most, _AT_ONCE if self.kernels.machine else _AS_IT_IS), 2 * d + 2))
+        out = np.empty((min(most, _AT_ONCE if self.machine else _AS_IT_IS), 2 * d + 2))
         with suppress(ArithmeticError, ValueError):  # where machine code goes on with an infinity
-            self.kernels.call(STEPS, self.rules, self.here, self.state, out, count)
+            self._call(STEPS, rules, self.here, state, out, count)
         rows = out[: count[0]].copy()
         return rows[:, :d], rows[:, d : 2 * d], rows[:, -2], rows[:, -1]
-
-
-class Corrector:
-    """Solves for single points of a curve."""
-
-    def __init__(self, loops: Loops, metric: Array) -> None:
-        self.kernels, self.here = _Kernels(loops, metric), Here(*np.zeros((6, metric.size)))
-        self.answer = np.zeros(3)
 
     def corrected(
         self, guess: Array, across: Array, slope: Array, tolerance: float
@@ -127,7 +111,7 @@ class Corrector:
         here = self.here
         here.there[:] = guess
         try:
-            self.kernels.call(CORRECTED, tolerance, across, slope, here, self.answer)
+            self._call(CORRECTED, tolerance, across, slope, here, self.answer)
         except (ArithmeticError, ValueError):
             return None
         status, iterations, residual = self.answer.tolist()
@@ -141,24 +125,195 @@ _known: dict[Any, MachineCode | None] = {}
 
 def machine(loops: Loops) -> MachineCode | None:
     """Machine code of a problem and of the kernels, None where there is none."""
-    evaluate = loops.evaluate
-    if evaluate not in _known:
-        _known[evaluate] = _machine(loops)
-    return _known[evaluate]
-
-
-def _machine(loops: Loops) -> MachineCode | None:
-    if loops.at_once:
-        from ..compiler import address
-    else:
-        address = kernels.address
+    if loops.evaluate in _known:
+        return _known[loops.evaluate]
+    address, code = compiler.address if loops.at_once else kernels.address, None
     try:
         evaluate, derive = address(loops.evaluate, "ppp"), address(loops.derive, "ppp")
-        code = {
-            kernel: kernels.callable_at(address(kernel.function, ""), FRAME)
-            for kernel in (STEPS, CORRECTED)
-        }
-    except kernels.NotCompiled as reason:
+        entries = {k: callable_at(address(k.function, ""), FRAME) for k in (STEPS, CORRECTED)}
+        code = MachineCode(evaluate, derive, entries)
+    except NotCompiled as reason:
+        _log.info("steps are taken without compiled code: %s", reason)
+    _known[loops.evaluate] = code
+    return code
+
+
+# --- functions that a user gave ---------------------------------------------------------------
+
+
+def compiled_equations(curve: Any, params: Mapping[str, float]) -> Loops | None:
+    """The equations of a problem whose functions can be compiled, checked at its start; None where
+    they cannot, with the reason as a message of the logger, once."""
+    problem, free, start = curve.problem, curve.free, curve.start
+    names = (*problem.params,)
+    slopes = curve.jacobian(start)  # by then it is known how derivatives are to be taken
+    scalar = np.ndim(problem.residual(curve.unknowns(start), curve.params(start))) == 0
+    slots = tuple(names.index(name) for name in free)
+    functions = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
+    if functions is None:
+        return None
+    values = [float(params.get(name, 0.0)) for name in names]
+    longest = derivatives.RELATIVE * np.maximum(curve.scales, abs(start))
+    loops = Loops(*functions, (*values, *(longest / curve.finer).tolist()), at_once=True)
+    if not _agrees(_filled(loops, loops.derive, start, slopes), slopes, _DERIVED):
+        finer = derivatives.estimate(curve.equations, start, curve.scales)[2]
+        loops = replace(loops, data=(*values, *(longest / finer).tolist()))
+    _check(loops, start, curve.equations(start), slopes)
+    return loops
+
+
+def _filled(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | None:
+    """What one of them fills in, None where it has no values."""
+    values = np.zeros(wanted.shape)
+    arrays = z.copy(), np.array(loops.data), values
+    code = callable_at(compiler.address(function, "ppp"), "ppp")
+    status = code(*(array.ctypes.data for array in arrays))
+    return None if status else values
+
+
+def _agrees(values: Array | None, wanted: Array, close: float) -> bool:
+    atol = close * (1 + abs(wanted).max())
+    return values is not None and np.allclose(values, wanted, rtol=close, atol=atol)
+
+
+def _check(loops: Loops, z: Array, value: Array, slopes: Array) -> None:
+    """Refuse functions that mean something else when they are compiled."""
+    for function, wanted, close in (
+        (loops.evaluate, value, _AGREE),
+        (loops.derive, slopes, _DERIVED),
+    ):
+        values = _filled(loops, function, z, wanted)
+        if not _agrees(values, wanted, close):
+            what = "residual" if function is loops.evaluate else "derivative"
+            has = "not to be had" if values is None else values.tolist()
+            raise BadInput(
+                f"compiled, the {what} at the start is {has}; as it is it gives "
+                f"{wanted.tolist()}: numba takes it otherwise; leave out compiled=True"
+            )
+
+
+@lru_cache(maxsize=64)
+def _functions(*arguments: Any) -> tuple[Any, Any] | None:
+    """Both functions for `step`, or None where numba refuses them."""
+    try:
+        functions = _compiled(*arguments)
+        for function in functions:
+            compiler.address(function, "ppp")
+    except (NotCompiled, ImportError) as reason:
         _log.info("steps are taken without compiled code: %s", reason)
         return None
-    return MachineCode(evaluate, derive, code)
+    return functions
+
+
+def _compiled(
+    residual: Callable[..., Any],
+    jacobian: Callable[..., Any] | None,
+    names: tuple[str, ...],
+    n: int,
+    slots: tuple[int, ...],
+    scalar: bool,
+) -> tuple[Any, Any]:
+    import numba
+
+    njit = numba.njit(error_model="numpy")
+    m, width, by_hand = len(slots), n + len(slots), 0 if jacobian is None else n
+    record = _as_record(names)
+    # of a single equation a number will do
+    entry = njit((lambda value, i, k: value) if scalar else (lambda value, i, k: value[i]))
+    slope = njit(lambda value, i, k: value[i][k])
+    put = njit(_put(njit(residual), (n, 1, 1), entry, record))
+    column = njit(_column(put, len(names), n, slots))
+    given = jacobian and _put(njit(jacobian), (n, n, width), slope, record)
+    rows = njit(given or (lambda x, data, out: 0))
+
+    def unpack(z: Any, data: Any) -> Any:
+        x = np.empty(n)
+        for i in range(n):
+            x[i] = z[i]
+        for j in range(m):
+            data[slots[j]] = z[n + j]
+        return x
+
+    unpacked = njit(unpack)
+
+    def evaluate(z: Any, data: Any, out: Any) -> Any:
+        return put(unpacked(z, data), data, out)
+
+    def derive(z: Any, data: Any, out: Any) -> Any:
+        x, slopes = unpacked(z, data), np.empty(n)
+        status = rows(x, data, out)
+        for c in range(by_hand, width):
+            status += column(c, x, data, slopes)
+            for i in range(n):
+                out[i * width + c] = slopes[i]
+        return status
+
+    return njit(evaluate), njit(derive)
+
+
+def _put(function: Any, shape: tuple[int, int, int], entry: Any, record: Any) -> Callable[..., int]:
+    """Fill in the values of a function at x and data, so many rows and columns of an array of so
+    many columns; 1 where it raises."""
+    n, columns, width = shape
+
+    def put(x: Any, data: Any, out: Any) -> int:
+        try:
+            value = function(x, record(data))
+        except Exception:  # noqa: BLE001 - numba knows no others
+            return 1
+        for i in range(n):
+            for k in range(columns):
+                out[i * width + k] = entry(value, i, k)
+        return 0
+
+    return put
+
+
+def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..., Any]:
+    """A column of the derivative by the five-point formula, with steps from behind the parameters:
+    powers of complex numbers are not exact to the last digit of a complex step."""
+
+    def column(c: int, x: Any, data: Any, out: Any) -> Any:
+        h, moved, status = data[count + c], np.empty(n), 0
+        for i in range(n):
+            out[i] = 0.0
+        for step in (-2, -1, 1, 2):
+            # f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / 12h
+            weight = (8.0 if abs(step) == 1 else -0.5) * step / (12.0 * h)
+            if c < n:
+                kept = x[c]
+                x[c] = kept + step * h
+                status += put(x, data, moved)
+                x[c] = kept
+            else:
+                kept = data[slots[c - n]]
+                data[slots[c - n]] = kept + step * h
+                status += put(x, data, moved)
+                data[slots[c - n]] = kept
+            for i in range(n):
+                out[i] += weight * moved[i]
+        return status
+
+    return column
+
+
+def _as_record(names: tuple[str, ...]) -> Any:
+    """The parameters at a pointer as a record, which is indexed by their names."""
+    import numba
+    from numba.extending import intrinsic
+
+    carray: Any = numba.carray  # type: ignore[attr-defined]
+    pointer = numba.types.CPointer(numba.from_dtype(np.dtype([(name, float) for name in names])))
+
+    def pointed(_: Any, where: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.bitcast(args[0], context.get_value_type(pointer))
+
+        return pointer(where), generate
+
+    cast: Any = intrinsic(pointed)
+
+    def record(where: Any) -> Any:
+        return carray(cast(where), 1)[0]
+
+    return numba.njit(record)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .compiled_steps import Corrector, Loops
-from .dense import Dense
+from .compiled_steps import CompiledCurve, Loops, compiled_equations
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
@@ -24,9 +25,9 @@ from .newton import (
     rounding,
 )
 from .sparse import (
+    Dense,
     Factors,
     Matrix,
-    Pattern,
     beside,
     canonical,
     columns_of,
@@ -60,11 +61,9 @@ def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
     if actual != shape:
         kind = "is sparse and has" if sparse else "has"
         raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")
-    if sparse:
-        _check_entries(what, canonical(value))
-
-
-def _check_entries(what: str, matrix: Matrix) -> None:
+    if not sparse:
+        return
+    matrix = canonical(value)
     wrong = np.flatnonzero(~np.isfinite(matrix.data))
     if wrong.size:
         entry = (int(matrix.indices[wrong[0]]), int(columns_of(matrix)[wrong[0]]))
@@ -111,16 +110,16 @@ class Curve:
         self.varied = free if problem.beneath is None else (*free, list(problem.start)[-1])
         self.size = problem.x.size
         self.fixed = {name: float(value) for name, value in problem.params.items()}
-        self.start = np.concatenate([problem.x, [self.fixed[name] for name in free]])
+        self.start = np.append(problem.x, [self.fixed[name] for name in free])
         self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
-        names = (*problem.start, *free)
-        counts = [np.size(problem.start.get(name, 0.0)) for name in names]
-        self.scales = np.repeat([float(problem.scales.get(name, 1.0)) for name in names], counts)
+        self.scales, weights = np.ones(self.start.size), np.ones(self.start.size)
         # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an entry
-        weights = 1 / (np.repeat(counts, counts) * self.scales**2)
+        for name, slot in self.slots.items():
+            self.scales[slot] = size = float(problem.scales.get(name, 1.0))
+            weights[slot] = 1 / (np.size(self.start[slot]) * size**2)
         self.metric = None if (weights == 1).all() else weights
         self._scheme: derivatives.Scheme | None = None
-        self._corrector: Any = _UNKNOWN
+        self._compiled: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
@@ -129,7 +128,7 @@ class Curve:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        return {**self.__dict__, "_known": {}, "_corrector": _UNKNOWN}
+        return {**self.__dict__, "_known": {}, "_compiled": _UNKNOWN}
 
     def dual(self, tangent: Array) -> Array:
         """The row whose product with z is the inner product of the arclength."""
@@ -144,7 +143,12 @@ class Curve:
     @property
     def rows(self) -> Array:
         if self._rows is None:
-            self._rows = self._first_rows()
+            sizes = self._rows = self.row_sizes(self.start)
+            if not (sizes.size > 1 and sizes.min() > _VANISHED * sizes.max()):
+                # where curves cross a whole row, or the only one, may vanish: it is seen aside
+                z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
+                with suppress(Undefined):
+                    self._rows = np.maximum(sizes, self.row_sizes(z))
         passed, self._passed = self._passed, []
         for z in passed:
             # halved, not forgotten: a row may vanish for a moment, as where curves cross
@@ -158,17 +162,6 @@ class Curve:
     def passes(self, z: Array) -> None:
         """Take note of a place of a walk, for `rows`: they are wanted on few of them."""
         self._passed = [*self._passed[1 - PASSED :], z]
-
-    def _first_rows(self) -> Array:
-        sizes = self.row_sizes(self.start)
-        if sizes.size > 1 and sizes.min() > _VANISHED * sizes.max():
-            return sizes
-        # where curves cross a whole row, or the only one, may vanish: its size is seen aside
-        z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
-        try:
-            return np.maximum(sizes, self.row_sizes(z))
-        except Undefined:
-            return sizes
 
     def row_sizes(self, z: Array) -> Array:
         sizes = row_sizes(self.jacobian(z), self.scales)
@@ -199,13 +192,13 @@ class Curve:
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     @property
-    def corrector(self) -> Corrector | None:
-        """Who solves for single points, where the equations can be compiled."""
-        if self._corrector is _UNKNOWN:
+    def compiled(self) -> CompiledCurve | None:
+        """Who takes steps and solves for single points, where the equations can be compiled."""
+        if self._compiled is _UNKNOWN:
             loops = self.loops() if self.start.size <= WIDEST else None
             metric = np.ones(self.start.size) if self.metric is None else self.metric
-            self._corrector = None if loops is None else Corrector(loops, metric)
-        return self._corrector
+            self._compiled = None if loops is None else CompiledCurve(loops, metric)
+        return self._compiled
 
     def loops(self, params: Params | None = None) -> Loops | None:
         """The equations as functions that can be compiled, where they can; `params` are the other
@@ -215,9 +208,7 @@ class Curve:
             return problem.loops(self.free, params)
         if not problem.compiled or self.start.size > WIDEST:
             return None
-        from .given_loops import given_loops
-
-        return given_loops(self, params)
+        return compiled_equations(self, params)
 
     @property
     def finer(self) -> Any:
@@ -243,18 +234,16 @@ class Curve:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
         be written to."""
         matrix: Matrix = self.once("jacobian", z, self._derivatives)
-        if self.size >= _MANY and not self.hint and not is_sparse(matrix):
-            self._look(matrix)
-        return matrix
-
-    def _look(self, matrix: Array) -> None:
-        """See whether a large derivative is dense for want of a word."""
+        if self.size < _MANY or self.hint or is_sparse(matrix):
+            return matrix
         of_user = self.problem.derivatives is None and self.problem.beneath is None
+        # a large derivative that is dense for want of a word
         if of_user and np.count_nonzero(matrix) < _THIN * matrix.size:
             self.hint = (
                 f"a derivative of {self.size} x {self.size} entries, nearly all of them 0: "
                 "Problem(..., sparsity=pattern), or a sparse jacobian, is faster"
             )
+        return matrix
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
         """The derivative factorised, to be solved with a row below."""
@@ -292,7 +281,11 @@ class Curve:
                 whole = problem.derivatives(self.unknowns(z), params, self.free)
                 return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
             if problem.sparsity is not None:
-                return self._with_parameters(z, self._by_pattern(z), width)
+                # unknowns of one colour move together, each in proportion to its size
+                steps = np.maximum(self.scales, abs(z))[: self.size]
+                few = partial(self._by_few, z, columns=range(1))
+                matrix = problem.sparsity.derivative(lambda way: few(way)[:, 0], steps)
+                return self._with_parameters(z, matrix, width)
             if problem.jacobian is None:
                 return self._by_trying(self._raw, z, range(width), self.scales)
             jacobian = problem.jacobian(self.unknowns(z), params)
@@ -324,13 +317,6 @@ class Curve:
         if not math.isfinite(jacobian.data.sum() + columns.sum()):
             raise Undefined("the derivatives are not finite")
         return beside(jacobian, columns)
-
-    def _by_pattern(self, z: Array) -> Matrix:
-        """The derivative in the unknowns where it is known which entries are not zero."""
-        pattern: Pattern = self.problem.sparsity
-        # unknowns of one colour move together, each in proportion to its size
-        steps = np.maximum(self.scales, abs(z))[: self.size]
-        return pattern.derivative(lambda way: self._by_few(z, way, range(1))[:, 0], steps)
 
     def _by_few(self, z: Array, way: Array, columns: range) -> Array:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""
@@ -375,32 +361,28 @@ class Curve:
 
     def check(self) -> None:
         """Refuse wrong shapes and wrong derivatives before anything is built on them."""
+        problem, z, n = self.problem, self.start, self.size
         try:
-            value = self.equations(self.start)
+            value = self.equations(z)
         except Undefined as error:
             raise BadInput(
-                f"the equations have no value at the start {self.problem.shown()}: {error}"
+                f"the equations have no value at the start {problem.shown()}: {error}"
             ) from error
         if value.dtype == bool:
             raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
         try:
-            self._check_shapes()
-        except KeyError as error:
-            self.problem.check_asked(error)
-            raise
-        wrong = self.misfit(self.start)
-        if wrong:
-            raise BadInput(wrong)
-
-    def _check_shapes(self) -> None:
-        problem, z, n = self.problem, self.start, self.size
-        if problem.jacobian is not None:
-            derivative = problem.jacobian(self.unknowns(z), self.params(z))
-            _check_shape("Jacobian", derivative, (n, n))
-        if problem.sensitivity is not None:
-            for name in self.free:
+            if problem.jacobian is not None:
+                derivative = problem.jacobian(self.unknowns(z), self.params(z))
+                _check_shape("Jacobian", derivative, (n, n))
+            for name in self.free if problem.sensitivity is not None else ():
                 derivative = problem.sensitivity(self.unknowns(z), self.params(z), name)
                 _check_shape("sensitivity", derivative, (n,))
+        except KeyError as error:
+            problem.check_asked(error)
+            raise
+        wrong = self.misfit(z)
+        if wrong:
+            raise BadInput(wrong)
 
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""

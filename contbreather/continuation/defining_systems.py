@@ -22,15 +22,14 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..kernels import bound
-from . import derivatives, null_loops
+from . import derivatives, null_vectors
 from .compiled_steps import Loops
 from .curve import Curve, Params
-from .dense import solve
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
 from .newton import Undefined
 from .point import Event, Locus, Point
 from .problem import Problem
-from .sparse import Matrix, above, beside, is_large, shifted
+from .sparse import Matrix, above, beside, is_large, shifted, solve
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -159,7 +158,7 @@ class _NullVector:
     def loops(self, plain: Loops, n: int) -> Loops:
         """The equations and these conditions, from the equations alone."""
         bounds = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n, "SHIFT": self.shift}
-        texts = null_loops.conditions, null_loops.slopes
+        texts = null_vectors.conditions, null_vectors.slopes
         conditions, slopes = (bound(text, **bounds) for text in texts)
         return Loops(conditions, slopes, plain.data, plain.at_once)
 
@@ -365,25 +364,8 @@ class Extended:
             )
         return np.concatenate([values, conditions])
 
-    def loops(self, names: tuple[str, ...], params: Params) -> Loops | None:
-        """As those of a `Problem`."""
-        longer = self.locus.loops
-        shorter = longer and Curve(self.problem, (self.released, *names)).loops(params)
-        return longer(shorter, self.n) if longer and shorter else None
-
-    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        """Columns in the order: unknowns, extra, released, free."""
-        (curve, z), extra = self.beneath(x, params, free), x[self.n : -1]
-        n, unfolding = self.n, self.locus.unfolding
-        matrix, rows = curve.jacobian(z), self._of_conditions(curve, z, extra)
-        middle = np.zeros((n, self.extra)) if unfolding is None else unfolding(extra)[1]
-        # y the extra unknowns, r the released parameter, u the unfolding
-        # | F_x  u_y  F_r  F_p |
-        # | g_x  g_y  g_r  g_p |
-        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
-        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
-
-    def _of_conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
+    def slopes(self, curve: Curve, z: Array, extra: Array) -> Array:
+        """Those of the conditions in z and in the extra unknowns."""
         if self.locus.derivative is not None:
             return np.asarray(self.locus.derivative(curve, z, extra))
         # apart: conditions that ask for derivatives of the problem at one z get those they had
@@ -414,10 +396,21 @@ class ExtendedProblem(Problem):
         return self.residual.problem.internals | vectors
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        return self.residual.derivatives(x, params, free)
+        """Columns in the order: unknowns, extra, released, free."""
+        both, n = self.residual, self.residual.n
+        (curve, z), extra, unfolding = both.beneath(x, params, free), x[n:-1], both.locus.unfolding
+        matrix, rows = curve.jacobian(z), both.slopes(curve, z, extra)
+        middle = np.zeros((n, both.extra)) if unfolding is None else unfolding(extra)[1]
+        # y the extra unknowns, r the released parameter, u the unfolding
+        # | F_x  u_y  F_r  F_p |
+        # | g_x  g_y  g_r  g_p |
+        below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
+        return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
     def loops(self, free: tuple[str, ...], params: Params) -> Loops | None:
-        return self.residual.loops(free, params)
+        both, longer = self.residual, self.residual.locus.loops
+        shorter = longer and Curve(both.problem, (both.released, *free)).loops(params)
+        return longer(shorter, both.n) if longer and shorter else None
 
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)

@@ -23,8 +23,7 @@ from .checkpoint import Checkpoint, Inner, Save, checkpoint
 from .duplicates import Duplicate, duplicate_of, same_place, simplest
 from .point import Event, Point
 from .problem import Problem
-from .starts import Within, all_of, windows
-from .steps import Steps, steps_of
+from .settings import Steps, Within, all_of, steps_of, windows
 from .switching import Seed, follow, lift_of, seeds_at
 from .trace import Startable, trace
 

@@ -16,7 +16,6 @@ from .curve import Curve
 from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN
 from .point import Point
-from .problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -133,21 +132,17 @@ def images(point: Point) -> Iterator[Point]:
 def simplest(point: Point, reach: float = math.inf) -> Point:
     """The solution in the smallest problem that has it; `reach` as for `lies_on`."""
     small = point.curve.problem.simpler(point)
-    if small is None or not _solves(small, reach):
+    if small is None:
         return point
+    if not math.isinf(reach):  # its start has to be a solution, and not only close to one
+        try:
+            solved, _ = small.solve()
+        except NotConverged:
+            return point
+        if not _same(Curve(small, ()), small.x, solved.x, reach):
+            return point
     curve = Curve(small, point.curve.free)
     return simplest(Point(curve, curve.start, residual=point.residual), reach)
-
-
-def _solves(small: Problem, reach: float) -> bool:
-    """Whether the start of a problem is a solution, and not only close to one."""
-    if math.isinf(reach):
-        return True
-    try:
-        solved, _ = small.solve()
-    except NotConverged:
-        return False
-    return _same(Curve(small, ()), small.x, solved.x, reach)
 
 
 def same_place(point: Point, other: Point) -> bool:

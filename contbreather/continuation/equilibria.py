@@ -283,7 +283,7 @@ def _hopf_locus(point: Point) -> Locus:
 
 def _examine_hopf(point: Point) -> Examined:
     """omega, l1 and what the sign of l1 means; why not, where there is no l1."""
-    verdict = _pair_of_large(point) if _large(point) else _pair_on_axis(point)
+    verdict = _pair_on_axis(point)
     if isinstance(verdict, str):
         return verdict
     return verdict | normal_forms.criticality(
@@ -294,10 +294,18 @@ def _examine_hopf(point: Point) -> Examined:
 def _pair_on_axis(point: Point) -> str | dict[str, float]:
     """Of the two eigenvalues that add up to nothing: are they a complex pair? On a boundary they
     may be both zero, where it meets a fold curve."""
+    if _large(point):
+        nearest = _near(point)
+        square = point.detail.get("omega2", point.values.get("omega2", math.nan))
+        if not square > nearest.rounding**2:
+            return (
+                "no pair of eigenvalues on the imaginary axis was solved for: a real pair, or none"
+            )
+        return {"omega": math.sqrt(square), "reach": nearest.reach}
     values = _eigenvalues(point)
     first, second = systems.pairs(values)
-    nearest = int(abs(first + second).argmin())
-    pair = np.array([first[nearest], second[nearest]])
+    least = int(abs(first + second).argmin())
+    pair = np.array([first[least], second[least]])
     zero = abs(pair).max() <= _ZERO * np.linalg.norm(_flow(point), 2)
     if zero and point.tangent is not None:
         return "a double zero eigenvalue: no pair on the imaginary axis"
@@ -307,14 +315,6 @@ def _pair_on_axis(point: Point) -> str | dict[str, float]:
         )
     square = point.detail.get("omega2")
     return {"omega": math.sqrt(square) if square and square > 0 else _frequency(values)}
-
-
-def _pair_of_large(point: Point) -> str | dict[str, float]:
-    nearest = _near(point)
-    square = point.detail.get("omega2", point.values.get("omega2", math.nan))
-    if not square > nearest.rounding**2:
-        return "no pair of eigenvalues on the imaginary axis was solved for: a real pair, or none"
-    return {"omega": math.sqrt(square), "reach": nearest.reach}
 
 
 # --- where a pair or a second zero joins the one that a curve has everywhere --------------------

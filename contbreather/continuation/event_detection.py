@@ -144,20 +144,19 @@ def without_candidate(
     """Which tests are so far from zero, by the parabola through their last three values, and change
     so little that nothing is to be looked for within the step between two points; `pace` is the
     length of the step before, relative to this one."""
-    tests = enumerate(zip(events, earlier, before, after, strict=True))
-    return {i for i, (event, *values) in tests if _is_calm(event, ends, pace, *values)}
-
-
-def _is_calm(
-    event: Event, ends: tuple[Point, Point], pace: float, earlier: Value, start: Value, end: Value
-) -> bool:
-    if event.test is None:
-        return start == end
-    if math.isnan(start) and math.isnan(end):  # what is between has nothing to change from
-        return not counts_apart(event, *ends)
-    if (isinstance(start, int) and isinstance(end, int)) or not start * end > 0:
-        return False
-    return bool(_is_flat(pace, earlier, start, end)) and not counts_apart(event, *ends)
+    clear = set[int]()
+    for i, (event, past, start, end) in enumerate(zip(events, earlier, before, after, strict=True)):
+        if event.test is None:
+            quiet = start == end
+        elif math.isnan(start) and math.isnan(end):  # what is between has nothing to change from
+            quiet = not counts_apart(event, *ends)
+        elif (isinstance(start, int) and isinstance(end, int)) or not start * end > 0:
+            quiet = False
+        else:
+            quiet = _is_flat(pace, past, start, end) and not counts_apart(event, *ends)
+        if quiet:
+            clear.add(i)
+    return clear
 
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:

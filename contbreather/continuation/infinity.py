@@ -58,13 +58,18 @@ class Tendency:
     since: float = math.inf
     small: float = math.inf
 
-    def passes(self, value: float, size: float) -> None:
-        """The next value, and the length of z there."""
+    def passes(self, value: float, slope: float, size: float) -> bool:
+        """The next value, its derivative along the curve, and the length of z there; whether it
+        tends to zero: with ``d log|value| / d log|z|`` between -STEEP and 0."""
         self.largest = max(self.largest, abs(value))
-        if not abs(value - self.moved) <= STILL * self._unit(value):
+        # what its moves are compared with: where zero is not to be reached, its own size
+        if not abs(value - self.moved) <= STILL * (self.largest if self.reaches else abs(value)):
             self.moved, self.since = value, 1.0 + size
         small = abs(value) <= SMALL * self.largest
         self.small = min(self.small, 1.0 + size) if small else math.inf
+        less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
+        falls = 0.0 < -slope * math.copysign(size, value) < STEEP * abs(value)
+        return self.reaches and less and falls
 
     def moves_on(self, values: Array, sizes: Array) -> bool:
         """Take several values at once, if each is another than the one before and none is small."""
@@ -72,36 +77,24 @@ class Tendency:
         if not (abs(values) > SMALL * largest).all():
             return False
         self.largest, self.small = largest, math.inf
-        moved = abs(np.diff(values, prepend=self.moved)) > STILL * self._unit(values)
-        if not moved.all():
+        unit = self.largest if self.reaches else abs(values)
+        if not (abs(np.diff(values, prepend=self.moved)) > STILL * unit).all():
             return False
         self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
         return True
-
-    def _unit(self, value: Any) -> Any:
-        """What its moves are compared with: where zero is not to be reached, its own size."""
-        return self.largest if self.reaches else abs(value)
-
-    def vanishes(self, value: float, slope: float, size: float) -> bool:
-        """Whether it tends to zero: with ``d log|value| / d log|z|`` between -STEEP and 0."""
-        less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
-        falls = -slope * math.copysign(size, value)
-        return self.reaches and less and 0.0 < falls < STEEP * abs(value)
 
 
 class Growth:
     """How z grows along a walk."""
 
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
-        self.slots, self.first = curve.slots, 1.0 + curve.length(start)
-        self.internals = curve.problem.internals
+        self.curve, self.first = curve, 1.0 + curve.length(start)
         self.weights = np.ones(start.size) if curve.metric is None else curve.metric
-        self.windows = {bound.name: (bound.low, bound.high) for bound in bounds}
-        self.tendencies = []
+        self.bounds, self.tendencies = bounds, list[Tendency]()
         for name in curve.varied:
-            slot, (low, high) = curve.slots[name], self.windows.get(name, (0.0, 0.0))
-            tendency = Tendency(name, slot, abs(float(start[slot])), low <= 0.0 <= high)
-            self.tendencies.append(tendency)
+            slot = curve.slots[name]
+            reaches = all(b.low <= 0.0 <= b.high for b in bounds if b.name == name)
+            self.tendencies.append(Tendency(name, slot, abs(float(start[slot])), reaches))
 
     def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
         """The first of several places beyond which nothing is to come, and what it tends to."""
@@ -110,21 +103,20 @@ class Growth:
         if many and all(param.moves_on(rows[:, param.slot], sizes) for param in self.tendencies):
             return None
         for i, size in enumerate(sizes.tolist()):
-            gone = []
+            gone, since = [], 0.0
             for param in self.tendencies:
                 value, slope = float(rows[i, param.slot]), float(tangents[i, param.slot])
-                param.passes(value, size)
-                if param.vanishes(value, slope, size):
+                if param.passes(value, slope, size):
                     gone.append(
                         f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}"
                     )
-            if gone or all(size > ENDLESS * param.since for param in self.tendencies):
+                since = max(since, param.since)
+            if (gone or size > ENDLESS * since) and not self._bounded(rows[i], tangents[i], size):
                 limits = [
                     f"{param.name} tends to {rows[i, param.slot]:.6g}" for param in self.tendencies
                 ]
-                if not self._bounded(rows[i], tangents[i], size):
-                    grows = self._growing(rows[i]) or "the solution"
-                    return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
+                grows = self._growing(rows[i]) or "the solution"
+                return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
         return None
 
     def towards(self, z: Array, tangent: Array) -> str:
@@ -142,18 +134,20 @@ class Growth:
 
     def _growing(self, z: Array) -> str:
         """What z mostly consists of; empty where that is internal."""
-        parts = {n: float(np.dot(z[at] ** 2, self.weights[at])) for n, at in self.slots.items()}
+        slots = self.curve.slots.items()
+        parts = {n: float(np.dot(z[at] ** 2, self.weights[at])) for n, at in slots}
         most = max(parts, key=lambda name: parts[name])
-        return "" if most in self.internals else most
+        return "" if most in self.curve.problem.internals else most
 
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
         """Whether a window says how far something may go that grows with z."""
-        for name, (low, high) in self.windows.items():
-            value, rate = z[self.slots[name]], tangent[self.slots[name]]
+        for bound in self.bounds:
+            value: Any = z[bound.slot]
+            rate: Any = tangent[bound.slot]
             if np.ndim(value):  # the window of an array is one of its norm
                 value, rate = np.linalg.norm(value), value @ rate / (np.linalg.norm(value) or 1.0)
-            if rate * size > SHARE * value >= 0.0 and math.isfinite(high):
+            if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):
                 return True
-            if rate * size < SHARE * value <= 0.0 and math.isfinite(low):
+            if rate * size < SHARE * value <= 0.0 and math.isfinite(bound.low):
                 return True
         return False

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from .curve import Curve
-from .dense import Dense
 from .linear_algebra import least_singular, sense
-from .newton import Array, Solution, Undefined
+from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined
 from .point import Point
-from .sparse import Matrix
+from .sparse import Dense
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
+_CLOSE = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 
 
@@ -37,10 +37,11 @@ class StepInterpolant:
         return np.asarray(dual / dual.dot(chord))
 
     @cached_property
-    def _slopes(self) -> list[Array]:
+    def _slopes(self) -> tuple[Array, Array]:
         # dz/du with row . dz/du = 1: on the cubic row . (z - z0) then has the values 0 and 1 and
         # the slope 1 at both ends, and is u all along
-        return [p.direction / self._row.dot(p.direction) for p in (self.first, self.last)]
+        first, last = self.first.direction, self.last.direction
+        return first / self._row.dot(first), last / self._row.dot(last)
 
     def guess(self, u: float) -> tuple[Array, Array]:
         """Position and unit tangent on the cubic through both ends."""
@@ -67,8 +68,8 @@ class StepInterpolant:
 
     def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
         """z, tangent and residual across the chord, by loops where the equations have any."""
-        curve, corrector = self.curve, self.curve.corrector
-        answer = corrector and corrector.corrected(guess, self._across, slope, self.tolerance)
+        curve, compiled = self.curve, self.curve.compiled
+        answer = compiled and compiled.corrected(guess, self._across, slope, self.tolerance)
         if answer:
             self._near(guess, answer[0])
             return answer[:3]
@@ -102,6 +103,18 @@ class StepInterpolant:
         return Point(self.curve, z, tangent, self.first.arclength + u * self.length, residual)
 
 
+def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | None:
+    """The point halfway between two neighbours of a branch, solved for; None where they are one
+    but for rounding, or none is found: on a branch without its equations, for instance.
+    """
+    if last.arclength - first.arclength <= _CLOSE * (1 + first.curve.length(first.z)):
+        return None
+    try:
+        return StepInterpolant(first, last, tolerance).at(0.5)
+    except OUT_OF_DOMAIN:
+        return None
+
+
 def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
     """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
 
@@ -109,32 +122,25 @@ def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
     matrix is singular it is 0, and the tangent is the null vector closest to `along`.
     """
     row = curve.dual(along)
-    tangent, side = _oriented(curve, z, row)
-    if tangent is None or not math.isfinite(tangent.sum()):
-        return _null_vector(curve.jacobian(z), row, curve), 0
-    return curve.normalised(tangent), side
-
-
-def _oriented(curve: Curve, z: Array, row: Array) -> tuple[Array | None, int]:
-    """A null vector on the side of a row, and the sign of the determinant with that row below."""
     factors = curve.factors(z, row)
     if isinstance(factors, Dense):
-        return factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
-    # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
-    side, null = factors.sign(row[None, :]), factors.null[:, 0]
-    return (None if side == 0 else math.copysign(1.0, row @ null) * null), side
-
-
-def _null_vector(matrix: Matrix, row: Array, curve: Curve) -> Array:
+        tangent, side = factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
+    else:
+        # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
+        side, null = factors.sign(row[None, :]), factors.null[:, 0]
+        tangent = None if side == 0 else math.copysign(1.0, row @ null) * null
+    if tangent is not None and math.isfinite(tangent.sum()):
+        return curve.normalised(tangent), side
+    matrix = curve.jacobian(z)
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     weak = least_singular(matrix)
     # where the derivative has lost a rank, all of a plane are null vectors
-    null = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
-    nearest = (null @ row) @ null
+    vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
+    nearest = (vectors @ row) @ vectors
     if curve.length(nearest) > LEVEL:
-        return curve.normalised(nearest)
-    return curve.normalised(null[-1] * sense(null[-1]))
+        return curve.normalised(nearest), 0
+    return curve.normalised(vectors[-1] * sense(vectors[-1])), 0
 
 
 def closest(tangents: Sequence[Array], row: Array) -> Array:

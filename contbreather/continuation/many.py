@@ -11,8 +11,7 @@ from ..workers import Failed, each
 from .branch import Branch
 from .point import Event
 from .problem import Problem, problem_in
-from .starts import Within, all_of
-from .steps import Steps
+from .settings import Steps, Within, all_of
 from .trace import Startable, trace
 
 

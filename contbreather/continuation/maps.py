@@ -26,8 +26,8 @@ from .curve import Params
 from .equilibria import cusp, fold
 from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
 from .problem import Problem
+from .settings import all_of
 from .sparse import is_sparse
-from .starts import all_of
 from .switching import Lift
 
 Array = NDArray[np.float64]
@@ -133,12 +133,10 @@ class Iterate:
     derivative: Callable[[Array, Params], Array] | None = None
 
     def __call__(self, x: Array, params: Params) -> Array:
-        return self.after(x, params, self.period) - x
-
-    def after(self, x: Array, params: Params, times: int) -> Array:
-        for _ in range(times):
-            x = self.image(x, params)
-        return x
+        image = x
+        for _ in range(self.period):
+            image = self.image(image, params)
+        return image - x
 
     def image(self, x: Array, params: Params) -> Array:
         """One iterate; a map may write to what it is given, and return one array each time."""
@@ -228,7 +226,7 @@ def shorter(point: Point) -> Problem | None:
     size = 1 + float(np.linalg.norm(point.x))
     x = point.x
     for period in range(1, iterate.period):
-        x = iterate.after(x, point.params, 1)
+        x = iterate.image(x, point.params)
         if iterate.period % period == 0 and np.linalg.norm(x - point.x) <= _SAME * size:
             return with_period(point.problem, period)
     return None

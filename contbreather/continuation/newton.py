@@ -15,8 +15,7 @@ from ..errors import ContbreatherError
 from ..kernels import bound
 from . import sparse
 from . import step as rules
-from .dense import Dense, solve
-from .sparse import Matrix
+from .sparse import Dense, Matrix, solve
 
 Array = NDArray[np.float64]
 

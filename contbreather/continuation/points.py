@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any, overload
 
 import numpy as np
@@ -12,6 +14,8 @@ from numpy.typing import NDArray
 from .curve import Curve
 from .newton import Array
 from .point import Point, UnstableDimension
+
+_ROW = attrgetter("z", "tangent", "arclength", "residual")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,6 +38,8 @@ class Points(Sequence[Point]):
     residual: Array
     made: dict[int, Point] = field(default_factory=dict)
 
+    rows = property(_ROW)
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "_asked", dict(self.made))
 
@@ -44,41 +50,28 @@ class Points(Sequence[Point]):
             return points
         points = tuple(points)
         curve, none = points[0].curve, np.full(points[0].z.size, np.nan)
-        rows = (
-            np.stack([point.z for point in points]),
-            np.stack([none if point.tangent is None else point.tangent for point in points]),
-            np.array([point.arclength for point in points]),
-            np.array([point.residual for point in points]),
-        )
+        z, tangents, arclength, residual = zip(*map(_ROW, points), strict=True)
+        tangent = np.stack([none if row is None else row for row in tangents])
         marked = {i: p for i, p in enumerate(points) if p.curve is not curve or not p.plain}
-        return Points(curve, *rows, marked)
+        numbers = np.array(arclength), np.array(residual)
+        return Points(curve, np.stack(z), tangent, *numbers, marked)
 
     @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         """Several pieces as one."""
-        parts: list[Points] = []
-        single: list[Point] = []  # points that came one by one are rows together
-        for piece in pieces:
-            if not isinstance(piece, Points):
-                single += piece
-                continue
-            parts += [Points.of(single)] if single else []
-            single = []
-            parts.append(piece)
-        parts += [Points.of(single)] if single else []
-        marked: dict[int, Point] = {}
-        start = 0
+        parts, marked, start = list[Points](), dict[int, Point](), 0
+        for kind, group in itertools.groupby(pieces, type):
+            if kind is list:  # points that came one by one are rows together
+                parts.append(Points.of(itertools.chain.from_iterable(group)))
+            else:
+                parts += map(Points.of, group)
         for part in parts:
-            marked |= {start + i: point for i, point in part.made.items()}
+            for i, point in part.made.items():
+                marked[start + i] = point
             start += len(part)
-        rows = [
-            np.concatenate(column) for column in zip(*(part.rows for part in parts), strict=True)
-        ]
-        return Points(parts[0].curve, rows[0], rows[1], rows[2], rows[3], marked)
-
-    @property
-    def rows(self) -> tuple[Array, Array, Array, Array]:
-        return self.z, self.tangent, self.arclength, self.residual
+        columns = zip(*map(_ROW, parts), strict=True)
+        z, tangent, arclength, residual = map(np.concatenate, columns)
+        return Points(parts[0].curve, z, tangent, arclength, residual, marked)
 
     @property
     def special(self) -> tuple[Point, ...]:
@@ -116,7 +109,7 @@ class Points(Sequence[Point]):
             return NotImplemented
         same = (
             np.array_equal(*pair, equal_nan=True)
-            for pair in zip(self.rows, other.rows, strict=True)
+            for pair in zip(_ROW(self), _ROW(other), strict=True)
         )
         return self.made == other.made and all(same)
 
@@ -136,7 +129,7 @@ class Points(Sequence[Point]):
         if isinstance(key, slice):
             chosen = range(len(self))[key]
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
-            z, tangent, arclength, residual = (row[key] for row in self.rows)
+            z, tangent, arclength, residual = (row[key] for row in _ROW(self))
             return Points(self.curve, z, tangent, arclength, residual, marked)
         i = range(len(self))[key]
         cache: dict[int, Point] = self._asked  # type: ignore[attr-defined]

@@ -8,13 +8,12 @@ from typing import Any, Literal
 
 from ..checks import check_kind, one_of
 from ..errors import BadInput, add_partial_result, partial_result
-from .branch import Branch, Settings, Stop
+from .branch import Branch, Stop
 from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
 from .point import Event
-from .starts import Within, all_of, windows
-from .steps import Steps, steps_of
+from .settings import Settings, Steps, Within, all_of, steps_of, windows
 from .trace import trace
 
 Windows = Mapping[str, tuple[float, float]]

@@ -133,22 +133,17 @@ def plane_at(matrix: Matrix, square: float) -> InvariantPlane:
     By subspace iteration with the inverse of ``A^2 + square``, through a system of twice the size
     whose entries are those of A: it is smooth where the pair meets at zero.
     """
-    factors = _squared(matrix, square)
-    n = matrix.shape[0]
+    from scipy.sparse import block_array, eye_array
+
+    n, identity = matrix.shape[0], eye_array(matrix.shape[0], format="csc")
+    # A v = u, A u + square v: its solutions are those of (A^2 + square) v
+    factors = Factors(block_array([[matrix, -identity], [square * identity, matrix]], format="csc"))
     right = _iterated(
         lambda x: factors.solve(np.append(0 * x, x), refined=False)[:n], matrix, square
     )
     left = _iterated(lambda x: factors.transposed(np.append(x, 0 * x))[n:], matrix.T, square)
     left = np.asarray(np.linalg.solve(left.T @ right, left.T).T)  # now left^T right = 1
     return InvariantPlane(right, left, left.T @ (matrix @ right))
-
-
-def _squared(matrix: Matrix, square: float) -> Factors:
-    """``A v = u, A u + square v``: its solutions are those of ``(A^2 + square) v``."""
-    from scipy.sparse import block_array, eye_array
-
-    identity = eye_array(matrix.shape[0], format="csc")
-    return Factors(block_array([[matrix, -identity], [square * identity, matrix]], format="csc"))
 
 
 def _iterated(apply: Callable[[Array], Array], matrix: Matrix, square: float) -> Array:

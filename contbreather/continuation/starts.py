@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import real
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
 from .interpolant import LEVEL, closest, tangent_at
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
-from .point import Event, Point
+from .point import Point
 from .problem import Problem
+from .settings import Within, windows
 from .sparse import is_sparse, scaled
-
-Within = Mapping[str, tuple[float, float]]
 
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
 _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
@@ -52,20 +50,6 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
             raise
         return nearest
     return Curve(problem, (free,)), solution.residual
-
-
-def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
-    """Events that were given, one or several, as a tuple."""
-    if events is None:
-        return None
-    try:
-        several = (events,) if isinstance(events, Event) else tuple(events)
-    except TypeError as error:
-        raise BadInput(f"events must be a list of them, got {events!r}") from error
-    for event in several:
-        if not isinstance(event, Event):
-            raise BadInput(f"an Event was expected, got {event!r}")
-    return several
 
 
 def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
@@ -126,9 +110,16 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     where that does not change at first, the curve leads away from the bound that it starts at, and
     else to where the leading unknown grows: neither is left to the sign of what rounding leaves.
     """
-    z = curve.start
+    z, matrix = curve.start, curve.jacobian(curve.start)
     along = np.eye(1, z.size, z.size - 1)[0]
-    if _nearly_singular(curve, z, along):
+    if is_sparse(matrix):  # fine meshes have small singular values everywhere
+        weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
+        singular = weak.size < 1e-4 * weak.second
+    else:
+        # with the row of the parameter below: singular at folds as well as where curves cross
+        sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
+        singular = bool(sizes[-1] < 1e-7 * sizes[0])
+    if singular:
         try:
             branch_point = crossing(curve, z)
             if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
@@ -151,40 +142,6 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
         if abs(slope) > LEVEL:
             return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
-
-
-def _nearly_singular(curve: Curve, z: Array, along: Array) -> bool:
-    matrix = curve.jacobian(z)
-    if is_sparse(matrix):  # fine meshes have small singular values everywhere
-        weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
-        return weak.size < 1e-4 * weak.second
-    # with the row of the parameter below: singular at folds as well as where curves cross
-    sizes = np.linalg.svd(np.vstack([matrix, along]) * curve.scales, compute_uv=False)
-    return bool(sizes[-1] < 1e-7 * sizes[0])
-
-
-def windows(within: Within | None) -> dict[str, tuple[float, float]]:
-    """The windows by name, each a pair of numbers."""
-    if within is None:
-        return {}
-    if not isinstance(within, Mapping):
-        raise BadInput(
-            f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
-        )
-    return {name: _pair(name, window) for name, window in within.items()}
-
-
-def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = map(real, window)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if math.isnan(low) or math.isnan(high):
-        raise BadInput(
-            f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
-            "math.inf leaves a side open"
-        )
-    return low, high
 
 
 def rounding(value: float) -> float:

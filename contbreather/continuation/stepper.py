@@ -14,15 +14,14 @@ from .. import kernels
 from . import step as rules
 from .branch import Stop
 from .branch_points import crossing
-from .compiled_steps import ManySteps
 from .curve import Curve
 from .interpolant import LEVEL, StepInterpolant, tangent_at
 from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
+from .settings import Steps
 from .starts import Bound, rounding
-from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, next_size
-from .steps import Steps
+from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
 
@@ -90,15 +89,16 @@ class Stepper:
         """Take steps ahead, as many as come off, where all that were are looked at."""
         if self.used < len(self.points):
             return
-        self.points, self.used, compiled = (), 0, self._compiled
-        if compiled is None or LOG.isEnabledFor(logging.DEBUG):  # each step has a line of its own
+        self.points, self.used, rules, compiled = (), 0, self._rules, self.curve.compiled
+        # at this level each step has a line of its own
+        if rules is None or compiled is None or LOG.isEnabledFor(logging.DEBUG):
             return
-        state = point.arclength, self.size, float(self.side), self.longest
-        rows = compiled.take((point.z, point.direction, self.bend), state, most)
+        state = np.array([point.arclength, self.size, self.side, self.longest])
+        rows = compiled.steps(rules, (point.z, point.direction, self.bend), state, most)
         if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
-            self._compiled = None
+            self._rules = None
             return
-        _, self.size, side, longest = compiled.state.tolist()
+        _, self.size, side, longest = state.tolist()
         self.bend = compiled.here.bend.copy()
         if len(rows[0]):
             self.side, self.longest, self.tiny = int(side), longest, 0
@@ -116,23 +116,23 @@ class Stepper:
         return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
 
     @cached_property
-    def _compiled(self) -> ManySteps | None:
+    def _rules(self) -> Rules | None:
+        """What many steps in one call go by; None where there are none."""
         curve, steps = self.curve, self.steps
-        bounds = [(b.slot, *self._inner(b)) for b in self.bounds if isinstance(b.slot, int)]
-        if curve.start.size > WIDEST or len(bounds) < len(self.bounds):
+        if curve.compiled is None or not all(isinstance(b.slot, int) for b in self.bounds):
             return None
-        loops = curve.loops()
+        ends = np.empty((2, len(self.bounds)))
+        for i, bound in enumerate(self.bounds):
+            start = bound.value(curve.start)
+            for side, end in ((0, bound.low), (1, bound.high)):
+                # short of a bound: it is landed on, unless the curve begins there
+                off = rounding(end) if abs(start - end) > rounding(end) else 0.0
+                ends[side, i] = end - off if side else end + off
+        slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
         sizes = steps.tolerance, steps.smallest, largest, steps.growth
-        metric = np.ones(curve.start.size) if curve.metric is None else curve.metric
-        plane = curve.dual(self.start.direction), curve.start
-        return None if loops is None else ManySteps(loops, sizes, bounds, metric, plane)
-
-    def _inner(self, bound: Bound) -> tuple[float, float]:
-        """Where these end short of a bound: it is landed on, unless the curve begins there."""
-        start, ends = bound.value(self.curve.start), (bound.low, bound.high)
-        off = [rounding(end) if abs(start - end) > rounding(end) else 0.0 for end in ends]
-        return ends[0] + off[0], ends[1] - off[1]
+        low, high = ends
+        return Rules(*sizes, slots, low, high, curve.dual(self.start.direction), curve.start)
 
     # --- one by one ---
 
@@ -143,20 +143,17 @@ class Stepper:
             return Step(self.points[self.used - 1])
         step = self._advance(point)
         length = step.point.arclength - point.arclength
-        self._make_progress(length)
+        # what only takes tiny steps would not get anywhere, at great expense
+        self.longest = max(self.longest, length)
+        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
+        if self.tiny > _PATIENCE:
+            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
         self.bend = (step.point.direction - point.direction) / length
         self.size, self.side = step.next_size, step.side or self.side
         if count > 2 and self._closes(point, step.point):
             length = point.arclength + self.curve.length(self.start.z - point.z)
             step = replace(step, point=replace(self.start, arclength=length), stop=Stop.CLOSED)
         return step
-
-    def _make_progress(self, length: float) -> None:
-        """End what only takes tiny steps: it would not get anywhere, at great expense."""
-        self.longest = max(self.longest, length)
-        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
-        if self.tiny > _PATIENCE:
-            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
 
     def _closes(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start, in the direction in which the curve left it."""
@@ -192,7 +189,7 @@ class Stepper:
             return self._halving(point)
 
     def _halving(self, point: Point) -> Step:
-        failed = Failed(Stop.NO_CONVERGENCE)
+        failed: Failed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
@@ -205,7 +202,7 @@ class Stepper:
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        raise failed
+        raise failed or Failed(Stop.NO_CONVERGENCE)
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
@@ -228,9 +225,11 @@ class Stepper:
         last = Point(curve, solution.z, here.ahead, arclength, solution.residual)
         branch_point = None
         if end.side * side < 0:
-            branch_point = self._branch_point(
-                StepInterpolant(point, last, self.steps.tolerance), size, side
-            )
+            segment = StepInterpolant(point, last, self.steps.tolerance)
+            branch_point = self._crossing_on(segment, side)
+            # without any the step ended on another curve, unless it is too short to tell
+            if branch_point is None and size > _GAP * (1 + curve.length(last.z)):
+                raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
         if self._leaves(point, last, end.length):
             raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
         LOG.debug(
@@ -245,7 +244,7 @@ class Stepper:
         """The solution where a row keeps its value, by machine code where there is any."""
         curve = self.curve
         across = row if curve.metric is None else row / curve.metric
-        end = curve.corrector and curve.corrector.corrected(
+        end = curve.compiled and curve.compiled.corrected(
             guess, across, slope, self.steps.tolerance
         )
         if not end:
@@ -301,14 +300,6 @@ class Stepper:
         if any(not other.low <= other.value(z) <= other.high for other in others):
             raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
         return replace(solution, z=z)
-
-    def _branch_point(self, segment: StepInterpolant, size: float, before: int) -> Point | None:
-        """The branch point at which the determinant changed sign; without any the step ended on
-        another curve, unless it is too short to tell."""
-        branch_point = self._crossing_on(segment, before)
-        if branch_point is None and size > _GAP * (1 + self.curve.length(segment.last.z)):
-            raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
-        return branch_point
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Where the determinant changes its sign: by halving, and then by a system of its own."""

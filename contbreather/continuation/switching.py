@@ -17,7 +17,6 @@ import numpy as np
 from ..checks import kind_of
 from ..errors import BadInput, NotConverged, add_partial_result, partial_result
 from ..progress import Counter
-from .active_events import walls_are_lifted
 from .branch import Branch, Branches, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
@@ -26,8 +25,7 @@ from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN, Array, Undefined, newton
 from .point import Event, Point
 from .problem import Problem
-from .starts import Within, all_of
-from .steps import Steps
+from .settings import Steps, Within, all_of, walls_are_lifted
 from .trace import trace
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any, Protocol
@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike
 from ..checks import one_of
 from ..errors import BadInput, partial_result
 from ..progress import Counter, line_of
-from .active_events import active_events, having
-from .branch import Branch, Settings, Stop, labelled
-from .checkpoint import Save, checkpoint
+from .branch import Branch, Stop, labelled, with_ends
+from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED, Curve
 from .defining_systems import Singular
 from .event_detection import Ends, Found, clear_steps, find, without_candidate
@@ -31,17 +30,9 @@ from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure, measure_many
-from .starts import (
-    Within,
-    all_of,
-    bounds_of,
-    corrected_start,
-    directed_start,
-    first_tangent,
-    windows,
-)
+from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
+from .starts import bounds_of, corrected_start, directed_start, first_tangent
 from .stepper import EXACT, Failed, Step, Stepper
-from .steps import Steps, steps_of
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
@@ -50,6 +41,7 @@ Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to se
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
 _MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
+_QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
 
 
 class Startable(Protocol):
@@ -151,96 +143,47 @@ def trace(
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
-    halves: list[Half] = []
+    walks: list[ContinuationIterator] = []
 
     def so_far() -> Branch | None:
-        branch = _so_far(halves)
+        branch = _so_far(walks)
         return branch and replace(branch, settings=settings, origin=origin)
 
-    line = line_of(progress, lambda progress: Counter(progress, free))
+    line = line_of(progress, partial(Counter, free=free))
     with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
         finer: Finer | None = start, along
         while finer is not None:
             start, along = finer
-            halves.clear()
+            walks.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
             first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
             first.curve.asked = events
-            for iterator in [first, first.turned()] if len(sides) == 2 else [first]:
-                halves.append(Half(iterator))
-                look = partial(start.finer, along=along)
-                finer = halves[-1].walk(shown, lambda special: kept.look(special, so_far), look)
-                if finer is not None or iterator.end.stop is Stop.CLOSED:
+            look = partial(start.finer, along=along)
+            for one_way in [first, first.turned()] if len(sides) == 2 else [first]:
+                walks.append(one_way)
+                finer = one_way.walk(shown, kept, so_far, look)
+                if finer is not None or one_way.end.stop is Stop.CLOSED:
                     break
-        whole = replace(_whole(halves), settings=settings, origin=origin)
+        whole = replace(_whole(walks), settings=settings, origin=origin)
         kept.finish(whole)
     return whole
 
 
-@dataclass
-class Half:
-    """A branch from its start on, backward or forward, as far as it is there."""
-
-    iterator: ContinuationIterator
-    pieces: list[Piece] = field(default_factory=list)
-    unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
-
-    def walk(
-        self,
-        shown: Counter,
-        keep: Callable[[bool], None],
-        look: Callable[[Point], Finer | None],
-    ) -> Finer | None:
-        """Walk to its end, or to where the problem asks for a finer one."""
-        for piece in self.iterator.pieces():
-            self.pieces.append(piece)
-            shown.advance(piece[-1], len(piece))
-            keep(isinstance(piece, list) and any(point.kind for point in piece))
-            finer = look(piece[-1])
-            if finer is not None:
-                return finer
-            if not self.unresolved and self._why(piece[-1]):
-                first = next(point for point in piece if self._why(point))
-                why = {"reason": self._why(first)}
-                self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
-        return None
-
-    def _why(self, point: Point) -> str:
-        return point.curve.problem.unresolved(point)
-
-    def branch(self) -> Branch:
-        points, end = labelled(Points.joined(self.pieces)), self.iterator.end
-        doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
-        return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
-
-
-def _whole(halves: Sequence[Half]) -> Branch:
+def _whole(walks: Sequence[ContinuationIterator]) -> Branch:
     """Both sides as one branch, with its ends labelled."""
-    first, *second = (half.branch() for half in halves)
+    first, *second = map(ContinuationIterator.branch, walks)
     if first.stop is Stop.CLOSED:
         return first
-    return _with_ends(first.reversed().join(second[0]) if second else first)
+    return with_ends(first.reversed().join(second[0]) if second else first)
 
 
-def _so_far(halves: Sequence[Half]) -> Branch | None:
+def _so_far(walks: Sequence[ContinuationIterator]) -> Branch | None:
     """What an interrupted walk leaves: nothing, one side, or more."""
-    walked = [half for half in halves if half.pieces]
-    if len(walked) == 1 and walked[0].iterator.end.stop is not Stop.INTERRUPTED:
+    walked = [one_way for one_way in walks if one_way.walked]
+    if len(walked) == 1 and walked[0].end.stop is not Stop.INTERRUPTED:
         finished = walked[0].branch().reversed()  # the other side was to set out from its start
-        return _with_ends(replace(finished, stop=Stop.INTERRUPTED))
+        return with_ends(replace(finished, stop=Stop.INTERRUPTED))
     return _whole(walked) if walked else None
-
-
-def _with_ends(branch: Branch) -> Branch:
-    """Label both ends: EP, or MX where the numerics gave up."""
-    points = Points.of(branch.points)
-    for i, stops in ((0, {branch.began}), (len(points) - 1, {branch.stop})):
-        if len(points) == 1:  # both ends in one
-            stops = {branch.began, branch.stop}
-        if not points[i].kind:
-            kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
-            points = points.put(i, replace(points[i], kind=kind))
-    return replace(branch, points=labelled(points))
 
 
 def walk(
@@ -289,25 +232,40 @@ class ContinuationIterator:
         if along is None:
             one_of("towards", towards, ("up", "down"))
         self.steps, self.events, self.directed = steps, events, along is not None
-        with _quiet():
+        with np.errstate(**_QUIET):
             if along is None:
                 self.curve, residual = corrected_start(problem, free, steps.tolerance)
-                tangent, side = first_tangent(self.curve, bounds_of(self.curve, within))
+                self.bounds = bounds_of(self.curve, within)
+                tangent, side = first_tangent(self.curve, self.bounds)
                 if towards == "down":
                     tangent, side = -tangent, -side
             else:
                 self.curve, residual, tangent = directed_start(problem, free, along)
-                side = 0
-            self.bounds = bounds_of(self.curve, within)
-            detail = self._correction_of(problem)
-            start = Point(self.curve, self.curve.start, tangent, 0.0, residual, detail=detail)
-            self._begin(start, side)
+                self.bounds, side = bounds_of(self.curve, within), 0
+            curve, given = self.curve, Curve(problem, self.curve.free).start
+            # how far the start that was given had to be moved, if that is worth telling
+            off = curve.length(curve.start - given)
+            detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+            self._begin(Point(curve, curve.start, tangent, 0.0, residual, detail=detail), side)
 
     def _begin(self, start: Point, side: int) -> None:
         self.stepper = Stepper(self.curve, self.bounds, self.steps, start, side)
         self.point, self.count = start, 0  # where it is, after how many steps
+        self.walked: list[Piece] = []
+        self.doubtful: list[Point] = []
+        self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
         self.end = End(Stop.INTERRUPTED)
-        self.tests = self._first_tests()
+        self.tests: tuple[Value, ...] = ()
+        for event in self.events:
+            # a test that fails here, as for a wrong name, is a mistake
+            value = counted(event, event.value(start))
+            if event.ends_domain and value < -1e-9:
+                raise BadInput(
+                    f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
+                    "positive values are admissible; start elsewhere, or lift this rule by "
+                    f"inadmissible=True, with no {event.kind} among events"
+                )
+            self.tests += (value,)
         self.growth = Growth(self.curve, self.bounds, start.z)
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.ahead = 1  # so many of the next steps are looked at, as long as they are taken
@@ -318,9 +276,37 @@ class ContinuationIterator:
         other, stepper = copy(self), self.stepper
         other.curve = copy(self.curve)
         back = replace(stepper.start, curve=other.curve, tangent=-stepper.start.direction)
-        with _quiet():
+        with np.errstate(**_QUIET):
             other._begin(back, -stepper.side)
         return other
+
+    def walk(
+        self,
+        shown: Counter,
+        kept: Checkpoint,
+        so_far: Callable[[], Branch | None],
+        look: Callable[[Point], Finer | None],
+    ) -> Finer | None:
+        """Walk to its end, or to where the problem asks for a finer one."""
+        unresolved = self.curve.problem.unresolved
+        for piece in self.pieces():
+            self.walked.append(piece)
+            shown.advance(piece[-1], len(piece))
+            kept.look(isinstance(piece, list) and any(map(attrgetter("kind"), piece)), so_far)
+            finer = look(piece[-1])
+            if finer is not None:
+                return finer
+            if not self.unresolved and unresolved(piece[-1]):
+                first = next(filter(unresolved, piece))
+                why = {"reason": unresolved(first)}
+                self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
+        return None
+
+    def branch(self) -> Branch:
+        """What there is of it."""
+        points, end = labelled(Points.joined(self.walked)), self.end
+        doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
+        return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
 
     def run(self) -> Generator[Point, None, End]:
         """Step, look for events, yield: until the curve, the window or the numerics end."""
@@ -330,11 +316,10 @@ class ContinuationIterator:
 
     def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
-        unverified: list[Point] = []
-        end = Failed(Stop.MOST)
+        end = End(Stop.MOST)
         while self.count < self.steps.most:
             try:
-                with _quiet():
+                with np.errstate(**_QUIET):
                     # predict:  z + s t + s^2/2 dt/ds
                     #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
                     # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
@@ -346,38 +331,31 @@ class ContinuationIterator:
                         # or one step more: at an edge, a branch point, the start
                         step = self.stepper.next(self.point, self.count)
                         # locate
-                        located = self._locate(step)
-                        line, stop = self._line_up(step, located)
+                        line, stop = self._line_up(step)
             except Failed as failed:
-                end = failed
+                end = End(failed.stop, failed.reason)
                 break
             # record
             if clear:
-                clear = Points.of(clear)
-                if limit := self.growth.end(clear.z, clear.tangent):
-                    yield clear[: limit[0] + 1]
-                    self.end = End(Stop.INFINITY, limit[1], tuple(unverified))
+                points = Points.of(clear)
+                limit = self.growth.end(points.z, points.tangent)
+                yield points[: limit[0] + 1] if limit else points
+            else:
+                yield line
+                if stop is not None:
+                    self.end = End(stop, self._edge(line[-1], stop), tuple(self.doubtful))
                     return
-                yield clear
-                continue
-            # what is singular where an event ends the curve needs no other name: at R1 of a curve
-            # of NS its equations are those of a fold, too
-            last = line[-1].arclength - self._near(step) if stop is Stop.EVENT else math.inf
-            unverified += [point for point in located.doubtful if point.arclength < last]
-            yield line
-            if stop is not None:
-                self.end = End(stop, self._edge(line[-1], stop), tuple(unverified))
-                return
-            self.point, self.tests, self.count = step.point, located.after, self.count + 1
-            if limit := self.growth.end(self.point.z[None], self.point.direction[None]):
-                self.end = End(Stop.INFINITY, limit[1], tuple(unverified))
+                self.point, self.count = step.point, self.count + 1
+                limit = self.growth.end(self.point.z[None], self.point.direction[None])
+            if limit:
+                self.end = End(Stop.INFINITY, limit[1], tuple(self.doubtful))
                 return
         reason = end.reason or self._edge(self.point, end.stop)
         if self.count == 0:
             if self.directed and end.stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
-        self.end = End(end.stop, reason, tuple(unverified))
+        self.end = End(end.stop, reason, tuple(self.doubtful))
 
     # --- test ---
 
@@ -385,8 +363,8 @@ class ContinuationIterator:
         """The next steps of the buffer, as far as no event has anything to look for on them."""
         buffer, start = self.stepper, self.stepper.used
         most = min(start + _TOGETHER, len(buffer.points))
-        if self.count and not self.events:
-            buffer.used = len(buffer.points)
+        if self.count and not self.events and buffer.points:
+            buffer.used, self.point = len(buffer.points), buffer.points[-1]
         # matrices say more of what is between two points than values do
         elif self.earlier and not any(isinstance(event.test, Singular) for event in self.events):
             # where there is no value, the reason is seen when the step is looked through
@@ -394,10 +372,8 @@ class ContinuationIterator:
                 while buffer.used < most and self._take(min(buffer.used + self.ahead, most)):
                     self.ahead = min(4 * self.ahead, _TOGETHER)
                 self.ahead = 1 if buffer.used < most else self.ahead
-        clear = buffer.points[start : buffer.used]
-        if clear:
-            self.point, self.count = buffer.points[buffer.used - 1], self.count + len(clear)
-        return clear
+        self.count += buffer.used - start
+        return buffer.points[start : buffer.used]
 
     def _take(self, end: int) -> bool:
         """Take steps up to a number while no event has a candidate; whether all are taken."""
@@ -409,7 +385,7 @@ class ContinuationIterator:
 
     def _looked_ahead(self, end: int) -> bool:
         """The same by tests of all points at once, if all events say these."""
-        buffer, events, earlier, point = self.stepper, self.events, self.earlier, self._taken
+        buffer, events, earlier, point = self.stepper, self.events, self.earlier, self.point
         if earlier is None or not all(event.many for event in events):
             return False
         points = Points.of(buffer.points[buffer.used : end])
@@ -430,25 +406,20 @@ class ContinuationIterator:
             self.tests = tuple(tests[:, n + 1].tolist())
             for z in points.z[max(n - PASSED, 0) : n]:
                 self.curve.passes(z)
-        buffer.used += n
+            buffer.used += n
+            self.point = buffer.points[buffer.used - 1]
         return True
-
-    @property
-    def _taken(self) -> Point:
-        """The last of the steps that were taken."""
-        used = self.stepper.used
-        return self.stepper.points[used - 1] if used else self.point
 
     def _has_no_candidate(self, last: Point) -> bool:
         """Whether no event has anything to look for on the step to a point; it is taken then."""
         assert self.earlier is not None
-        point, after = self._taken, self._tests_at(last)
+        point, after = self.point, self._tests_at(last)
         pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
         values = self.earlier[1], self.tests, after
         if len(without_candidate(self.events, pace, *values, (point, last))) < len(self.events):
             return False
         self.curve.passes(last.z)
-        self.earlier, self.tests = (point.arclength, self.tests), after
+        self.earlier, self.tests, self.point = (point.arclength, self.tests), after, last
         return True
 
     def _tests_at(self, point: Point) -> tuple[Value, ...]:
@@ -457,23 +428,9 @@ class ContinuationIterator:
             self.latest = point, tuple([measure(event, point) for event in self.events])
         return self.latest[1]
 
-    def _first_tests(self) -> tuple[Value, ...]:
-        # a test that fails here, as for a wrong name, is a mistake
-        values = tuple(counted(event, event.value(self.stepper.start)) for event in self.events)
-        for event, value in zip(self.events, values, strict=True):
-            if event.ends_domain and value < -1e-9:
-                raise BadInput(
-                    f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
-                    "positive values are admissible; start elsewhere, or lift this rule by "
-                    f"inadmissible=True, with no {event.kind} among events"
-                )
-        return values
-
     # --- locate ---
 
     def _locate(self, step: Step) -> Found:
-        if not self.events:
-            return Found((), (), ())
         segment = StepInterpolant(self.point, step.point, self.steps.tolerance)
         ends = Ends(self.count == 0, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
         try:
@@ -484,46 +441,46 @@ class ContinuationIterator:
         except Undefined as error:
             raise Failed(Stop.RIM, f"while locating an event: {error}") from error
 
-    def _line_up(self, step: Step, located: Found) -> tuple[list[Point], Stop | None]:
-        """What to yield for this step, in order, and whether the walk ends with it."""
-        point, reach = self.point, self._near(step)
+    def _line_up(self, step: Step) -> tuple[list[Point], Stop | None]:
+        """The points of this step, in order, and whether the walk ends with it."""
+        point, begins = self.point, self.count == 0
+        if not self.events:
+            return [point, step.point] if begins else [step.point], step.stop
+        located, reach = self._locate(step), 1e-8 * (step.point.arclength - point.arclength)
+        before, self.tests = self.tests, located.after
         starts, line = list[Point](), list[Point]()
-        if self.count == 0:  # later, what the step before ended short of is found
+        if begins:  # later, what the step before ended short of is found
             starts = [p for p in located.points if p.arclength <= point.arclength + reach]
             line = [*starts] or [point]
+        after = zip(self.events, located.after, strict=True)
+        # on whose negative side the step ends, where only the positive one is meant
+        broken = [event for event, value in after if event.ends_domain and value < 0]
         ended = {id(special.event) for special in starts}
-        if self.count == 0:  # what is negative there is rounding: more of it is refused
-            before = zip(self.events, self.tests, strict=True)
-            ended |= {id(event) for event, value in before if value <= 0}
-        if any(id(event) in ended for event in self._broken(located)):
-            return line, Stop.EVENT  # it leads out of the meaningful region at once
-        for special in located.points[len(starts) :]:
-            LOG.info("found %s: %r", special.kind, special)
-            line.append(special)
-            if special.event is not None and special.event.ends:
-                return line, Stop.EVENT
-        if self._broken(located):
-            raise Failed(Stop.NO_CONVERGENCE, "the end of the meaningful region was not located")
-        if not (line and abs(line[-1].arclength - step.point.arclength) <= reach):
+        if begins:  # what is negative there is rounding: more of it is refused
+            ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
+        stop = step.stop
+        if any(id(event) in ended for event in broken):
+            stop = Stop.EVENT  # it leads out of the meaningful region at once
+        else:
+            for special in located.points[len(starts) :]:
+                LOG.info("found %s: %r", special.kind, special)
+                line.append(special)
+                if special.event is not None and special.event.ends:
+                    stop = Stop.EVENT
+                    break
+            if broken and stop is not Stop.EVENT:
+                reason = "the end of the meaningful region was not located"
+                raise Failed(Stop.NO_CONVERGENCE, reason)
+        near = bool(line) and abs(line[-1].arclength - step.point.arclength) <= reach
+        if stop is not Stop.EVENT and not near:
             line.append(step.point)
-        return line, step.stop
+        # what is singular where an event ends the curve needs no other name: at R1 of a curve of NS
+        # its equations are those of a fold, too
+        last = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
+        self.doubtful += [p for p in located.doubtful if p.arclength < last]
+        return line, stop
 
-    def _near(self, step: Step) -> float:
-        """Points of a step that are closer than this are one."""
-        return 1e-8 * (step.point.arclength - self.point.arclength)
-
-    def _broken(self, located: Found) -> list[Event]:
-        """The events on whose negative side the step ends, where only the positive one is meant."""
-        after = zip(self.events, located.after, strict=False)
-        return [event for event, value in after if event.ends_domain and value < 0]
-
-    # --- what is told of both ends ---
-
-    def _correction_of(self, problem: Problem) -> dict[str, float]:
-        """How far the start that was given had to be moved, if that is worth telling."""
-        curve = self.curve
-        off = curve.length(curve.start - Curve(problem, curve.free).start)
-        return {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+    # --- end ---
 
     def _edge(self, point: Point, stop: Stop) -> str:
         """What there is to say of the end of a branch: by its event, or that a bound is not of the
@@ -538,8 +495,3 @@ class ContinuationIterator:
                 if math.isclose(value, edge, rel_tol=EXACT):
                     return f"the domain of {bound.name} ends at {value:g}"
         return ""
-
-
-def _quiet() -> np.errstate:
-    """Where equations overflow or divide by zero the branch ends, with its reason."""
-    return np.errstate(over="ignore", invalid="ignore", divide="ignore")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from contbreather.continuation import null_loops
+from contbreather.continuation import null_vectors
 from contbreather.kernels import bound, listed
 
 # How many parameters are freed; for each of them where its value belongs and the factor for it;
@@ -185,4 +185,4 @@ def pitchfork_slopes(z: Any, data: Any, out: Any) -> int:
 listed("ppp", closure, closure_slopes, fold, fold_slopes, pitchfork, pitchfork_slopes)
 # the engine's own fold, which knows no closed form
 _NULL = {"evaluate": closure, "derive": closure_slopes, "N": 2, "SHIFT": 0.0}
-listed("ppp", bound(null_loops.conditions, **_NULL), bound(null_loops.slopes, **_NULL))
+listed("ppp", bound(null_vectors.conditions, **_NULL), bound(null_vectors.slopes, **_NULL))

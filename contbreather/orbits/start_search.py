@@ -12,7 +12,7 @@ import numpy as np
 from contbreather.checks import check_kind, one_of, whole
 from contbreather.continuation import Branch, Point, Problem, trace
 from contbreather.continuation.boundary import named_pair
-from contbreather.continuation.starts import windows
+from contbreather.continuation.settings import windows
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import forcing_of

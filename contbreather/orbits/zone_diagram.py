@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbreather.columns import Columns, stacked
 from contbreather.continuation import Branch, Point
 from contbreather.continuation.point import CodimensionTwo
-from contbreather.continuation.starts import windows
+from contbreather.continuation.settings import windows
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.clearance import least_margin

@@ -9,7 +9,7 @@ import numpy as np
 
 from contbreather.checks import flag
 from contbreather.continuation.checkpoint import Inner, Save, checkpoint
-from contbreather.continuation.starts import windows
+from contbreather.continuation.settings import windows
 from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls

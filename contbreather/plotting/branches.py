@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
 from contbreather.continuation import Branch, Point
-from contbreather.continuation.active_events import MARGIN, walls_are_lifted
-from contbreather.continuation.refine import between
+from contbreather.continuation.interpolant import between
+from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, marker, size, symbol
 from contbreather.plotting.labels import Labels

@@ -386,3 +386,20 @@ def test_a_point_answers_what_its_solution_answers() -> None:
     assert not hasattr(mute, "above")
     with pytest.raises(AttributeError, match="no 'above', and this problem says no more of a poi"):
         mute.above()
+
+
+def test_a_level_that_was_met_is_said() -> None:
+    problem = Problem(
+        lambda x, p: x - p["mu"],
+        {"x": 0.0},
+        {"mu": 0.0},
+        record={"height": lambda point: 3 * point["x"]},
+    )
+    events = [user("mu", 0.5), user("mu", 0.25), user("height", 0.9)]
+    branch = trace(problem, "mu", within={"mu": (0, 1)}, events=events)
+    levels = [point for point in branch.special if point.kind == "UZ"]
+    assert [point.label for point in levels] == ["UZ1", "UZ2", "UZ3"]
+    assert [point["level"] for point in levels] == ["mu = 0.25", "height = 0.9", "mu = 0.5"]
+    assert [point["x"] for point in levels] == pytest.approx([0.25, 0.3, 0.5], abs=1e-12)
+    assert "UZ2 (height = 0.9)" in repr(branch.first("UZ2"))
+    assert list(branch.table().columns[0].cells)[1:4] == [point.title for point in levels]

@@ -134,3 +134,46 @@ def test_a_test_that_approaches_zero_at_the_rim_is_not_said_to_touch_it_before()
     assert branch[0]["m"] == 0.0
     assert events_of(branch) == []
     assert branch.doubtful == ()
+
+
+def crossings(gap: float, kind: str) -> tuple[Problem, dict[str, tuple[float, float]]]:
+    """Two branch points, `gap` apart: on an axis, mixed, and on an arm where one equation all but
+    touches zero."""
+
+    def residual(u, p):
+        one = u[0] * (p["mu"] - 0.3 - u[0] ** 2)
+        if kind == "arm":
+            return np.array([one, u[1] * (u[0] - 0.4) * (u[0] - 0.4 - gap) - u[1] ** 3])
+        other = u[1] * (p["mu"] - 0.3 - gap - u[1] ** 2)
+        return np.array([one + 0.4 * other, other - 0.7 * one])
+
+    if kind == "arm":
+        return Problem(residual, {"u": np.sqrt(0.7), "v": 0.0}, {"mu": 1.0}), {"u": (0.01, 1.1)}
+    return Problem(residual, {"u": 0.0, "v": 0.0}, {"mu": 0.0}), {"mu": (-0.2, 1.3)}
+
+
+@pytest.mark.parametrize("gap", [1e-2, 2e-4, 1e-5])
+@pytest.mark.parametrize("kind", ["axis", "arm"])
+def test_two_close_branch_points_are_there_with_any_steps(kind: str, gap: float) -> None:
+    """Steps that end exactly at the first of them are among these, and some of length 0.3."""
+    problem, within = crossings(gap, kind)
+    name = "u" if kind == "arm" else "mu"
+    first = 0.4 if kind == "arm" else 0.3
+    for largest in (0.05, 0.1, 0.37):
+        for size in (0.001, 0.01, 0.1):
+            steps = Steps(first=size, largest=largest)
+            events = [fold(), branch_point()]
+            branch = trace(problem, "mu", within=within, events=events, steps=steps)
+            assert [point.label for point in branch.special] == ["EP1", "BP1", "BP2", "EP2"]
+            places = [branch.first(label)[name] for label in ("BP1", "BP2")]
+            np.testing.assert_allclose(places, [first, first + gap], rtol=0, atol=1e-9)
+            assert not branch.doubtful
+
+
+def test_two_branch_points_that_cannot_be_told_apart_are_doubtful() -> None:
+    problem, within = crossings(1e-9, "axis")
+    for largest in (0.05, 0.1, 0.37):
+        steps = Steps(largest=largest)
+        branch = trace(problem, "mu", within=within, events=[branch_point()], steps=steps)
+        assert [point.kind for point in branch.special] == ["EP", "EP"]
+        assert {point.kind for point in branch.doubtful} == {"BP"}

@@ -10,7 +10,7 @@ import pytest
 
 from contbreather.continuation import Branch, Problem, Steps, Stop, boundary, fold, trace, user
 
-from .zoo import chebyshev
+from .zoo import chebyshev, ignition
 
 FALLS = {"exponential": lambda x: np.exp(-x), "power": lambda x: (1 + x * x) ** -3}
 
@@ -26,16 +26,7 @@ def far(values: Callable[[Any], Any], unit: float = 1.0, **more: Any) -> Branch:
 
 def test_a_curve_of_folds_ends_where_a_parameter_vanishes() -> None:
     """u grows as eps^-2 and lam falls as exp(-1/eps): eps alone would go on for ever."""
-    second = chebyshev(7)
-
-    def residual(u: Any, p: Any) -> Any:
-        return second @ u + p["lam"] * np.exp(u / (1 + p["eps"] * u))
-
-    def jacobian(u: Any, p: Any) -> Any:
-        inner = 1 + p["eps"] * u
-        return second + np.diag(p["lam"] * np.exp(u / inner) / inner**2)
-
-    bratu = Problem(residual, {"u": np.zeros(6)}, {"lam": 0.0, "eps": 0.0}, jacobian=jacobian)
+    bratu = ignition(chebyshev(7))
     branch = trace(bratu, "lam", towards="up", within={"u": (0.0, 4.0)}, events=[fold()])
     line = boundary(branch.first("LP"), ("eps", "lam"), towards="up", events=())
     assert line.stop is Stop.INFINITY
@@ -79,6 +70,8 @@ def test_a_window_says_how_far_to_go_instead() -> None:
         assert far(fall, within={"mu": (1e-12, 2.0)})[-1]["mu"] == 1e-12
     for window in ({"x": (0.0, np.inf)}, {"mu": (0.0, 2.0)}):  # neither does
         assert far(FALLS["exponential"], within=window).stop is Stop.INFINITY
+    square = Problem(lambda x, p: x - p["mu"] ** 2, {"x": 0.0}, {"mu": 0.0})
+    assert trace(square, "mu", within={"mu": (0, 300)})[-1]["x"] == pytest.approx(9e4)
 
 
 @pytest.mark.parametrize("limit", [0.0, 1.0])

@@ -90,9 +90,10 @@ def test_from_a_meeting_the_other_curve_is_followed(
 
 
 def test_hopf_curve_ends_at_takens_bogdanov_as_neutral_saddles_are_no_hopf_points() -> None:
-    curve = walked(TAKENS_HB)
-    assert Stop.EVENT in (curve.stop, curve.began)
-    assert curve["b2"].max() < 1e-12
+    for curve in (walked(TAKENS_HB), TAKENS_HB.from_(TAKENS_HB.first, events=())):
+        assert Stop.EVENT in (curve.stop, curve.began)
+        assert curve["b2"].max() < 1e-12
+        assert abs(curve["omega2"] + curve["b2"]).max() < 1e-12
 
 
 @pytest.mark.parametrize("line", [TAKENS_LP, TAKENS_HB], ids=lambda line: line.name)
@@ -379,3 +380,22 @@ def test_generalised_hopf_of_bazykin_on_the_curve_that_starts_at_takens_bogdanov
     place = list(curve).index(curve.first("GH"))
     test = next(event.test for event in curve.problem.events if event.kind == "GH")
     assert test(curve[place - 1]) * test(curve[place + 1]) < 0
+
+
+def takens(u, p):
+    """The normal form of a double zero, with parameters named as its coefficients are."""
+    x, y = u
+    return np.array([y, p["a"] + p["b"] * y + x * x + 2 * x * y])
+
+
+def test_a_coefficient_is_told_from_a_parameter_of_its_name() -> None:
+    problem = cb.Problem(takens, {"x": 1.0, "y": 0.0}, {"a": -1.0, "b": 0.3})
+    events = [cb.fold(), cb.hopf()]
+    fold = cb.trace(problem, "a", within={"x": (-1, 2), "a": (-2, 1)}, events=events).first("LP")
+    line = cb.boundary(fold, ("b", "a"), within={"b": (-1, 1)}, events=events)
+    point = line.first("BT")
+    assert (point["a"], point["b"]) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (point["a of BT"], point["b of BT"]) == pytest.approx((1.0, 2.0), abs=1e-7)
+    assert point.detail["a"] == point["a of BT"]
+    with pytest.raises(cb.BadInput, match="no 'c of BT' at this point"):
+        point["c of BT"]

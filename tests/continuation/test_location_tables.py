@@ -21,7 +21,6 @@ from contbreather.continuation import (
 from contbreather.continuation.duplicates import lies_on, placed
 from contbreather.continuation.event_detection import without_candidate
 from contbreather.errors import BadInput, NotConverged
-from contbreather.storage import netcdf
 
 from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
 
@@ -110,15 +109,6 @@ def test_a_solution_lies_on_a_branch_to_a_millionth_or_a_thousandth_of_the_way()
     assert placed(other[0], curve) is not None
     other = trace(flat.at(h=1.1e-6, x=1.1e-6), "m", within={"m": (-1, 1)}, events=())
     assert placed(other[0], curve) is None
-
-
-def test_names_and_words_of_a_file_are_as_long_as_it_takes() -> None:
-    netcdf.check_names("column", ["x" * 200, "é" * 100])
-    for name in ("x" * 201, "é" * 101, "", ".", "..", "a/b", " a", "a ", "a\n", "_nc4_a"):
-        with pytest.raises(BadInput, match="cannot be the name of a column in a file: at most 200"):
-            netcdf.check_names("column", [name])
-    assert netcdf.text("é" * 9999 + "xyz") == "é".encode() * 9999 + b"xy"
-    assert netcdf.text("a\0b") == rb"a\0b"
 
 
 # --- units --------------------------------------------------------------------------------------

@@ -11,8 +11,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from contbreather.continuation import Branch, Steps, boundary, trace
+from contbreather.continuation import Branch, Steps, boundary, maps, trace
 from contbreather.continuation.maps import FixedPoint
+from contbreather.continuation.point import CodimensionTwo
 from contbreather.continuation.switching import NothingToSwitch, switch
 from contbreather.errors import BadInput
 
@@ -205,19 +206,6 @@ def test_without_a_multiplier_one_no_fold_or_branch_point_of_a_map_is_verified(k
     assert "no multiplier is 1: the nearest is 1.5 off" in event.examine(there)
 
 
-def test_strong_resonances_are_named_where_the_coefficient_would_be() -> None:
-    c, s = math.cos(2 * math.pi / 3), math.sin(2 * math.pi / 3)
-
-    def image(u: Array, p: Params) -> Array:
-        return p["s"] * np.array([c * u[0] - s * u[1] + u[0] ** 2, s * u[0] + c * u[1]])
-
-    mine = of_map(image, XY, s=0.8)
-    point = trace(mine, "s", within={"s": (0.7, 1.2)}).first("NS")
-    assert "d" not in point.detail
-    assert "strong resonance" in point.detail["criticality"]
-    assert point.detail["angle"] == pytest.approx(2 * math.pi / 3, abs=1e-9)
-
-
 def test_an_analytic_jacobian_is_chained_over_the_period() -> None:
     calls = []
 
@@ -248,12 +236,6 @@ def test_doubling_keeps_an_analytic_jacobian() -> None:
     assert arm.problem.jacobian is not None
 
 
-@pytest.mark.parametrize("period", [0, -1, 1.5, True, "2"])
-def test_a_period_that_is_no_positive_integer_is_refused(period: object) -> None:
-    with pytest.raises(BadInput, match="a whole number, at least 1, was expected"):
-        FixedPoint(logistic, {"x": 0.6}, {"r": 2.5}, period=period)
-
-
 def test_neimark_sacker_points_have_no_arms_that_are_solutions() -> None:
     curve = trace(henon(1.0, 0.5, 0.5), "beta", within={"beta": (0.0, 2.0)})
     with pytest.raises(NothingToSwitch, match="leave points of kind NS"):
@@ -276,3 +258,21 @@ def test_scales_of_a_map_are_heeded() -> None:
     assert branch.first("PD").detail["c"] == pytest.approx(2 / 3, rel=1e-6)
     curve = boundary(branch.first("PD"), ("beta", "alpha"), within=PLANE)
     assert kinds(curve) == ["LPPD", "R2"]
+
+
+MULTIPLIERS = {"BP": "+1", "LP": "+1", "PD": "-1", "NS": "pair"}
+
+
+@pytest.mark.parametrize("on", maps.MEETINGS)
+def test_two_kinds_of_maps_that_meet_have_one_name_whichever_is_followed(on: str) -> None:
+    """Both kinds, the one with the larger multiplier first; and what is looked for are theirs."""
+    order = list(MULTIPLIERS)
+    assert set(maps.MEETINGS[on]) == {"LP", "PD", "NS"} - {on, "LP" if on == "BP" else ""}
+    for met, events in maps.MEETINGS[on].items():
+        first, second = sorted((on, met), key=order.index)
+        meeting = events[-1]
+        assert meeting.kind == f"{first}{'-' if first == 'BP' else ''}{second}"
+        wanted, *_ = meeting.examine.args  # type: ignore[union-attr]
+        assert wanted == f"{MULTIPLIERS[first]} {MULTIPLIERS[second]}"
+        assert isinstance(meeting, CodimensionTwo)
+        assert meeting.base.kind == met

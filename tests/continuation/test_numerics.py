@@ -11,9 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import derivatives
+from contbreather.continuation import Problem, Stop, derivatives, fold, trace
 from contbreather.continuation.interpolant import closest
+from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Dense, Undefined, approach, newton, solve
+from contbreather.errors import NotConverged
+
+from .zoo import CIRCLE, counted, events_of, scalar
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -317,3 +321,93 @@ def test_what_meets_what_on_boundaries_of_maps_has_one_name(one: str, other: str
             found[0], ("m", "k"), within={"m": (-0.4, 0.4), "k": (-0.4, 0.4)}, events=()
         )
         assert back.problem.label == f"{other} boundary"
+
+
+# --- what counts as a solution --------------------------------------------------------------------
+
+
+def test_equations_without_slope_that_do_not_vanish_end_a_branch_where_they_begin() -> None:
+    def residual(u, p):
+        if np.real(p["mu"]) > 1.5:
+            return np.full(2, 1e6)
+        return np.array([u[0] - p["mu"], u[1] - u[0] ** 2])
+
+    problem, counter = counted(Problem(residual, {"x": 1.0, "y": 1.0}, {"mu": 1.0}))
+    branch = trace(problem, "mu", within={"mu": (0.0, 3.0)})
+    assert branch[-1]["mu"] == pytest.approx(1.5, abs=1e-6)
+    assert branch.stop is Stop.NO_CONVERGENCE
+    assert branch.reason == "residual 1e+06"
+    assert abs(branch["residual"]).max() < 1e-15
+    assert counter.calls < 3000
+
+
+@pytest.mark.parametrize("mu", [9e-7, 1e-9])
+def test_just_beyond_a_fold_there_is_no_solution(mu: float) -> None:
+    problem = scalar(lambda x, p: x**2 + p["mu"], 0.0, {"mu": mu})
+    with pytest.raises(NotConverged, match=f"is not a solution: residual {mu:g}"):
+        problem.solve()
+
+
+@pytest.mark.parametrize("beyond", [1e-7, 1e-10])
+def test_a_fold_is_found_from_a_start_just_beyond_it(beyond: float) -> None:
+    problem = CIRCLE.problem.at(x=0.0, mu=1 + beyond)
+    branch = trace(problem, "mu", events=[fold()], within={"mu": (0.0, 2.0)})
+    (point,) = events_of(branch)
+    assert point["mu"] == pytest.approx(1.0, abs=1e-14)
+    assert point.residual < 1e-15
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-9, 0.3, 1.0])
+def test_small_equations_are_not_solved_for_being_small(x: float) -> None:
+    with pytest.raises(NotConverged, match="is not a solution"):
+        scalar(lambda x, p: 1e-7 * (1 + x**2), x, {"mu": 0.0}).solve()
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+def test_equations_are_solved_whatever_their_size(size: float) -> None:
+    _, found = scalar(lambda x, p: size * (x**2 - 2), 1.0, {"mu": 0.0}).solve()
+    assert found.z[0] == pytest.approx(2**0.5, rel=1e-15)
+
+
+@pytest.mark.parametrize("other", [1.0, 1e6, 1e10])
+def test_an_unknown_is_solved_for_to_the_last_digits_whatever_the_size_of_another(other) -> None:
+    problem = Problem(
+        lambda u, p: np.array([u[0] ** 2 - 2 + 0 * p["mu"], u[1] / other - 1]),
+        {"x": 1.6, "y": other},
+        {"mu": 0.0},
+    )
+    _, found = problem.solve()
+    assert found.z[0] == pytest.approx(2**0.5, rel=1e-14)
+
+
+def test_equations_and_maps_may_write_to_one_array_and_return_it_each_time() -> None:
+    def same(function):
+        room = np.empty(2)
+
+        def written(u, p):
+            room[:] = function(u, p)
+            return room
+
+        return written
+
+    def curve(u, p):
+        return np.array([np.exp(u[0]) - p["mu"], u[1] - u[0] ** 2])
+
+    def henon(u, p):
+        return np.array([1 - p["a"] * u[0] ** 2 + u[1], 0.3 * u[0]])
+
+    one, other = (
+        trace(Problem(f, {"x": 0.0, "y": 0.0}, {"mu": 1.0}), "mu", within={"mu": (0.5, 3.0)})
+        for f in (same(curve), curve)
+    )
+    assert one.began is one.stop is Stop.BOUND
+    assert np.allclose(one["x"], np.log(one["mu"]), rtol=0, atol=1e-13)
+    assert len(one) < 1.2 * len(other)
+    start, within = {"x": 0.97, "y": -0.13}, {"a": (0.5, 1.2)}
+    one, other = (
+        trace(FixedPoint(f, start, {"a": 1.0}, period=2), "a", within=within, events=())
+        for f in (same(henon), henon)
+    )
+    assert one.began is one.stop is Stop.BOUND
+    assert abs(one["x"][-1] - other["x"][-1]) < 1e-13
+    assert not np.allclose(*one[-1].solution.points)

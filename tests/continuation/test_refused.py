@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 import contbreather as cb
 from contbreather.continuation import Event
@@ -73,33 +74,36 @@ def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
 # --- coefficients ---------------------------------------------------------------------------------
 
 
-def test_without_values_to_both_sides_a_doubling_has_no_coefficient() -> None:
-    def image(x: Array, p: Params) -> Any:
-        if np.real(x[0]) < -1e-9:
-            raise ValueError("only to the right")
-        return -(1.0 + p["m"]) * x + x**2
+def to_the_right(u: Array, p: Params) -> Array:
+    """A map that doubles, or a flow that turns, without values to the left."""
+    if np.real(u[0]) < -1e-9:
+        raise ValueError("only to the right")
+    if u.size == 1:
+        return -(1.0 + p["m"]) * u + u**2
+    x, y = u
+    grow = p["m"] - (x * x + y * y)
+    return np.array([grow * x - 2.0 * y, 2.0 * x + grow * y])
 
-    mine = cb.FixedPoint(image, {"x": 0.0}, {"m": -0.31})
-    point = cb.trace(mine, "m", within={"m": (-0.4, 0.3)}).first("PD")
+
+@pytest.mark.parametrize(
+    ("mine", "kind", "name", "known"),
+    [
+        (cb.FixedPoint(to_the_right, {"x": 0.0}, {"m": -0.31}), "PD", "c", {}),
+        (
+            cb.Problem(to_the_right, START, {"m": -0.31}, events=[cb.hopf()]),
+            "HB",
+            "l1",
+            {"omega": 2},
+        ),
+    ],
+)
+def test_without_values_to_both_sides_there_is_no_coefficient(mine, kind, name, known) -> None:
+    point = cb.trace(mine, "m", within={"m": (-0.4, 0.3)}).first(kind)
     assert point["m"] == pytest.approx(0.0, abs=1e-9)
     assert point.detail["criticality"].startswith("unknown: ")
-    assert "c" not in point.detail
-
-
-def test_without_values_to_both_sides_a_hopf_point_has_no_coefficient() -> None:
-    def field(u: Array, p: Params) -> Any:
-        x, y = u
-        if np.real(x) < -1e-9:
-            raise ValueError("only to the right")
-        grow = p["m"] - (x * x + y * y)
-        return np.array([grow * x - 2.0 * y, 2.0 * x + grow * y])
-
-    mine = cb.Problem(field, START, {"m": -0.31})
-    point = cb.trace(mine, "m", within={"m": (-0.4, 0.3)}, events=[cb.hopf()]).first("HB")
-    assert point["m"] == pytest.approx(0.0, abs=1e-9)
-    assert point.detail["omega"] == pytest.approx(2.0, abs=1e-9)
-    assert point.detail["criticality"].startswith("unknown: ")
-    assert "l1" not in point.detail
+    assert name not in point.detail
+    for what, value in known.items():
+        assert point.detail[what] == pytest.approx(value, abs=1e-9)
 
 
 def test_two_multipliers_minus_one_with_two_eigenvectors_are_no_simple_doubling() -> None:
@@ -168,6 +172,11 @@ GIVEN: list[Row] = [
     (LINE.problem.at, (), {"nu": 1.0}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
     (LINE.problem.at, (), {"x": [1.0, 2.0]}, r"x = \[1\.0, 2\.0\]: a number was expected"),
     (problem({"u": np.ones(3)}, {}).at, (), {"u": 1.0}, r"u = 1\.0: an array was expected, as it"),
+    *(
+        (cb.FixedPoint, (lambda x, p: x, {"x": 0.6}, {"r": 2.5}), {"period": period},
+         "a whole number, at least 1, was expected")
+        for period in (0, -1, 1.5, True, "2")
+    ),
     # equations and their derivatives
     (solved, (lambda u, p: np.zeros(3),), {}, r"the residual has shape \(3,\) for 2 unknowns"),
     (solved, (lambda u, p: 0.0,), {}, r"has shape \(1,\) for 2 unknowns; as many equations as unk"),
@@ -185,6 +194,14 @@ GIVEN: list[Row] = [
         for equation in (
             lambda x, mu: 1 / mu, lambda x, mu: math.log(mu), lambda x, mu: x * math.nan,
         )
+    ),
+    (solved, (lambda x, p: csr_array([[x[0] - p["mu"]]]),), {"n": 1}, "an array of numbers was"),
+    (solved, (lambda x, p: x - p["mu"] if p["mu"] < 0.5 else np.append(x, 0.0),),
+     {"n": 1, "jacobian": lambda x, p: np.eye(1)}, r"has shape \(2,\) for 1 unknowns"),
+    *(
+        (solved, (lambda u, p: u,), {"jacobian": lambda u, p, given=given: given},
+         r"the Jacobian (is|has)")
+        for given in (None, "matrix", [[1.0, 2.0], [3.0]], np.ones(3))
     ),
     (solved, (lambda u, p: u,), {"jacobian": lambda u, p: np.eye(3)},
      r"Jacobian has shape \(3, 3\); \(2, 2\) was expected"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -125,3 +126,102 @@ def test_a_branch_point_at_the_start_is_not_doubtful_as_well(off: float) -> None
         branch = cb.trace(start, "mu", within=within, events=TRANSCRITICAL.events, steps=steps)
         assert [point.kind for point in branch.special].count("BP") == 1
         assert branch.doubtful == ()
+
+
+# --- stiff equations and fine meshes --------------------------------------------------------------
+
+
+def mixture(seed: int, condition: float) -> tuple[cb.Problem, np.ndarray]:
+    """``A (y (mu - m) - y^3) = 0`` for y = B x, with rotations B and A of a given condition: branch
+    points at every m on x = 0, and on the arm of one of them at all the higher ones."""
+    rng = np.random.default_rng(seed)
+    n = 12
+    one, other, B = (np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(3))
+    A = one @ np.diag(np.logspace(0, math.log10(condition), n)) @ other
+    m = np.sort(rng.uniform(0.1, 1.4, n))
+
+    def residual(x, p):
+        y = B @ x
+        return A @ (y * (p["mu"] - m) - y**3)
+
+    def jacobian(x, p):
+        return A @ np.diag(p["mu"] - m - 3 * (B @ x) ** 2) @ B
+
+    return cb.Problem(residual, {"x": np.zeros(n)}, {"mu": 0.0}, jacobian=jacobian), m
+
+
+def places(branch: cb.Branch) -> np.ndarray:
+    assert not branch.doubtful
+    return np.sort([point["mu"] for point in branch.special if point.kind == "BP"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("condition", [1.0, 1e6])
+@pytest.mark.parametrize("seed", [0, 1, 4])
+def test_all_branch_points_of_a_mixture_are_found(seed: int, condition: float) -> None:
+    """The closest two are 0.0038, 0.00073 and 0.0025 apart, far less than a step."""
+    problem, m = mixture(seed, condition)
+    options = {"within": {"mu": (0.0, 1.5)}, "events": [cb.branch_point()]}
+    branch = cb.trace(problem, "mu", **options)
+    np.testing.assert_allclose(places(branch), m, rtol=0, atol=1e-9)
+    for arm in cb.switch(branch.first("BP6"), **options):
+        assert arm.stop is cb.continuation.Stop.BOUND
+        np.testing.assert_allclose(places(arm), m[6:], rtol=0, atol=1e-9)
+
+
+def swift_hohenberg(n: int, nu: float = 2.0) -> tuple[cb.Problem, np.ndarray]:
+    """``mu u + nu u^2 - u^3 - (1 + d^2/dx^2)^2 u`` on n places of (0, 3 pi) with free ends, and
+    where u = 0 bifurcates, from the modes of the mesh."""
+    h = 3 * math.pi / (n - 1)
+    D = (np.diag(np.full(n, -2.0)) + np.eye(n, k=1) + np.eye(n, k=-1)) / h**2
+    D[0, 1] = D[-1, -2] = 2 / h**2
+    K = (np.eye(n) + D) @ (np.eye(n) + D)
+
+    def residual(u, p):
+        return p["mu"] * u + nu * u**2 - u**3 - K @ u
+
+    def jacobian(u, p):
+        return np.diag(p["mu"] + 2 * nu * u - 3 * u**2) - K
+
+    laplacian = -((2 / h * np.sin(np.arange(n) * math.pi / (2 * n - 2))) ** 2)
+    problem = cb.Problem(residual, {"u": np.zeros(n)}, {"mu": -0.1}, jacobian=jacobian)
+    return problem, np.sort((1 + laplacian) ** 2)
+
+
+def test_swift_hohenberg_bifurcates_at_the_modes_of_its_mesh() -> None:
+    problem, modes = swift_hohenberg(200)
+    branch = cb.trace(problem, "mu", within={"mu": (-0.1, 0.6)}, events=[cb.branch_point()])
+    expected = modes[(modes > -0.1) & (modes < 0.6)]
+    assert len(expected) == 2
+    np.testing.assert_allclose(places(branch), expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_fine_mesh_finds_what_a_coarse_one_does_and_walks_back_through_the_pitchfork() -> None:
+    found = []
+    events = [cb.fold(), cb.branch_point()]
+    for n in (50, 120):
+        problem, modes = swift_hohenberg(n)
+        axis = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])
+        arm = cb.switch(axis.first("BP"), within={"mu": (-0.6, 0.1)}, events=events)[0]
+        assert arm.stop is cb.continuation.Stop.BOUND
+        found.append([(point.kind, point["mu"]) for point in arm.special])
+        back = cb.trace(arm[12], "mu", within={"mu": (-0.3, 0.1)}, events=events)
+        assert {back.began, back.stop} == {cb.continuation.Stop.BOUND}
+        nearest = min(back.special, key=lambda point: np.abs(point["u"]).max())
+        assert nearest.kind == "BP"
+        assert abs(nearest["mu"] - modes[0]) < 1e-8
+    (kinds, values), (fine_kinds, fine_values) = (zip(*one, strict=True) for one in found)
+    assert kinds == fine_kinds == ("EP", "BP", "BP", "LP", "EP")
+    np.testing.assert_allclose(values, fine_values, rtol=0, atol=3e-3)  # of the meshes
+
+
+def test_equations_multiplied_by_a_large_number_have_the_same_fold() -> None:
+    problem = cb.Problem(
+        lambda x, p: 1e9 * np.array([p["mu"] - x[0] ** 2, 1e9 * (x[1] - x[0])]),
+        {"x": 1.0, "y": 1.0},
+        {"mu": 1.0},
+    )
+    branch = cb.trace(problem, "mu", within={"x": (-1, 2)}, events=[cb.fold(), cb.branch_point()])
+    assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
+    assert abs(branch.first("LP")["mu"]) < 1e-14

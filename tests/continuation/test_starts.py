@@ -9,7 +9,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Event, Problem, Steps, Stop, trace, user
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import NotConverged
 
 from .zoo import CUSP, LINE, PITCHFORK, events_of, trace_case
 
@@ -26,27 +26,9 @@ def test_an_event_at_the_rim_of_the_domain_is_met_at_any_step(largest: float) ->
     assert branch[-1]["x"] == 1e-14
 
 
-def test_the_end_of_the_domain_is_told_from_that_of_the_window() -> None:
-    problem = Problem(LINE.problem.residual, {"x": 0.0}, {"mu": 0.0}, domain={"x": (-1.0, 9.0)})
-    branch = trace(problem, "mu", within={"mu": (-3.0, 3.0), "x": (-2.0, 2.0)}, events=())
-    assert branch.began is branch.stop is Stop.BOUND
-    assert branch.began_reason == "the domain of x ends at -1"
-    assert branch.reason == ""
-
-
 def test_a_single_event_may_be_given_alone() -> None:
     branch = trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=user("mu", 0.3))
     assert branch.first("UZ")["mu"] == pytest.approx(0.3)
-
-
-def test_a_residual_that_forgets_to_return_is_told_on_the_way() -> None:
-    def residual(x, p):
-        if np.real(p["mu"]) < 0.5:
-            return x - p["mu"]
-        return None
-
-    with pytest.raises(BadInput, match="the residual is array"):
-        trace(Problem(residual, {"x": 0.0}, {"mu": 0.0}), "mu")
 
 
 def test_the_smallest_tolerance_loses_nothing() -> None:
@@ -235,3 +217,48 @@ def test_rounding_at_a_start_on_the_edge_of_its_domain_does_not_decide_how_a_cur
     branch = trace(line, "mu", within={"mu": (-1, 1)}, events=[edge])
     assert (branch.began, branch.stop) == (Stop.BOUND, Stop.EVENT)
     assert branch[-1]["mu"] == pytest.approx(0.0, abs=1e-10)
+
+
+# --- windows of arrays, which are those of their norms --------------------------------------------
+
+
+ROOTS = np.arange(1.0, 13.0)
+
+
+def cubes(**more: object) -> cb.Problem:
+    """``u_i = (i mu)^(1/3)``."""
+    return cb.Problem(
+        lambda u, p: u**3 - p["mu"] * ROOTS,
+        {"u": np.cbrt(ROOTS)},
+        {"mu": 1.0},
+        **more,  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.5, 5.0])
+def test_a_branch_ends_exactly_where_the_norm_does(largest: float) -> None:
+    steps = cb.Steps(largest=largest)
+    branch = cb.trace(cubes(), "mu", within={"u": (1, 10)}, steps=steps)
+    norms = np.linalg.norm(branch["u"], axis=1)
+    assert norms[[0, -1]] == pytest.approx([1, 10], rel=1e-15)
+    assert norms[1:-1].min() > 1
+    assert norms[1:-1].max() < 10
+    unit = np.linalg.norm(np.cbrt(ROOTS))
+    assert branch["mu"][[0, -1]] == pytest.approx([unit**-3, (10 / unit) ** 3], rel=1e-12)
+    assert branch.stop is branch.began is cb.continuation.Stop.BOUND
+
+
+def test_a_norm_that_peaks_beyond_its_window_within_a_step_is_seen() -> None:
+    arch = cb.Problem(
+        lambda u, p: np.array([u[0] - 3 * np.cos(p["h"]), u[1]]),
+        {"u": np.array([3 * np.cos(-1.0), 0.0])},
+        {"h": -1.0},
+    )
+    branch = cb.trace(arch, "h", within={"u": (0, 2.9999)}, towards="up")
+    assert branch[-1]["h"] == pytest.approx(-np.arccos(2.9999 / 3), abs=1e-12)
+
+
+def test_the_domain_of_an_array_is_one_of_its_norm_too() -> None:
+    branch = cb.trace(cubes(domain={"u": (0, 9)}), "mu", within={"mu": (0.5, 1e4)}, towards="up")
+    assert branch.reason == "the domain of u ends at 9"
+    assert np.linalg.norm(branch[-1]["u"]) == pytest.approx(9, rel=1e-15)

@@ -169,8 +169,9 @@ def test_an_event_exactly_at_a_bound_is_found() -> None:
 def test_the_domain_of_a_problem_is_a_window_too() -> None:
     problem = replace(LINE.problem, domain={"x": (-1.0, math.inf)})
     branch = trace(problem, "mu", within={"mu": (-3.0, 3.0), "x": (-2.0, 2.0)})
-    assert branch[0]["x"] == -1.0
-    assert branch[-1]["x"] == 2.0
+    assert (branch[0]["x"], branch[-1]["x"]) == (-1.0, 2.0)
+    assert branch.began is branch.stop is Stop.BOUND
+    assert (branch.began_reason, branch.reason) == ("the domain of x ends at -1", "")
 
 
 @pytest.mark.parametrize("last", [0.5, 0.99])
@@ -503,19 +504,3 @@ def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
     branch = trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=[Event("UP", above)])
     assert branch.first("UP")["mu"] == pytest.approx(0.3217, abs=1e-13)
     assert tests < 2 * len(branch) + 60
-
-
-def test_a_curve_that_runs_to_infinity_ends_there_unless_its_unknown_is_bounded() -> None:
-    """``x = lam e^x`` turns back at ``1/e`` and tends to ``lam = 0``; ``x = mu^2`` goes on."""
-    problem = Problem(
-        lambda x, p: np.array([x[0] - p["lam"] * np.exp(x[0])]), {"x": 0.0}, {"lam": 0.0}
-    )
-    branch = trace(problem, "lam", towards="up", events=[fold()])
-    assert branch.stop is Stop.INFINITY
-    assert len(branch) < 500
-    assert branch.reason.startswith("x grows without bound while lam vanishes")
-    assert [point.kind for point in branch.special] == ["EP", "LP", "EP"]
-    bounded = trace(problem, "lam", towards="up", within={"x": (-1, 200)}, events=())
-    assert bounded[-1]["x"] == 200
-    square = Problem(lambda x, p: np.array([x[0] - p["mu"] ** 2]), {"x": 0.0}, {"mu": 0.0})
-    assert trace(square, "mu", within={"mu": (0, 300)})[-1]["x"] == pytest.approx(9e4)

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from contbreather.continuation import Problem, Steps, boundary, fold, trace, walk
+from contbreather.continuation import Problem, Steps, fold, trace, walk
 
 from .zoo import (
-    ALL,
     ARMS,
     BRATU,
     CUSP,
@@ -23,7 +22,6 @@ from .zoo import (
     Case,
     analytic_bratu,
     bratu_fold,
-    brusselator,
     chebyshev,
     crowded,
     events_of,
@@ -126,28 +124,6 @@ def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(cas
 
 
 # --- what each animal is in the zoo for -------------------------------------------------------
-
-
-def test_fold_curve_of_the_cusp_surface_is_the_cusp_curve_and_has_its_cusp() -> None:
-    first = trace_case(CUSP).first("LP")
-    line = boundary(first, ("mu", "h"), within={"mu": (-1.0, 2.0)})
-    assert abs(4 * line["mu"] ** 3 - 27 * line["h"] ** 2).max() < 1e-13
-    assert line["mu"].max() == 2.0
-    (point,) = events_of(line)
-    assert point.kind == "CP"
-    assert abs(point["mu"]) < 1e-12
-    assert abs(point["h"]) < 1e-12
-
-
-@pytest.mark.slow
-def test_hopf_line_of_the_brusselator() -> None:
-    problem = brusselator()
-    start = trace(problem, "B", events=ALL, within={"B": (0.1, 5.0)}).first("HB")
-    line = boundary(start, ("A", "B"), within={"A": (0.1, 3.0)}, events=())
-    assert abs(line["B"] - 1 - line["A"] ** 2).max() < 1e-12
-    assert abs(line["omega2"] - line["A"] ** 2).max() < 1e-12
-    assert line["A"].min() == 0.1
-    assert line["A"].max() == 3.0
 
 
 def test_fold_of_bratu_is_the_closed_form_to_the_accuracy_of_the_collocation() -> None:

@@ -308,6 +308,25 @@ def bratu(second: Array, **given: object) -> Problem:
     return Problem(residual, {"u": np.zeros(len(second))}, {"lam": 0.0}, **given)
 
 
+def ignition(
+    second: Array, weights: Array | float = 1.0, unit: float = 1.0, **start: Any
+) -> Problem:
+    """``u'' + lam exp(u / (1 + eps u))`` with u = unit v: its two folds meet."""
+
+    def residual(v: Array, p: Mapping[str, float]) -> Array:
+        u = unit * v
+        return weights * (second @ u + p["lam"] * np.exp(u / (1 + p["eps"] * u)))
+
+    def jacobian(v: Array, p: Mapping[str, float]) -> Array:
+        inner = 1 + p["eps"] * unit * v
+        slope = second + np.diag(p["lam"] * np.exp(unit * v / inner) / inner**2)
+        return unit * np.reshape(weights, (-1, 1)) * slope
+
+    params = {"lam": 0.0, "eps": 0.0, **start}
+    u = {"u": np.full(len(second), params.pop("u", 0.0) / unit)}
+    return Problem(residual, u, params, jacobian=jacobian, scales={"u": 1 / unit})
+
+
 def analytic_bratu(second: Array) -> Problem:
     return bratu(
         second,

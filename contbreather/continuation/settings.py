@@ -1,0 +1,226 @@
+"""What is asked of a walk: its windows, its events with their columns, its steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from numbers import Integral
+from operator import attrgetter
+
+from ..checks import flag, real, shown
+from ..errors import BadInput
+from .point import Event, EventWithRule, Point
+from .problem import Problem
+
+Within = Mapping[str, tuple[float, float]]
+
+MARGIN = "margin"  # the column that tells, where walls are lifted, how far off they are
+_LIFTED = ", walls lifted"
+_LARGEST, _RELATIVE = 0.1, 0.01  # of `longest`
+_ROUNDING = 1e-13  # corrections shorter than this, relative to 1 + |z|, may be rounding
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Sizes that govern one walk along a curve.
+
+    Parameters
+    ----------
+    first : float
+        Arclength of the first step, if `largest` allows it.
+    smallest : float
+        A step that would have to be shorter ends the branch, with the reason.
+    largest : float, optional
+        No step is longer. By default 0.1, or a hundredth of the size of z where that is more:
+        where unknowns are counted in hundreds, so are their changes.
+    most : int
+        Number of steps after which the branch ends, in each direction.
+    tolerance : float
+        A Newton iteration has converged when its last correction is at most
+        ``tolerance * (1 + |z|)``; being quadratic it is then far more exact than that. At least
+        1e-13: shorter corrections are rounding.
+    growth : float
+        A step is at most this many times its predecessor.
+
+    Examples
+    --------
+    >>> Steps(largest=0.01).growth
+    1.5
+    """
+
+    first: float = 0.01
+    smallest: float = 1e-9
+    largest: float | None = None
+    most: int = 2000
+    tolerance: float = 1e-9
+    growth: float = 1.5
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if value is None and entry.default is None:
+                continue
+            size = real(value)
+            if math.isnan(size) and not isinstance(value, float):
+                raise BadInput(f"{entry.name} must be a number, got {shown(value)}")
+            if entry.name != "most" and not 0 < size < math.inf:
+                raise BadInput(f"{entry.name} must be finite and positive, got {shown(value)}")
+        if not self.smallest <= min(self.first, self.longest(0.0)):
+            raise BadInput(
+                f"no step may be shorter than smallest = {self.smallest:g}, "
+                f"got first = {self.first:g} and largest = {self.longest(0.0):g}"
+            )
+        if self.growth <= 1:
+            raise BadInput(f"growth must exceed 1, got {self.growth:g}")
+        if self.tolerance < _ROUNDING:
+            raise BadInput(
+                f"a tolerance below {_ROUNDING:g} is lost in rounding, got {self.tolerance:g}"
+            )
+        if not issubclass(type(self.most), Integral) or self.most < 1:
+            raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
+
+    def longest(self, length: float) -> float:
+        """How long a step may be where z has this length."""
+        return max(_LARGEST, _RELATIVE * length) if self.largest is None else self.largest
+
+
+_USUAL = Steps()
+
+
+def steps_of(steps: object, usual: Steps | None = None) -> Steps:
+    """Steps as they were given, the usual ones if none were; anything else is refused."""
+    if steps is None:
+        return usual or _USUAL
+    if not isinstance(steps, Steps):
+        raise BadInput(f"steps must be given as Steps(largest=...), got {shown(steps)}")
+    return steps
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a walk was asked for; its parts are as in `trace`, of a boundary as in `boundary`."""
+
+    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    events: tuple[Event, ...] | None = None
+    steps: Steps = field(default_factory=Steps)
+    inadmissible: bool = False
+
+
+# --- windows ----------------------------------------------------------------------------------
+
+
+def windows(within: Within | None) -> dict[str, tuple[float, float]]:
+    """The windows by name, each a pair of numbers."""
+    if within is None:
+        return {}
+    if not isinstance(within, Mapping):
+        raise BadInput(
+            f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
+        )
+    return {name: _pair(name, window) for name, window in within.items()}
+
+
+def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
+    try:
+        low, high = map(real, window)
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if math.isnan(low) or math.isnan(high):
+        raise BadInput(
+            f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
+            "math.inf leaves a side open"
+        )
+    return low, high
+
+
+# --- events, walls and columns ----------------------------------------------------------------
+
+
+def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
+    """Events that were given, one or several, as a tuple."""
+    if events is None:
+        return None
+    try:
+        several = (events,) if isinstance(events, Event) else tuple(events)
+    except TypeError as error:
+        raise BadInput(f"events must be a list of them, got {events!r}") from error
+    for event in several:
+        if not isinstance(event, Event):
+            raise BadInput(f"an Event was expected, got {event!r}")
+    return several
+
+
+def active_events(
+    problem: Problem, events: Event | Iterable[Event] | None, *, inadmissible: bool = False
+) -> tuple[Problem, tuple[Event, ...]]:
+    """The problem with its columns, and all events to look for on its curve.
+
+    Events that are asked for come on top of the walls of the problem, its events beyond which
+    solutions mean nothing; only `inadmissible` lifts these.
+    """
+    listed = all_of(events)
+    wanted = None if listed is None else tuple(event.of(problem) for event in listed)
+    if flag("inadmissible", inadmissible):
+        problem = _lifted(problem)
+    if wanted is None:
+        return _recording(problem, problem.events), problem.events
+    kinds = list(map(attrgetter("kind"), wanted))
+    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
+    for event in wanted:
+        if isinstance(event, EventWithRule):
+            # what its columns are about stands in the label
+            plain = problem.label.removesuffix(_LIFTED)
+            about = f" ({event.about})" if event.about else ""
+            label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
+            problem = replace(problem, record={**problem.record, **event.record}, label=label)
+    return _recording(problem, wanted), (*wanted, *walls)
+
+
+def walls_are_lifted(problem: Problem) -> bool:
+    """Whether points of this problem may lie beyond its walls."""
+    return MARGIN in problem.record
+
+
+def having(problem: Problem, *names: str) -> Problem:
+    """The problem with these parameters among its own, as far as it can have them."""
+    wider = problem.having(*names)
+    # a boundary is made anew with what its base problem has, walls or none
+    if wider is problem or problem.beneath is not None or not walls_are_lifted(problem):
+        return wider
+    return _lifted(wider)
+
+
+def titled(title: str, problem: Problem) -> str:
+    """A title for what is made of a problem: with what its columns are about, and whether its walls
+    are lifted."""
+    _, bracket, remark = problem.label.partition(" (")
+    return title + (bracket + remark or _LIFTED * walls_are_lifted(problem))
+
+
+def _lifted(problem: Problem) -> Problem:
+    walls = [event for event in problem.events if event.ends_domain]
+    if not walls:
+        return problem
+    return replace(
+        problem,
+        events=tuple(event for event in problem.events if not event.ends_domain),
+        record={**problem.record, MARGIN: partial(_margin, tuple(walls))},
+        label=problem.label + _LIFTED,
+    )
+
+
+def _margin(walls: tuple[Event, ...], point: Point) -> float:
+    return min(float(wall.value(point)) for wall in walls)
+
+
+def _recording(problem: Problem, events: Iterable[Event]) -> Problem:
+    """The problem with the columns that go with its events, as far as it has none of the name."""
+    brought = dict[str, Callable[[Point], float]]()
+    for event in events:
+        brought |= event.columns(problem)
+    if brought:
+        taken = {*problem.names, *problem.record}
+        brought = {name: column for name, column in brought.items() if name not in taken}
+    return replace(problem, record={**problem.record, **brought}) if brought else problem
