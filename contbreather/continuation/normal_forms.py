@@ -355,7 +355,8 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     # c = <p, C(q, q, q) + 3 B(q, h)> / 6
     h = solve(-forms.A, jet.B @ q)
     coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
-    return replace(coefficient, rounding=max(_ROUNDING, agreed))
+    # where five places agree with seven to h^4 these are off by h^6
+    return replace(coefficient, rounding=max(_ROUNDING, agreed**1.5))
 
 
 def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
@@ -369,4 +370,4 @@ def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient
     if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
     coefficient = _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
-    return replace(coefficient, rounding=max(_ROUNDING, agreed))
+    return replace(coefficient, rounding=max(_ROUNDING, agreed**1.5))

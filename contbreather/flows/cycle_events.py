@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation import defining_systems, normal_forms
-from ..continuation.branch_points import crossing_event
+from ..continuation.branch_points import bordered, crossing_event
 from ..continuation.curve import Curve
+from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
-from ..continuation.sparse import Factors, Matrix, any_vector, factorised, null_vectors
+from ..continuation.sparse import Dense, Factors, Matrix, any_vector, factorised, null_vectors
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
 from .orbit import Cycle, equations_of
@@ -31,7 +32,7 @@ _TURNS = 4  # of inverse iteration for singular vectors; two are enough where th
 _SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _NOTHING = 1e-300  # the imaginary part of one may vanish
-_ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
+_ROUGHLY = 1e-5  # between differences in coefficients that are asked for at each point of a curve
 _BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
@@ -68,6 +69,22 @@ def _flip_locus(point: Point) -> Locus:
     return Locus({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
 
 
+def _inverse_iteration(factors: Any, size: int, **how: bool) -> tuple[float, Array, Array]:
+    """The least singular value, with the sign of the determinant, and its vectors w and v:
+    w* B v = value."""
+    left = right = any_vector(size)
+    # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
+    for _ in range(_TURNS):
+        right, before = factors.solve(left, **how), left
+        value = 1 / math.sqrt(right @ right)
+        right = value * right
+        left = factors.transposed(right)
+        left = left / math.sqrt(left @ left)
+        if abs(left @ before) >= _SAME:
+            break
+    return factors.sign() * value, factors.sign() * left, right
+
+
 @dataclass(frozen=True, eq=False)
 class _Flip:
     """The least singular value of the cycle closed with -1, with the sign of the determinant, is
@@ -82,23 +99,12 @@ class _Flip:
         return triplet
 
     def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
-        """That value and the singular vectors w and v: w* B v = value."""
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
         closings = (Factors(self.equations.closing(matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         factors = next((factors for factors in closings if factors.sign()), None)
         if factors is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        left = right = any_vector(matrix.shape[0])
-        # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
-        for _ in range(_TURNS):
-            right, before = factors.solve(left, refined=False), left
-            size = 1 / float(np.linalg.norm(right))
-            right = size * right
-            left = factors.transposed(right)
-            left = left / np.linalg.norm(left)
-            if abs(left @ before) >= _SAME:
-                break
-        return factors.sign() * size, factors.sign() * left, right
+        return _inverse_iteration(factors, matrix.shape[0], refined=False)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self._weak(curve, z)[0]])
@@ -329,6 +335,15 @@ def _examine(event: Event, point: Point) -> Examined:
     return coarse or (event.examine(point) if event.examine else {})
 
 
+def _branches(point: Point) -> float:
+    """About the least singular value with the row of the tangent below, by one factorisation."""
+    matrix = bordered(point)
+    if not isinstance(matrix, np.ndarray):
+        return signed_smallest(matrix)
+    factors = Dense(matrix)
+    return _inverse_iteration(factors, len(matrix))[0] if factors.exact else 0.0
+
+
 def _examine_fold(point: Point) -> Examined:
     examined = _examine(_PLAIN, point)
     if isinstance(examined, str) and examined:
@@ -341,7 +356,9 @@ def _examine_fold(point: Point) -> Examined:
 _PLAIN = fold()
 FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CROSSING = crossing_event({})
-BRANCH_POINT = replace(_CROSSING, count=None, examine=partial(_examine, _CROSSING))
+BRANCH_POINT = replace(
+    _CROSSING, test=Singular(bordered, _branches), count=None, examine=partial(_examine, _CROSSING)
+)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
 FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
 ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)

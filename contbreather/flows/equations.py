@@ -63,22 +63,17 @@ class _Pattern(NamedTuple):
     ends: Places
 
 
-class _Known(NamedTuple):
-    """A place, and the derivatives there: where flights near by begin to be solved for."""
+@dataclass(eq=False)
+class _Place:
+    """A place that was solved for, and where they were asked for the derivatives in unknowns and
+    named parameters: from there flights near by begin to be solved for."""
 
     x: Array
     params: Params
-    names: tuple[str, ...]
     flights: tuple[Flight, ...]
+    names: tuple[str, ...] = ()
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
-
-    def of(self, i: int, flight: Flight, p: Params) -> tuple[Array, Array | None]:
-        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
-        if not self.slopes:
-            return self.flights[i].slopes, None
-        moved = [p[name] - self.params[name] for name in self.names]
-        return self.slopes[i].beside(self.flights[i], flight, moved), self.slopes[i].inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +101,13 @@ class Equations:
     turns: int
     states: tuple[str, ...]
     sizes: tuple[Array, ...]
-    _recent: list[Any] = field(default_factory=list, init=False)
-    _linear: list[_Known] = field(default_factory=list, init=False)
+    _recent: dict[Any, _Place] = field(default_factory=dict, init=False)
+    _linear: list[_Place] = field(default_factory=list, init=False)
     _patterns: dict[int, _Pattern] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was solved lately."""
-        return {**self.__dict__, "_recent": [], "_linear": [], "_patterns": {}}
+        return {**self.__dict__, "_recent": {}, "_linear": [], "_patterns": {}}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -181,31 +176,49 @@ class Equations:
 
     def flights(self, x: Array, p: Params) -> tuple[Flight, ...]:
         """All flows, from the states and times among the unknowns."""
-        key = x.tobytes(), tuple(p.items())
-        for place, solved in self._recent:
-            if place == key:
-                return solved
-        near = self._nearest(x)
-        flights: list[Flight] = []
-        t = float(x[-1]) if self.phased else self.start[0].start
-        for i, flow in enumerate(self.flows):
-            plain = self._flight(i, x, t)
-            unit = float(self.sizes[i].max())
-            flights.append(flown(flow, plain, p, unit, near and near.of(i, plain, p)))
-            t += plain.duration
-        self._recent[:] = [(key, tuple(flights)), *self._recent[: _RECENT - 1]]
-        return self._recent[0][1]
+        return self._solved(x, p).flights
 
-    def _nearest(self, x: Array) -> _Known | None:
-        """The nearest place that is known, if it is near."""
-        places = [*self._linear, _Known(self._first, {}, (), self.start)]
-        off = abs(np.array([place.x for place in places]) - x).max(axis=1)
-        nearest = int(off.argmin())
-        return places[nearest] if off[nearest] <= _CLOSE * abs(x).max() else None
+    def _solved(self, x: Array, p: Params) -> _Place:
+        """All flows solved for, once for one of the latest places."""
+        key = x.tobytes(), tuple(p.items())
+        place = self._recent.get(key)
+        if place is None:
+            near, flights = self._nearest(x), []
+            t = float(x[-1]) if self.phased else self.start[0].start
+            for i, flow in enumerate(self.flows):
+                plain = self._flight(i, x, t)
+                guess = near and self._guess(i, plain, p, *near)
+                flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess))
+                t += plain.duration
+            if len(self._recent) >= _RECENT:
+                del self._recent[next(iter(self._recent))]
+            place = self._recent[key] = _Place(x.copy(), dict(p), tuple(flights))
+        return place
+
+    def _nearest(self, x: Array) -> tuple[_Place, _Place | None] | None:
+        """The nearest place that is solved for, if it is near, and of those whose derivatives are
+        known."""
+        places = [*self._linear, *self._recent.values(), self._begin]
+        off, close = (
+            abs(np.array([place.x for place in places]) - x).max(axis=1),
+            _CLOSE * abs(x).max(),
+        )
+        near = [places[j] for j in off.argsort().tolist() if off[j] <= close]
+        return (near[0], next((place for place in near if place.slopes), None)) if near else None
+
+    def _guess(
+        self, i: int, flight: Flight, p: Params, near: _Place, known: _Place | None
+    ) -> tuple[Array, Array | None]:
+        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
+        if known is None or not near.params:
+            return near.flights[i].slopes, None
+        moved = [p[name] - near.params[name] for name in known.names]
+        return known.slopes[i].beside(near.flights[i], flight, moved), known.slopes[i].inverse
 
     @cached_property
-    def _first(self) -> Array:
-        return np.concatenate([np.ravel(value) for value in self.unknowns(self.start).values()])
+    def _begin(self) -> _Place:
+        x = [np.ravel(value) for value in self.unknowns(self.start).values()]
+        return _Place(np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> Flight:
         """A flow with its states and times, nothing inside yet."""
@@ -231,7 +244,7 @@ class Equations:
             rows.append(gaps.ravel())
         rows += [
             # m equal shares for the m - 1 inner knots and the unit of the path
-            flight.shares(self.sizes[i], math.exp(x[self.knots[i][-1]]))[0] - 1.0
+            flight.shares(self.sizes[i], math.exp(x[self.knots[i][-1]])) - 1.0
             for i, flight in enumerate(flights)
         ]
         rows.append(np.array([self._condition(i, x, f, p) for i, f in enumerate(flights)]))
@@ -288,19 +301,20 @@ class Equations:
         last columns, that are known already."""
         return self._known(x, p, names).linear
 
-    def _known(self, x: Array, p: Params, names: tuple[str, ...] | None) -> _Known:
-        for place in self._linear:
-            if names in (None, place.names) and place.params == p and (place.x == x).all():
-                return place
-        names, flights = names or (), self.flights(x, p)
-        by_flow = [derivatives(*of, p, names) for of in zip(self.flows, flights, strict=True)]
-        linear = tuple(
-            self._linearised(i, flight, slopes, math.exp(x[self.knots[i][-1]]), p, names)
-            for i, (flight, slopes) in enumerate(zip(flights, by_flow, strict=True))
-        )
-        latest = _Known(x.copy(), dict(p), names, flights, tuple(by_flow), linear)
-        self._linear[:] = [latest, *self._linear[: _RECENT - 1]]
-        return latest
+    def _known(self, x: Array, p: Params, names: tuple[str, ...] | None) -> _Place:
+        place = self._solved(x, p)
+        if not place.linear or names not in (None, place.names):
+            place.names, flights = names or (), place.flights
+            place.slopes = tuple(
+                derivatives(flow, flight, p, place.names)
+                for flow, flight in zip(self.flows, flights, strict=True)
+            )
+            place.linear = tuple(
+                self._linearised(i, flight, slopes, math.exp(x[self.knots[i][-1]]), p, place.names)
+                for i, (flight, slopes) in enumerate(zip(flights, place.slopes, strict=True))
+            )
+            self._linear[:] = [place, *self._linear[: _RECENT - 1]]
+        return place
 
     def _linearised(
         self,
@@ -312,7 +326,8 @@ class Equations:
         names: tuple[str, ...],
     ) -> Linear:
         flow, n = self.flows[i], len(flight.states)
-        share, slope, longer = flight.shares(self.sizes[i], path)
+        share = flight.shares(self.sizes[i], path)
+        slope, longer = flight.share_slopes(self.sizes[i], path)
         share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
         shares = (share_of @ derivative.inside)[:, 0]
         # of degree 1 in slopes and steps together: share = share_k . k + share_h h (Euler)

@@ -282,8 +282,10 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
 
 def _rows(returned: Any, how: _Calling, count: int) -> NDArray[Any]:
     """What a function returned for `count` states, as an array with that many columns."""
-    if isinstance(returned, np.ndarray) and returned.shape == (how.rows, count):
-        return returned
+    with suppress(ValueError):  # constants among arrays
+        rows = np.asarray(returned)
+        if rows.shape == (how.rows, count) and rows.dtype.kind in "fc":
+            return rows
     parts = [returned] if how.scalar else list(returned)
     rows = np.empty((how.rows, count), dtype=np.result_type(float, *parts))
     for row, part in zip(rows, parts, strict=True):

@@ -223,6 +223,7 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 class CycleProblem(Problem):
     """A cycle of flows."""
 
+    lasting = True
     residual: Equations
     # of an arm: where it sets out, with twice the intervals
     again: Callable[[], Lift] | None = field(default=None, kw_only=True)
