@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,8 +22,11 @@ from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
 from ..continuation.sparse import Dense, Factors, Matrix, any_vector, factorised, null_vectors
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
+from .multipliers import closing
 from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
+
+Values = NDArray[np.complex128]
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
@@ -40,23 +44,23 @@ _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at a
 # --- doubled periods ---------------------------------------------------------------------------
 
 
-def _flip(point: Point) -> float:
-    return _least_beside(-1.0, point.ground.solution.others)
+def _others(point: Point) -> Values:
+    """The multipliers but for the trivial one."""
+    others: Values = point.ground.solution.others
+    return others
 
 
-def _least_beside(wanted: float, values: NDArray[np.complex128]) -> float:
+def _least_beside(wanted: float, multipliers: Callable[[Point], Values], point: Point) -> float:
     """How far off a value the nearest multiplier is, with the sign of the product of all."""
+    values = multipliers(point)
     if not (values.size and np.isfinite(values).all()):  # as at VI
         return math.nan
     return defining_systems.least_with_sign(values - wanted, 0.0)
 
 
 def _examine_flip(point: Point) -> Examined:
-    orbit: Cycle = point.ground.solution
-    if orbit.coarse:
-        return orbit.coarse
-    off = abs(orbit.others + 1)
-    if not off.min(initial=math.inf) < _NEAR * max(1.0, float(abs(orbit.others).max())):
+    off = abs(_others(point) + 1)
+    if not off.min(initial=math.inf) < _NEAR * max(1.0, float(abs(_others(point)).max())):
         return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
     if np.count_nonzero(off < _NEAR) > 1:
         return "two multipliers are -1: not a simple period doubling"
@@ -100,7 +104,7 @@ class _Flip:
 
     def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        closings = (Factors(self.equations.closing(matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        closings = (Factors(closing(self.equations, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         factors = next((factors for factors in closings if factors.sign()), None)
         if factors is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
@@ -129,12 +133,9 @@ def _turned(curve: Curve, z: Array, left: NDArray[Any], right: Array) -> NDArray
 # --- pairs on the unit circle --------------------------------------------------------------------
 
 
-def _pair(point: Point) -> float:
-    return _least_of_pairs(point.ground.solution.others)
-
-
-def _least_of_pairs(values: NDArray[np.complex128]) -> float:
+def _least_of_pairs(multipliers: Callable[[Point], Values], point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` of multipliers, with the sign of the product of all."""
+    values = multipliers(point)
     first, second = defining_systems.pairs(values)
     if not (first.size and np.isfinite(values).all()):
         return math.nan
@@ -144,10 +145,7 @@ def _least_of_pairs(values: NDArray[np.complex128]) -> float:
 
 
 def _examine_pair(point: Point) -> Examined:
-    orbit: Cycle = point.ground.solution
-    if orbit.coarse:
-        return orbit.coarse
-    first, second = defining_systems.pairs(orbit.others)
+    first, second = defining_systems.pairs(_others(point))
     nearest = int(abs(first * second - 1).argmin())
     mu = complex(first[nearest])
     if abs(mu.imag) < _REAL:
@@ -159,13 +157,13 @@ def _examine_pair(point: Point) -> Examined:
 
 
 def _pair_locus(point: Point) -> Locus:
-    values = point.ground.solution.others
+    values = _others(point)
     upper = values[values.imag > _REAL]
     if not upper.size:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
     mu = complex(upper[abs(abs(upper) - 1).argmin()])
     equations = equations_of(point.ground)
-    right, left = null_vectors(equations.closing(point.ground.jacobian(), mu / abs(mu)))
+    right, left = null_vectors(closing(equations, point.ground.jacobian(), mu / abs(mu)))
     rotation = _Rotation(equations, left, right)
     angle = math.atan2(mu.imag, mu.real)
     ends = (
@@ -198,7 +196,7 @@ class _Rotation:
         """The scalar g, and vectors v and w with ``g' = -w* B' v`` where g is zero."""
         from scipy.sparse import block_array, csc_array
 
-        closed = csc_array(self.equations.closing(curve.jacobian(z), np.exp(1j * angle)))
+        closed = csc_array(closing(self.equations, curve.jacobian(z), np.exp(1j * angle)))
         unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
         v, w = self.right, self.left
         for _ in range(_BORDERINGS):
@@ -219,7 +217,7 @@ class _Rotation:
         row = w.conj()
         slope = -_turned(curve, z, row, v.real) - 1j * _turned(curve, z, row, v.imag)
         # of the closing mu - 1 on the rows of the first state, 1 - mu on that of the phase
-        first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
+        first, turn = self.equations.layout.nodes[0][0], 1j * np.exp(1j * extra[0])
         turned = turn * (w.conj()[first] @ v[first])
         if self.equations.phased:
             turned -= turn * w[-1].conj() * v[-1]
@@ -234,7 +232,7 @@ def _swing(point: Point) -> float:
     """How far the orbit swings the way it did at first, relative to its size, less what counts as
     an equilibrium: beyond one the curve goes on as the same cycles half a turn later."""
     equations = equations_of(point.ground)
-    first, states = equations.start[0].states, point.ground.x[equations.nodes[0]].T
+    first, states = equations.start[0].states, point.ground.x[equations.layout.nodes[0]].T
     way = first - first.mean(axis=1, keepdims=True)
     swing = (states - states.mean(axis=1, keepdims=True)) * way
     size = np.linalg.norm(way) * np.linalg.norm(first)
@@ -254,32 +252,24 @@ def _examine_swing(point: Point) -> Examined:
 # --- what their curves in two parameters meet -------------------------------------------------
 
 
-def _without(mu: float | None, point: Point) -> NDArray[np.complex128]:
+def _without(mu: float | None, point: Point) -> Values:
     """The multipliers but for those that the curve has everywhere: one that is known, or the pair
     of a curve of NS."""
-    others = point.ground.solution.others
+    others = _others(point)
     if mu is not None:
         return defining_systems.without(others, mu)
     pair = complex(math.cos(point["angle"]), math.sin(point["angle"]))
     return defining_systems.without(others, pair, pair.conjugate())
 
 
-def _rest(mu: float | None, wanted: float, point: Point) -> float:
-    return _least_beside(wanted, _without(mu, point))
-
-
-def _rest_of_pairs(mu: float | None, point: Point) -> float:
-    return _least_of_pairs(_without(mu, point))
-
-
 def _beside(kind: str, mu: float | None, wanted: float, base: Event) -> CodimensionTwo:
     """Another multiplier of a certain value on a curve that has one already."""
-    return CodimensionTwo(kind, partial(_rest, mu, wanted), base=base)
+    return CodimensionTwo(kind, partial(_least_beside, wanted, partial(_without, mu)), base=base)
 
 
 def _pair_beside(kind: str, mu: float | None) -> CodimensionTwo:
     """A pair on the unit circle on a curve that has a multiplier there."""
-    test = partial(_rest_of_pairs, mu)
+    test = partial(_least_of_pairs, partial(_without, mu))
     return CodimensionTwo(kind, test, examine=partial(_examine_pair_beside, mu), base=ROTATION)
 
 
@@ -314,7 +304,8 @@ def _rotation_coefficient(point: Point) -> float:
 
 def _pole(mu: float | None, wanted: float, point: Point) -> float:
     """Zero where another multiplier is there, 1 where there is no other."""
-    return _rest(mu, wanted, point) if _without(mu, point).size else 1.0
+    others = partial(_without, mu)
+    return _least_beside(wanted, others, point) if others(point).size else 1.0
 
 
 def _examine_generalised_flip(point: Point) -> str:
@@ -329,10 +320,10 @@ def _examine_chenciner(point: Point) -> str:
 # --- the events -----------------------------------------------------------------------------
 
 
-def _examine(event: Event, point: Point) -> Examined:
-    """An event of the engine's is not believed where the mesh resolves no multiplier."""
+def _examine(examine: Callable[[Point], Examined] | None, point: Point) -> Examined:
+    """No event is believed where the mesh resolves no multiplier."""
     coarse: str = point.ground.solution.coarse
-    return coarse or (event.examine(point) if event.examine else {})
+    return coarse or (examine(point) if examine else {})
 
 
 def _branches(point: Point) -> float:
@@ -345,7 +336,7 @@ def _branches(point: Point) -> float:
 
 
 def _examine_fold(point: Point) -> Examined:
-    examined = _examine(_PLAIN, point)
+    examined = _examine(_PLAIN.examine, point)
     if isinstance(examined, str) and examined:
         return examined
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
@@ -357,11 +348,20 @@ _PLAIN = fold()
 FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CROSSING = crossing_event({})
 BRANCH_POINT = replace(
-    _CROSSING, test=Singular(bordered, _branches), count=None, examine=partial(_examine, _CROSSING)
+    _CROSSING,
+    test=Singular(bordered, _branches),
+    count=None,
+    examine=partial(_examine, _CROSSING.examine),
 )
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
-FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
-ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
+FLIP = Event(
+    "PD", partial(_least_beside, -1.0, _others),
+    locus=_flip_locus, examine=partial(_examine, _examine_flip),
+)  # fmt: skip
+ROTATION = Event(
+    "NS", partial(_least_of_pairs, _others),
+    locus=_pair_locus, examine=partial(_examine, _examine_pair),
+)  # fmt: skip
 SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 
 # On the boundary of one kind, what the meeting with another is called; walls end it as they are.

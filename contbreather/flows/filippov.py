@@ -10,7 +10,6 @@ and leaves it into h > 0 where L+ rises through zero, into h < 0 where L- falls 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -142,16 +141,9 @@ class Filippov:
             return _PLUS if h > 0 else _MINUS
         return self._from_surface(t, x, p)
 
-    def field(self, mode: int) -> Function:
-        return self.flows[mode].f
-
-    def guards(self, mode: int) -> Mapping[str, Function]:
-        return self.flows[mode].guards
-
-    def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
+    def ended(self, mode: int, guard: int) -> int:
         """Which of the four flows that was, now that it is known how sliding ended."""
-        number = mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
-        return number, self.flows[number]
+        return mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
         x = self._on_surface(t, x, p)

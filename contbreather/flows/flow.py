@@ -43,19 +43,23 @@ class Clock:
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return (self.number + _of(self.part, p)) * _of(self.period, p) - t  # falls with slope -1
+        return (self.number + at_params(self.part, p)) * at_params(
+            self.period, p
+        ) - t  # falls with slope -1
 
     def after(self, t: float, p: Params) -> float:
         """When it strikes next."""
-        past = t / _of(self.period, p) - _of(self.part, p)
-        return float((math.floor(past + _STRUCK) + 1 + _of(self.part, p)) * _of(self.period, p))
+        past = t / at_params(self.period, p) - at_params(self.part, p)
+        return float(
+            (math.floor(past + _STRUCK) + 1 + at_params(self.part, p)) * at_params(self.period, p)
+        )
 
     def at(self, t: float, p: Params) -> Clock:
         """The same with the number of the period in which it strikes at a time."""
-        return replace(self, number=round(t / _of(self.period, p) - _of(self.part, p)))
+        return replace(self, number=round(t / at_params(self.period, p) - at_params(self.part, p)))
 
 
-def _of(what: Any, p: Params) -> Any:
+def at_params(what: Any, p: Params) -> Any:
     return what(p) if callable(what) else what
 
 
@@ -215,13 +219,6 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
     return inverse @ rows_of(f(t, x, p), x)
 
 
-def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
-    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
-    if isinstance(returned, np.ndarray):
-        return returned
-    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
-
-
 # --- values at many states ------------------------------------------------------------------------
 
 
@@ -235,8 +232,7 @@ class _Calling:
     vectorised: bool
 
 
-_CALLING: WeakKeyDictionary[Function, _Calling] = WeakKeyDictionary()
-_SCHEMES: WeakKeyDictionary[Function, dict[Any, Any]] = WeakKeyDictionary()
+_CALLING, _SCHEMES = WeakKeyDictionary[Any, _Calling](), WeakKeyDictionary[Any, Any]()
 
 
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -273,23 +269,26 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
     with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
         if how.vectorised:
             try:
-                return _rows(how.function(t, x, p), how, t.size)
+                return _rows(how.function(t, x, p), how, x)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
         columns = [_at(how.function, *at, p) for at in zip(t, x.T, strict=True)]
     return np.stack(columns, axis=-1)
 
 
-def _rows(returned: Any, how: _Calling, count: int) -> NDArray[Any]:
-    """What a function returned for `count` states, as an array with that many columns."""
+def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
+    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
     with suppress(ValueError):  # constants among arrays
         rows = np.asarray(returned)
-        if rows.shape == (how.rows, count) and rows.dtype.kind in "fc":
+        if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
             return rows
-    parts = [returned] if how.scalar else list(returned)
-    rows = np.empty((how.rows, count), dtype=np.result_type(float, *parts))
-    for row, part in zip(rows, parts, strict=True):
-        row[:] = part  # a constant is broadcast
+    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
+
+
+def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
+    rows = rows_of([returned] if how.scalar else returned, x)
+    if rows.shape != (how.rows, x.shape[1]):
+        raise ValueError(f"shape {rows.shape}")
     return rows
 
 
@@ -310,13 +309,18 @@ def _name(function: Function) -> str:
 
 
 def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+    return _once(_CALLING, function, lambda: _decide_calling(function, t.real, x.real, p))
+
+
+def _once(known: Any, function: Function, make: Callable[[], Any]) -> Any:
+    """What was made of a function, or is made now."""
     try:
-        return _CALLING[function]
+        return known[function]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
-        how = _decide_calling(function, t.real, x.real, p)
+        made = make()
     with suppress(TypeError):
-        _CALLING[function] = how
-    return how
+        known[function] = made
+    return made
 
 
 def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
@@ -335,7 +339,7 @@ def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calli
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("error")
-            at_once = _rows(plain(t, x, p), how, 3)
+            at_once = _rows(plain(t, x, p), how, x)
         same = np.allclose(at_once, np.stack(singly, axis=-1), rtol=_SAME, atol=0, equal_nan=True)
     except Exception:  # noqa: BLE001 - what was written for one state may raise anything for three
         same = False
@@ -427,14 +431,12 @@ def _scheme(
     function: Function, how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
 ) -> Array | None:
     """None for complex steps, or what the steps of differences are divided by."""
-    key = (len(x), names)
-    with suppress(KeyError, TypeError):
-        return _SCHEMES[function][key]
-    finer = _decide_scheme(how, t, x, p, names)
-    by = "complex steps" if finer is None else "differences"
-    _LOG.debug("%s is differentiated by %s", _name(function), by)
-    with suppress(TypeError):
-        _SCHEMES.setdefault(function, {})[key] = finer
+    schemes, key = _once(_SCHEMES, function, dict), (len(x), names)
+    if key not in schemes:
+        schemes[key] = _decide_scheme(how, t, x, p, names)
+        by = "complex steps" if schemes[key] is None else "differences"
+        _LOG.debug("%s is differentiated by %s", _name(function), by)
+    finer: Array | None = schemes[key]
     return finer
 
 
