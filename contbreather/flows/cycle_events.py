@@ -36,7 +36,7 @@ _TURNS = 4  # of inverse iteration for singular vectors; two are enough where th
 _SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _NOTHING = 1e-300  # the imaginary part of one may vanish
-_ROUGHLY = 1e-5  # between differences in coefficients that are asked for at each point of a curve
+_ROUGHLY = 1e-7  # error of differences in coefficients that are asked for all along a curve
 _BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
