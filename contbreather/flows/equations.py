@@ -32,14 +32,12 @@ _RECENT = 4  # solutions that are kept, and derivatives, to begin the next from 
 
 
 class Linear(NamedTuple):
-    """A flow linearised.
+    """A flow linearised, but for its `Slopes`.
 
-    Columns of `ends` and `shares` are the state where the interval begins, the time at which it
-    begins, its length and the parameters; those of `reset` and `condition` the state, the time and
+    Columns of `shares` are those of these; those of `reset` and `condition` the state, the time and
     the parameters.
     """
 
-    ends: Array  # (intervals, n, n + 2 + parameters)
     shares: Array  # (intervals, n + 2 + parameters): of the density of the mesh
     longer: Array  # (intervals,): minus the same in the logarithm of the path
     waited: Array  # (intervals,): and in the length relative to the duration
@@ -52,12 +50,20 @@ class Place:
     """A place that was solved for, and where they were asked for the derivatives in unknowns and
     named parameters: from there flights near by begin to be solved for."""
 
+    key: Any
     x: Array
     params: Params
     flights: tuple[Flight, ...]
     names: tuple[str, ...] = ()
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
+
+    def join(self, latest: dict[Any, Place]) -> None:
+        """Take the place of the oldest of some."""
+        latest.pop(self.key, None)
+        if len(latest) >= _RECENT:
+            del latest[next(iter(latest))]
+        latest[self.key] = self
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +92,11 @@ class Equations:
     states: tuple[str, ...]
     sizes: tuple[Array, ...]
     _recent: dict[Any, Place] = field(default_factory=dict, init=False)
-    _linear: list[Place] = field(default_factory=list, init=False)
+    _linear: dict[Any, Place] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was solved lately."""
-        return {**self.__dict__, "_recent": {}, "_linear": []}
+        return {**self.__dict__, "_recent": {}, "_linear": {}}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -138,7 +144,7 @@ class Equations:
     def _solved(self, x: Array, p: Params) -> Place:
         """All flows solved for, once for one of the latest places."""
         key = x.tobytes(), tuple(p.items())
-        place = self._recent.get(key)
+        place = self._recent.get(key) or self._linear.get(key)
         if place is None:
             near, flights = self._nearest(x), []
             t = float(x[-1]) if self.phased else self.start[0].start
@@ -147,20 +153,17 @@ class Equations:
                 guess = near and self._guess(i, plain, p, *near)
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess))
                 t += plain.duration
-            if len(self._recent) >= _RECENT:
-                del self._recent[next(iter(self._recent))]
-            place = self._recent[key] = Place(x.copy(), dict(p), tuple(flights))
+            place = Place(key, x.copy(), dict(p), tuple(flights))
+            place.join(self._recent)
         return place
 
     def _nearest(self, x: Array) -> tuple[Place, Place | None] | None:
         """The nearest place that is solved for, if it is near, and of those whose derivatives are
         known."""
-        places = [*self._linear, *self._recent.values(), self._begin]
-        off, close = (
-            abs(np.array([place.x for place in places]) - x).max(axis=1),
-            _CLOSE * abs(x).max(),
-        )
-        near = [places[j] for j in off.argsort().tolist() if off[j] <= close]
+        places = [*{**self._linear, **self._recent}.values(), self._begin]
+        off = abs(np.array([place.x for place in places]) - x).max(axis=1)
+        most = _CLOSE * abs(x).max()
+        near = [places[j] for j in off.argsort().tolist() if off[j] <= most]
         return (near[0], next((place for place in near if place.slopes), None)) if near else None
 
     def _guess(
@@ -175,7 +178,7 @@ class Equations:
     @cached_property
     def _begin(self) -> Place:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
-        return Place(np.concatenate(x), {}, self.start)
+        return Place("begin", np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> Flight:
         """A flow with its states and times, nothing inside yet."""
@@ -258,15 +261,13 @@ class Equations:
         last columns, that are known already."""
         place = self._solved(x, p)
         if not place.linear or names not in (None, place.names):
-            place.names, flights = names or (), place.flights
-            place.slopes = tuple(
-                derivatives(flow, flight, p, place.names)
-                for flow, flight in zip(self.flows, flights, strict=True)
-            )
+            pairs = zip(self.flows, place.flights, strict=True)
+            place.slopes = tuple(derivatives(*pair, p, names or ()) for pair in pairs)
+            place.names = names or ()
             place.linear = tuple(
                 self._linearised(i, slopes, x, place) for i, slopes in enumerate(place.slopes)
             )
-            self._linear[:] = [place, *self._linear[: _RECENT - 1]]
+            place.join(self._linear)
         return place
 
     def _linearised(self, i: int, derivative: Slopes, x: Array, place: Place) -> Linear:
@@ -283,7 +284,7 @@ class Equations:
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(derivative.ends, shares, longer, timed / flight.steps, reset, condition)
+        return Linear(shares, longer, timed / flight.steps, reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
@@ -295,19 +296,19 @@ class Equations:
         place = self.linearised(x, p, names)
         yield np.ones(self.layout.orbit)  # each state in its own row
         for i, (piece, flight) in enumerate(zip(place.linear, place.flights, strict=True)):
-            n = len(flight.states)
-            rows = np.concatenate([piece.ends, piece.shares[:, None]], axis=1)
+            n, last = len(flight.states), place.slopes[i].ends[-1]
+            rows = np.concatenate([place.slopes[i].ends, piece.shares[:, None]], axis=1)
             ends, shares = np.split(self._spread(i, flight, rows), [n], axis=1)
             # the step of an interval is the difference of the knots at its ends
             shares[:, 0, n] -= piece.waited
             shares[:, 0, n + 1] += piece.waited
             yield -ends[:-1]
             kept = self.flows[i].reset is None
-            yield -(ends[-1] if kept else self._carried(i, flight, piece.reset, piece.ends[-1]))
+            yield -(ends[-1] if kept else self._carried(i, flight, piece.reset, last))
             yield shares
             yield -piece.longer
             if piece.condition is not None:
-                yield self._carried(i, flight, piece.condition, piece.ends[-1])
+                yield self._carried(i, flight, piece.condition, last)
             else:
                 yield self._phase[i] if self.autonomous else self._of_period(p, names)
         if self.phased:

@@ -84,25 +84,14 @@ class Filippov:
             Flow(self.sliding, until=leaves[-1], walls=(leaves[1],)),
         )
 
-    @property
-    def plus(self) -> Flow:
-        """In h > 0, up to the surface."""
-        return self.flows[_PLUS]
-
-    @property
-    def minus(self) -> Flow:
-        """In h < 0, up to the surface."""
-        return self.flows[_MINUS]
-
-    @property
-    def to_plus(self) -> Flow:
-        """Along the surface, until f_plus points away from it."""
-        return self.flows[_TO_PLUS]
-
-    @property
-    def to_minus(self) -> Flow:
-        """Along the surface, until f_minus points away from it."""
-        return self.flows[_TO_MINUS]
+    plus = property(lambda self: self.flows[_PLUS], doc="In h > 0, up to the surface.")
+    minus = property(lambda self: self.flows[_MINUS], doc="In h < 0, up to the surface.")
+    to_plus = property(
+        lambda self: self.flows[_TO_PLUS], doc="Along the surface, until f_plus points away."
+    )
+    to_minus = property(
+        lambda self: self.flows[_TO_MINUS], doc="Along the surface, until f_minus points away."
+    )
 
     def sliding(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
         """The velocity along the surface, between those of both sides."""

@@ -124,8 +124,8 @@ class Flow:
             part = self.at if callable(self.at) else float(numbers("at", self.at))
             object.__setattr__(self, "until", Clock(part))
             object.__setattr__(self, "at", None)  # it is in until now
-        for name, function in ({"f": self.f, "reset": self.reset} | self.guards).items():
-            if not callable(function) and (function is not None or name != "reset"):
+        for name, function in self.functions.items():
+            if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
         if self.mass is not None:
             object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
@@ -136,6 +136,12 @@ class Flow:
         """What must stay positive inside, by name."""
         until = {} if self.until is None else {"until": self.until}
         return until | {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
+
+    @property
+    def functions(self) -> dict[str, Function]:
+        """All that it is made of, by name."""
+        reset = {} if self.reset is None else {"reset": self.reset}
+        return {"f": self.f, **self.guards, **reset}
 
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
         """The flow, with the period of which its clock strikes a part."""

@@ -156,8 +156,8 @@ def _factors(equations: Equations, place: Place) -> tuple[list[Array], list[Arra
     a flow ends, and the velocities where they begin: stacks of those of one shape."""
     factors: list[Array] = []
     velocities: list[Array] = []
-    for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
-        earlier, last = np.split(piece.ends[:, :, : len(flight.states)], [-1])
+    for i, (flight, slopes) in enumerate(zip(place.flights, place.slopes, strict=True)):
+        earlier, last = np.split(slopes.ends[:, :, : len(flight.states)], [-1])
         ways = values(equations.flows[i].f, flight.begins, flight.states, place.params).T
         last = _saltation(equations, place, i, abs(ways).max(axis=0)) @ last
         alike = last.shape[1] == last.shape[2]
