@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,6 @@ _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
 _HALVINGS = 50
 _ADAPTIONS = 4
 _AT_REST = 1e-7  # how far an orbit goes at least, in its size: what does not move has a mesh, too
-_OF_MESH = frozenset(("begins", "steps", "lengths", "inner"))
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
@@ -90,14 +90,15 @@ class Collocation:
         """Integrals from 0 to each of `at` of the Lagrange polynomials of the nodes."""
         # of P_j(2 s - 1) over s: half of that over 2 s - 1
         lifted = np.polynomial.legendre.legint(np.eye(self.points), lbnd=-1, scl=0.5)
-        integrals = np.polynomial.legendre.legval(2 * at - 1, lifted).T
-        return np.asarray(np.linalg.solve(self._legendre.T, integrals.T).T)
+        return self._lagrange(np.polynomial.legendre.legval(2 * at - 1, lifted))
 
     def between(self, at: Array) -> Array:
         """Lagrange polynomials of the nodes, at each of `at`."""
+        return self._lagrange(np.polynomial.legendre.legvander(2 * at - 1, self.points - 1).T)
+
+    def _lagrange(self, legendre: NDArray[Any]) -> Array:
         # Lagrange's are P V^-1 with V_cj = P_j(2 s_c - 1): powers of s would be ill conditioned
-        values = np.polynomial.legendre.legvander(2 * at - 1, self.points - 1)
-        return np.asarray(np.linalg.solve(self._legendre.T, values.T).T)
+        return np.asarray(np.linalg.solve(self._legendre.T, legendre).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +173,6 @@ class Flight:
         """The intervals in which times from 0 to 1 lie, and where in these."""
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
         return j, (s - self.knots[j]) / self.steps[j]
-
-    def having(self, slopes: Array) -> Flight:
-        """The same from there on with other slopes inside."""
-        flight = Flight(self.scheme, self.knots, self.start, self.duration, self.states, slopes)
-        # what is known of the mesh stays known
-        flight.__dict__.update({name: self.__dict__[name] for name in _OF_MESH & {*self.__dict__}})
-        return flight
 
     def on(self, knots: Array) -> Flight:
         """The same flight on another mesh, by interpolation: a start for it."""
@@ -301,7 +295,7 @@ def flown(
     for way in (near, _predicted, _constant) if near else (_predicted, _constant):
         try:
             guess, inverse = (way(flow, flight, p), None) if callable(way) else way
-            return flight.having(_newton(flow, flight, p, guess, inverse, unit))
+            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse, unit))
         except Undefined as error:
             failed = error
     raise failed
