@@ -190,6 +190,23 @@ def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
     assert four.first("PD")["c"] > second["c"]
 
 
+def test_a_step_takes_one_derivative_and_few_flights() -> None:
+    """That of the point before serves for the corrections: each takes two calls with complex
+    numbers, for states and times, and for the parameter."""
+    asked = [0, 0]
+
+    def counted(t, x, p):
+        asked[any(map(np.iscomplexobj, (x, *p.values())))] += 1
+        return van_der_pol(t, x, p)
+
+    ring = cb.cycle(counted, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50)
+    asked[:] = 0, 0
+    small = {"steps": cb.Steps(largest=0.05), "events": ()}
+    branch = cb.trace(ring, "mu", within={"mu": (1.0, 2.0)}, towards="up", **small)
+    assert asked[1] < 3 * len(branch)
+    assert asked[0] < 40 * len(branch)
+
+
 def test_a_curve_of_period_doublings_stays_one() -> None:
     ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.5}, settle=400)
     point = cb.trace(ring, "c", within={"c": (2, 3.5)}, towards="up").first("PD")
