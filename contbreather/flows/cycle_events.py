@@ -354,14 +354,9 @@ BRANCH_POINT = replace(
     examine=partial(_examine, _CROSSING.examine),
 )
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
-FLIP = Event(
-    "PD", partial(_least_beside, -1.0, _others),
-    locus=_flip_locus, examine=partial(_examine, _examine_flip),
-)  # fmt: skip
-ROTATION = Event(
-    "NS", partial(_least_of_pairs, _others),
-    locus=_pair_locus, examine=partial(_examine, _examine_pair),
-)  # fmt: skip
+_flips, _pairs = partial(_least_beside, -1.0, _others), partial(_least_of_pairs, _others)
+FLIP = Event("PD", _flips, locus=_flip_locus, examine=partial(_examine, _examine_flip))
+ROTATION = Event("NS", _pairs, locus=_pair_locus, examine=partial(_examine, _examine_pair))
 SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 
 # On the boundary of one kind, what the meeting with another is called; walls end it as they are.

@@ -30,20 +30,10 @@ class _Pattern(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The order of unknowns and equations: states, meshes, durations, and the phase.
+    """The order of unknowns and equations: states, meshes, durations, and the phase."""
 
-    Parameters
-    ----------
-    counts : tuple
-        Intervals and states of each flow.
-    ended : tuple of bool
-        Whether a condition ends it.
-    autonomous, phased : bool
-        As of `Equations`.
-    """
-
-    counts: tuple[tuple[int, ...], ...]
-    ended: tuple[bool, ...]
+    counts: tuple[tuple[int, ...], ...]  # intervals and states of each flow
+    ended: tuple[bool, ...]  # whether a condition ends it
     autonomous: bool
     phased: bool
     _patterns: dict[int, _Pattern] = field(default_factory=dict, init=False)
