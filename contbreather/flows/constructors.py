@@ -20,7 +20,7 @@ from .collocation import Collocation, Flight, fitted, flown
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
-from .flow import Flow, Function, Params, at_params, values
+from .flow import Flow, Function, Params, value_at, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .orbit import MOST_INTERVALS, UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import length_of, refuse_false_period, refuse_time
@@ -190,7 +190,7 @@ def _period(period: Any) -> Function | None:
 
 
 def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
-    return at_params(period, p)
+    return value_at(period, p)
 
 
 # --- from a simulation --------------------------------------------------------------------------

@@ -43,23 +43,25 @@ class Clock:
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return (self.number + at_params(self.part, p)) * at_params(
-            self.period, p
-        ) - t  # falls with slope -1
+        part, period = self._at(p)
+        return (self.number + part) * period - t  # falls with slope -1
 
     def after(self, t: float, p: Params) -> float:
         """When it strikes next."""
-        past = t / at_params(self.period, p) - at_params(self.part, p)
-        return float(
-            (math.floor(past + _STRUCK) + 1 + at_params(self.part, p)) * at_params(self.period, p)
-        )
+        part, period = self._at(p)
+        return float((math.floor(t / period - part + _STRUCK) + 1 + part) * period)
 
     def at(self, t: float, p: Params) -> Clock:
         """The same with the number of the period in which it strikes at a time."""
-        return replace(self, number=round(t / at_params(self.period, p) - at_params(self.part, p)))
+        part, period = self._at(p)
+        return replace(self, number=round(t / period - part))
+
+    def _at(self, p: Params) -> tuple[Any, Any]:
+        return value_at(self.part, p), value_at(self.period, p)
 
 
-def at_params(what: Any, p: Params) -> Any:
+def value_at(what: Any, p: Params) -> Any:
+    """A number, or a function of the parameters."""
     return what(p) if callable(what) else what
 
 
@@ -292,6 +294,7 @@ def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
 
 
 def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
+    """The same, seen to be as many rows as ever."""
     rows = rows_of([returned] if how.scalar else returned, x)
     if rows.shape != (how.rows, x.shape[1]):
         raise ValueError(f"shape {rows.shape}")
