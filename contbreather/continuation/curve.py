@@ -19,6 +19,7 @@ from .newton import (
     Array,
     Solution,
     Undefined,
+    chord,
     factors_of,
     length,
     newton,
@@ -190,6 +191,15 @@ class Curve:
     def newton(self, guess: Array, row: Array | None = None, **how: Any) -> Solution:
         """The solution next to a guess, at the same value of a row; how is as for `newton`."""
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
+
+    def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
+        """The same by the derivative at a place near by, where the problem wants that, it is known
+        there and the solution is close."""
+        known = any(place is near for place, _ in self._known.get("jacobian", ()))
+        if not (known and self.problem.lasting):
+            return None
+        factors = self.factors(near, row)
+        return chord(self.equations, factors, guess, row, self.metric, tolerance)
 
     @property
     def compiled(self) -> CompiledCurve | None:

@@ -26,6 +26,8 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 _SHORTEST = 1e-6  # damping at which an approach gives up
 _NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
 _THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
+_SHRINKS = 0.1  # at least by as much corrections shrink with factors from near by
+_EXACT = 1e-4  # of the tolerance: what may be left then, where Newton's would leave a square
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 
@@ -74,6 +76,31 @@ def newton(
         # the shortest correction may be short far from any solution: the residual decides
         solved = _is_rounding(equations(end.z), eq.matrix, end.z, metric)
     return Solution(end.z, solved, end.iterations, end.residual, end.moved)
+
+
+def chord(
+    equations: Callable[[Array], Array],
+    factors: Dense | sparse.Factors,
+    z: Array,
+    row: Array,
+    metric: Array | None,
+    tolerance: float,
+) -> Solution | None:
+    """The same solution by the factors of a derivative near by, as long as corrections are short
+    and shrink fast; None where they do not. It counts as one iteration."""
+    size = 1.0 + length(z, metric)
+    most, before = rules.LASTING * size, math.nan
+    while True:
+        step, singular = correction(factors, equations(z), row)
+        moved = length(step, metric)
+        if singular or not moved <= most:
+            return None
+        z = z - step
+        # convergence is linear: the next correction, about what is left, is shorter by this rate
+        rate = _SHRINKS if math.isnan(before) else moved / before
+        if moved * rate <= _EXACT * tolerance * size:
+            return Solution(z, True, 1, float(abs(equations(z)).max()), moved)
+        most, before = _SHRINKS * moved, moved
 
 
 @dataclass

@@ -52,7 +52,7 @@ _SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / 180
 _FIRST_OF_FIVE = np.array([0, 1, -8, 0, 8, -1, 0]) / 12
 _SECOND_OF_FIVE = np.array([0, -1, 16, -30, 16, -1, 0]) / 12
 _STEPS = [0.04 / 4**i for i in range(7)]
-_AGREED = 1e-10  # relative difference at which no shorter step is tried
+_AGREED = 1e-10  # relative error at which no shorter step is tried
 _FAIR = 1e-5  # a difference this small that grows with the next step was due to rounding
 _DEGENERATE = 1e-6  # a coefficient this small against its terms has no sign
 _ROUNDING = 1e-11  # and this small it is rounding
@@ -160,7 +160,8 @@ class Forms:
             worse = apart > doubt and doubt < _FAIR
             if apart < doubt:
                 best, doubt = jet, apart
-            if doubt < self.agreed or worse:
+            # five places are off by h^4, and so far from seven: these are off by h^6
+            if doubt**1.5 < self.agreed or worse:
                 break
             before = jet
         if best is None:

@@ -108,6 +108,8 @@ class Problem:
 
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # whether they cost so much more than the residual that those at the last point are tried first
+    lasting: ClassVar[bool] = False
     # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
     # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
     closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None

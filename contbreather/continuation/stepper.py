@@ -210,7 +210,7 @@ class Stepper:
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
         landing = self._crossed(point.z, predicted, LEVEL * size)
         if landing is None:
-            solution = self.correct(self._within(predicted), curve.dual(point.direction))
+            solution = self._step_to(self._within(predicted), point)
             landing = self._crossed(point.z, solution.z, _ALONG * (1 + curve.length(point.z)))
             solution = (
                 replace(solution, z=self._within(solution.z)) if landing is None else solution
@@ -251,6 +251,11 @@ class Stepper:
             return self.correct(guess, row)
         z, _, residual, iterations = end
         return Solution(z, True, iterations, residual, 0.0)
+
+    def _step_to(self, predicted: Array, point: Point) -> Solution:
+        row = self.curve.dual(point.direction)
+        near = self.curve.chord(point.z, predicted, row, self.steps.tolerance)
+        return near or self.correct(predicted, row)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}

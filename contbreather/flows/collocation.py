@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,14 +90,15 @@ class Collocation:
         """Integrals from 0 to each of `at` of the Lagrange polynomials of the nodes."""
         # of P_j(2 s - 1) over s: half of that over 2 s - 1
         lifted = np.polynomial.legendre.legint(np.eye(self.points), lbnd=-1, scl=0.5)
-        integrals = np.polynomial.legendre.legval(2 * at - 1, lifted).T
-        return np.asarray(np.linalg.solve(self._legendre.T, integrals.T).T)
+        return self._lagrange(np.polynomial.legendre.legval(2 * at - 1, lifted))
 
     def between(self, at: Array) -> Array:
         """Lagrange polynomials of the nodes, at each of `at`."""
+        return self._lagrange(np.polynomial.legendre.legvander(2 * at - 1, self.points - 1).T)
+
+    def _lagrange(self, legendre: NDArray[Any]) -> Array:
         # Lagrange's are P V^-1 with V_cj = P_j(2 s_c - 1): powers of s would be ill conditioned
-        values = np.polynomial.legendre.legvander(2 * at - 1, self.points - 1)
-        return np.asarray(np.linalg.solve(self._legendre.T, values.T).T)
+        return np.asarray(np.linalg.solve(self._legendre.T, legendre).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,21 +197,31 @@ class Flight:
         flat = states.reshape(len(self.states), -1)
         return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
 
-    def shares(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
+    def shares(self, sizes: Array, length: float) -> Array:
         """The share of each interval in the motion, with a path of this length, and in the time.
 
-        The slope in the slopes inside, of shape (n, intervals, points), and minus that in the
-        logarithm of the path come with it. Meshes make all shares equal, 1 here; so they are close
-        where much happens and nowhere too wide. The unit of the path is that for which the shares
-        of the time add up to two thirds.
+        Meshes make all shares equal, 1 here; so they are close where much happens and nowhere too
+        wide. The unit of the path is that for which the shares of the time add up to two thirds.
         """
+        return self._paces(sizes, length)[-1] @ self._unit
+
+    def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array]:
+        """The slopes of the shares in the slopes inside, of shape (n, intervals, points), and minus
+        those in the logarithm of the path."""
+        moved, path, pace = self._paces(sizes, length)
+        slope = moved * (self._unit / pace) / (sizes * length)[:, None, None]
+        return slope, (path / pace) @ self._unit
+
+    def _paces(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
+        """How far it moves at Gauss points, the squares of that, and the density of the mesh."""
         steps, moved = self.steps[:, None], self.slopes / (sizes * length)[:, None, None]
-        path = (steps * _AT_REST / length) ** 2 + (moved**2).sum(axis=0)
-        pace = np.sqrt(steps**2 + path)
+        path = (steps * (_AT_REST / length)) ** 2 + (moved * moved).sum(axis=0)
+        return moved, path, np.sqrt(steps * steps + path)
+
+    @property
+    def _unit(self) -> Array:
         # Gauss's rule on each interval; where sum(pace @ weights) = _WHOLE the mean share is 1
-        unit = self.scheme.weights * (self.knots.size - 1) / _WHOLE
-        slope = moved / (sizes * length)[:, None, None] * (unit / pace)
-        return pace @ unit, slope, (path / pace) @ unit
+        return self.scheme.weights * ((self.knots.size - 1) / _WHOLE)
 
     def path(self, sizes: Array) -> float:
         """The unit of the path for which all shares add up to their number, or a little more."""
@@ -226,7 +238,7 @@ class Flight:
         """The same flight on a mesh with equal shares, as far as interpolation tells."""
         even, flight = np.linspace(0.0, 1.0, self.knots.size), self
         for _ in range(_ADAPTIONS):
-            share = np.append(0.0, np.cumsum(flight.shares(sizes, flight.path(sizes))[0]))
+            share = np.append(0.0, np.cumsum(flight.shares(sizes, flight.path(sizes))))
             knots = np.interp(even, share / share[-1], flight.knots)
             knots[0], knots[-1] = 0.0, 1.0
             flight = self.on(knots)
@@ -253,12 +265,15 @@ class Slopes:
     inverse: Array  # (intervals, points n, points n)
 
     def beside(self, flight: Flight, other: Flight, moved: Sequence[float]) -> Array:
-        """To first order the slopes inside of another flight than their own, for parameters that
+        """To first order the slopes inside of another flight than one near by, for parameters that
         moved."""
-        ways = [other.begins - flight.begins, other.lengths - flight.lengths]
-        ways += [np.full(flight.lengths.size, by) for by in moved]
-        change = np.vstack([other.states - flight.states, *ways]).T
-        return flight.slopes + _by_states(self.inside @ change[..., None], flight)
+        n = len(flight.states)
+        change = np.empty((flight.steps.size, self.inside.shape[-1], 1))
+        change[:, :n, 0] = (other.states - flight.states).T
+        change[:, n, 0] = other.begins - flight.begins
+        change[:, n + 1, 0] = other.lengths - flight.lengths
+        change[:, n + 2 :, 0] = moved
+        return flight.slopes + _by_states(self.inside @ change, flight)
 
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
@@ -291,13 +306,15 @@ def _newton(
 ) -> Array:
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
     makes corrections shrink."""
-    before, lengths = np.inf, flight.lengths[:, None]
+    before, lengths, good = np.inf, flight.lengths[:, None], False
     moves = max(abs(k).max(), _STILL * max(unit, abs(flight.states).max()))
     for _ in range(_ITERATIONS):
         fresh = inverse is None
+        good = good or fresh
         if inverse is None:
             f, df = slopes(flow.f, flight.inner, _reached(flight, k), p)
-            inverse = _inverted(_matrix(flight, df))
+            inner = df[:, : len(k)].reshape(len(k), *k.shape) * lengths
+            inverse = _inverted(_matrix(flight.scheme, inner.transpose(2, 3, 0, 1)))
         else:
             f = values(flow.f, flight.inner, _reached(flight, k), p)
         off = (k - f.reshape(k.shape) * lengths).transpose(1, 2, 0)
@@ -307,8 +324,10 @@ def _newton(
         size = float(abs(step).max() / moves)
         # a correction shrinks by as much as the one before
         ahead = size if before == np.inf else size * size / before
-        if min(size, ahead) <= _SOLVED or (before <= _NEARLY and size >= 0.5 * before):
+        if min(size, ahead) <= _SOLVED or (good and before <= _NEARLY and size >= 0.5 * before):
             return k
+        # one from elsewhere is good once it has made a correction shrink
+        good = good or size <= _SHRINKS * before < np.inf
         if not (fresh or size <= _SHRINKS * before):
             inverse = None
         before = size
@@ -340,15 +359,21 @@ def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
 
 def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:
     """Exact derivatives of a flight, of all intervals at once."""
-    n, scheme, count = len(flight.states), flight.scheme, flight.lengths.size
+    n, scheme, count = len(flight.states), flight.scheme, flight.steps.size
     f, df = slopes(flow.f, flight.inner, _reached(flight, flight.slopes), p, names)
-    whole = df.reshape(n, -1, count, scheme.points) * flight.lengths[:, None]
+    shape = count, scheme.points, n
+    # of h f at each Gauss point, in the state, the time, the length of the interval, parameters
+    right = np.empty((*shape, n + 2 + len(names)))
+    whole = (df.reshape(n, -1, count, scheme.points) * flight.lengths[:, None]).transpose(
+        2, 3, 0, 1
+    )
+    right[..., : n + 1], right[..., n + 2 :] = whole[..., : n + 1], whole[..., n + 1 :]
     # d(h f)/dh at the time t_0 + c h of a node: f + h f_t c
-    longer = f.reshape(n, count, -1) + whole[:, n] * scheme.nodes
-    right = np.concatenate([whole[:, : n + 1], longer[:, None], whole[:, n + 1 :]], axis=1)
-    inverse = _inverted(_matrix(flight, df))
+    right[..., n + 1] = f.reshape(n, *shape[:2]).transpose(1, 2, 0)
+    right[..., n + 1] += whole[..., n] * scheme.nodes[:, None]
+    inverse = _inverted(_matrix(scheme, right[..., :n]))
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
-    inside = inverse @ right.transpose(2, 3, 0, 1).reshape(count, scheme.points * n, -1)
+    inside = inverse @ right.reshape(count, scheme.points * n, -1)
     ends = (scheme.weights @ inside.reshape(count, scheme.points, -1)).reshape(count, n, -1)
     ends[:, :, :n] += np.eye(n)
     return Slopes(ends, inside, inverse)
@@ -385,15 +410,14 @@ def _by_states(rows: Array, flight: Flight) -> Array:
     return rows.reshape(flight.lengths.size, flight.scheme.points, -1).transpose(2, 0, 1)
 
 
-def _matrix(flight: Flight, df: Array) -> Array:
-    """The matrix of the linear equations for the slopes of each interval."""
-    n, count, points = len(df), flight.lengths.size, flight.scheme.points
-    # entry (c i, d j) is delta - h a_cd df_i/dx_j at node c
-    inner = df[:, :n].reshape(n, n, count, points).transpose(2, 3, 0, 1)
-    reach = -flight.lengths[:, None, None] * flight.scheme.matrix
-    matrix = inner[:, :, :, None, :] * reach[:, :, None, :, None]
-    matrix = matrix.reshape(count, points * n, points * n)
-    matrix[:, np.arange(points * n), np.arange(points * n)] += 1.0
+def _matrix(scheme: Collocation, inner: Array) -> Array:
+    """The matrix of the linear equations for the slopes of each interval, from ``h df/dx`` at its
+    Gauss points, shape (intervals, points, n, n)."""
+    size = scheme.points * inner.shape[-1]
+    # entry (c i, d j) is delta - a_cd h df_i/dx_j at node c
+    matrix = inner[:, :, :, None] * -scheme.matrix[:, None, :, None]
+    matrix = matrix.reshape(len(inner), size, size)
+    np.einsum("jii->ji", matrix)[...] += 1.0  # the diagonals, a view
     return np.asarray(matrix)
 
 

@@ -20,8 +20,8 @@ from .collocation import Collocation, Flight, fitted, flown
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
-from .flow import Flow, Function, Params, values
-from .integrate import TooManySteps, Trajectory, integrate
+from .flow import Flow, Function, Params, value_at, values
+from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .orbit import MOST_INTERVALS, UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import length_of, refuse_false_period, refuse_time
 from .walls import lowest, sliding
@@ -112,7 +112,7 @@ def cycle(
     """
     scheme, forcing = collocation or Collocation(), _period(period)
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
-    flows = _timed(flows, period)
+    flows = flows_of(flows, period)
     if isinstance(start, tuple):
         (flights, parts, names), size = _sampled(flows, start, params, scheme), 0.0
         _, params = named_state(dict.fromkeys(names, 0.0), params)
@@ -169,41 +169,28 @@ def named_state(
     return np.array([by_name[name] for name in start]), {name: by_name[name] for name in params}
 
 
-def _timed(flows: Any, period: Any) -> Any:
-    """The flows, with the period of which clocks strike a part."""
-    if isinstance(flows, list | tuple):
-        return [_timed(flow, period) for flow in flows]
-    return flows.timed(period) if isinstance(flows, Flow) else flows
-
-
 def _alone(flows: Any) -> Flow | None:
     """The flow that nothing ends, where that is all there is."""
-    if hasattr(flows, "follow"):  # a system that decides by its state which flow comes next
+    if not isinstance(flows, tuple):  # a system that decides by its state which flow comes next
         return None
-    listed = [flows] if isinstance(flows, Flow) or callable(flows) else list(flows)
-    parts = [flow if isinstance(flow, Flow) else Flow(flow) for flow in listed]
-    endless = [i for i, flow in enumerate(parts) if flow.until is None]
-    if len(parts) > 1 and endless:
-        raise BadInput(f"flow {endless[0]} of {len(parts)} has no `until`: nothing ends it")
-    return parts[0] if endless else None
+    endless = [i for i, flow in enumerate(flows) if flow.until is None]
+    if len(flows) > 1 and endless:
+        raise BadInput(f"flow {endless[0]} of {len(flows)} has no `until`: nothing ends it")
+    return flows[0] if endless else None
 
 
 def _period(period: Any) -> Function | None:
     """The period as a function to differentiate, ``period(t, x, p)``."""
     if period is None or callable(period):
-        return None if period is None else partial(_asked, period)
+        return None if period is None else partial(_length, period)
     length = number("period", period, 0.0, 1e300, "a positive time, or a function of p")
     if not length > 0:
         raise BadInput(f"period = {period}: a positive time was expected")
-    return partial(_fixed, length)
+    return partial(_length, length)
 
 
-def _asked(period: Callable[[Params], float], t: Any, x: Any, p: Params) -> float:
-    return period(p)
-
-
-def _fixed(length: float, t: Any, x: Any, p: Params) -> float:
-    return length
+def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
+    return value_at(period, p)
 
 
 # --- from a simulation --------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,16 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation import defining_systems, normal_forms
-from ..continuation.branch_points import crossing_event
+from ..continuation.branch_points import bordered, crossing_event
 from ..continuation.curve import Curve
+from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
-from ..continuation.sparse import Factors, Matrix, any_vector, factorised, null_vectors
+from ..continuation.sparse import Dense, Factors, Matrix, any_vector, factorised, null_vectors
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
+from .multipliers import closing
 from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
+
+Values = NDArray[np.complex128]
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
@@ -31,7 +36,7 @@ _TURNS = 4  # of inverse iteration for singular vectors; two are enough where th
 _SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
 _NOTHING = 1e-300  # the imaginary part of one may vanish
-_ROUGHLY = 1e-7  # differences in coefficients that are asked for at each point of a curve
+_ROUGHLY = 1e-7  # error of differences in coefficients that are asked for all along a curve
 _BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
@@ -39,23 +44,23 @@ _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at a
 # --- doubled periods ---------------------------------------------------------------------------
 
 
-def _flip(point: Point) -> float:
-    return _least_beside(-1.0, point.ground.solution.others)
+def _others(point: Point) -> Values:
+    """The multipliers but for the trivial one."""
+    others: Values = point.ground.solution.others
+    return others
 
 
-def _least_beside(wanted: float, values: NDArray[np.complex128]) -> float:
+def _least_beside(wanted: float, multipliers: Callable[[Point], Values], point: Point) -> float:
     """How far off a value the nearest multiplier is, with the sign of the product of all."""
+    values = multipliers(point)
     if not (values.size and np.isfinite(values).all()):  # as at VI
         return math.nan
     return defining_systems.least_with_sign(values - wanted, 0.0)
 
 
 def _examine_flip(point: Point) -> Examined:
-    orbit: Cycle = point.ground.solution
-    if orbit.coarse:
-        return orbit.coarse
-    off = abs(orbit.others + 1)
-    if not off.min(initial=math.inf) < _NEAR * max(1.0, float(abs(orbit.others).max())):
+    off = abs(_others(point) + 1)
+    if not off.min(initial=math.inf) < _NEAR * max(1.0, float(abs(_others(point)).max())):
         return f"no multiplier is -1: the nearest is {off.min(initial=math.inf):.2g} off"
     if np.count_nonzero(off < _NEAR) > 1:
         return "two multipliers are -1: not a simple period doubling"
@@ -66,6 +71,22 @@ def _flip_locus(point: Point) -> Locus:
     flip = _Flip(equations_of(point.ground))
     ends = (_GENERALISED_FLIP, _beside("R2", -1.0, -1.0, ROTATION))
     return Locus({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
+
+
+def _inverse_iteration(factors: Any, size: int, **how: bool) -> tuple[float, Array, Array]:
+    """The least singular value, with the sign of the determinant, and its vectors w and v:
+    w* B v = value."""
+    left = right = any_vector(size)
+    # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
+    for _ in range(_TURNS):
+        right, before = factors.solve(left, **how), left
+        value = 1 / math.sqrt(right @ right)
+        right = value * right
+        left = factors.transposed(right)
+        left = left / math.sqrt(left @ left)
+        if abs(left @ before) >= _SAME:
+            break
+    return factors.sign() * value, factors.sign() * left, right
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,23 +103,12 @@ class _Flip:
         return triplet
 
     def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
-        """That value and the singular vectors w and v: w* B v = value."""
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        closings = (Factors(self.equations.closing(matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        closings = (Factors(closing(self.equations, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         factors = next((factors for factors in closings if factors.sign()), None)
         if factors is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        left = right = any_vector(matrix.shape[0])
-        # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
-        for _ in range(_TURNS):
-            right, before = factors.solve(left, refined=False), left
-            size = 1 / float(np.linalg.norm(right))
-            right = size * right
-            left = factors.transposed(right)
-            left = left / np.linalg.norm(left)
-            if abs(left @ before) >= _SAME:
-                break
-        return factors.sign() * size, factors.sign() * left, right
+        return _inverse_iteration(factors, matrix.shape[0], refined=False)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self._weak(curve, z)[0]])
@@ -123,12 +133,9 @@ def _turned(curve: Curve, z: Array, left: NDArray[Any], right: Array) -> NDArray
 # --- pairs on the unit circle --------------------------------------------------------------------
 
 
-def _pair(point: Point) -> float:
-    return _least_of_pairs(point.ground.solution.others)
-
-
-def _least_of_pairs(values: NDArray[np.complex128]) -> float:
+def _least_of_pairs(multipliers: Callable[[Point], Values], point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` of multipliers, with the sign of the product of all."""
+    values = multipliers(point)
     first, second = defining_systems.pairs(values)
     if not (first.size and np.isfinite(values).all()):
         return math.nan
@@ -138,10 +145,7 @@ def _least_of_pairs(values: NDArray[np.complex128]) -> float:
 
 
 def _examine_pair(point: Point) -> Examined:
-    orbit: Cycle = point.ground.solution
-    if orbit.coarse:
-        return orbit.coarse
-    first, second = defining_systems.pairs(orbit.others)
+    first, second = defining_systems.pairs(_others(point))
     nearest = int(abs(first * second - 1).argmin())
     mu = complex(first[nearest])
     if abs(mu.imag) < _REAL:
@@ -153,13 +157,13 @@ def _examine_pair(point: Point) -> Examined:
 
 
 def _pair_locus(point: Point) -> Locus:
-    values = point.ground.solution.others
+    values = _others(point)
     upper = values[values.imag > _REAL]
     if not upper.size:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
     mu = complex(upper[abs(abs(upper) - 1).argmin()])
     equations = equations_of(point.ground)
-    right, left = null_vectors(equations.closing(point.ground.jacobian(), mu / abs(mu)))
+    right, left = null_vectors(closing(equations, point.ground.jacobian(), mu / abs(mu)))
     rotation = _Rotation(equations, left, right)
     angle = math.atan2(mu.imag, mu.real)
     ends = (
@@ -192,7 +196,7 @@ class _Rotation:
         """The scalar g, and vectors v and w with ``g' = -w* B' v`` where g is zero."""
         from scipy.sparse import block_array, csc_array
 
-        closed = csc_array(self.equations.closing(curve.jacobian(z), np.exp(1j * angle)))
+        closed = csc_array(closing(self.equations, curve.jacobian(z), np.exp(1j * angle)))
         unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
         v, w = self.right, self.left
         for _ in range(_BORDERINGS):
@@ -213,7 +217,7 @@ class _Rotation:
         row = w.conj()
         slope = -_turned(curve, z, row, v.real) - 1j * _turned(curve, z, row, v.imag)
         # of the closing mu - 1 on the rows of the first state, 1 - mu on that of the phase
-        first, turn = self.equations.nodes[0][0], 1j * np.exp(1j * extra[0])
+        first, turn = self.equations.layout.nodes[0][0], 1j * np.exp(1j * extra[0])
         turned = turn * (w.conj()[first] @ v[first])
         if self.equations.phased:
             turned -= turn * w[-1].conj() * v[-1]
@@ -228,7 +232,7 @@ def _swing(point: Point) -> float:
     """How far the orbit swings the way it did at first, relative to its size, less what counts as
     an equilibrium: beyond one the curve goes on as the same cycles half a turn later."""
     equations = equations_of(point.ground)
-    first, states = equations.start[0].states, point.ground.x[equations.nodes[0]].T
+    first, states = equations.start[0].states, point.ground.x[equations.layout.nodes[0]].T
     way = first - first.mean(axis=1, keepdims=True)
     swing = (states - states.mean(axis=1, keepdims=True)) * way
     size = np.linalg.norm(way) * np.linalg.norm(first)
@@ -248,32 +252,24 @@ def _examine_swing(point: Point) -> Examined:
 # --- what their curves in two parameters meet -------------------------------------------------
 
 
-def _without(mu: float | None, point: Point) -> NDArray[np.complex128]:
+def _without(mu: float | None, point: Point) -> Values:
     """The multipliers but for those that the curve has everywhere: one that is known, or the pair
     of a curve of NS."""
-    others = point.ground.solution.others
+    others = _others(point)
     if mu is not None:
         return defining_systems.without(others, mu)
     pair = complex(math.cos(point["angle"]), math.sin(point["angle"]))
     return defining_systems.without(others, pair, pair.conjugate())
 
 
-def _rest(mu: float | None, wanted: float, point: Point) -> float:
-    return _least_beside(wanted, _without(mu, point))
-
-
-def _rest_of_pairs(mu: float | None, point: Point) -> float:
-    return _least_of_pairs(_without(mu, point))
-
-
 def _beside(kind: str, mu: float | None, wanted: float, base: Event) -> CodimensionTwo:
     """Another multiplier of a certain value on a curve that has one already."""
-    return CodimensionTwo(kind, partial(_rest, mu, wanted), base=base)
+    return CodimensionTwo(kind, partial(_least_beside, wanted, partial(_without, mu)), base=base)
 
 
 def _pair_beside(kind: str, mu: float | None) -> CodimensionTwo:
     """A pair on the unit circle on a curve that has a multiplier there."""
-    test = partial(_rest_of_pairs, mu)
+    test = partial(_least_of_pairs, partial(_without, mu))
     return CodimensionTwo(kind, test, examine=partial(_examine_pair_beside, mu), base=ROTATION)
 
 
@@ -308,7 +304,8 @@ def _rotation_coefficient(point: Point) -> float:
 
 def _pole(mu: float | None, wanted: float, point: Point) -> float:
     """Zero where another multiplier is there, 1 where there is no other."""
-    return _rest(mu, wanted, point) if _without(mu, point).size else 1.0
+    others = partial(_without, mu)
+    return _least_beside(wanted, others, point) if others(point).size else 1.0
 
 
 def _examine_generalised_flip(point: Point) -> str:
@@ -323,14 +320,23 @@ def _examine_chenciner(point: Point) -> str:
 # --- the events -----------------------------------------------------------------------------
 
 
-def _examine(event: Event, point: Point) -> Examined:
-    """An event of the engine's is not believed where the mesh resolves no multiplier."""
+def _examine(examine: Callable[[Point], Examined] | None, point: Point) -> Examined:
+    """No event is believed where the mesh resolves no multiplier."""
     coarse: str = point.ground.solution.coarse
-    return coarse or (event.examine(point) if event.examine else {})
+    return coarse or (examine(point) if examine else {})
+
+
+def _branches(point: Point) -> float:
+    """About the least singular value with the row of the tangent below, by one factorisation."""
+    matrix = bordered(point)
+    if not isinstance(matrix, np.ndarray):
+        return signed_smallest(matrix)
+    factors = Dense(matrix)
+    return _inverse_iteration(factors, len(matrix))[0] if factors.exact else 0.0
 
 
 def _examine_fold(point: Point) -> Examined:
-    examined = _examine(_PLAIN, point)
+    examined = _examine(_PLAIN.examine, point)
     if isinstance(examined, str) and examined:
         return examined
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
@@ -341,10 +347,16 @@ def _examine_fold(point: Point) -> Examined:
 _PLAIN = fold()
 FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CROSSING = crossing_event({})
-BRANCH_POINT = replace(_CROSSING, count=None, examine=partial(_examine, _CROSSING))
+BRANCH_POINT = replace(
+    _CROSSING,
+    test=Singular(bordered, _branches),
+    count=None,
+    examine=partial(_examine, _CROSSING.examine),
+)
 _GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
-FLIP = Event("PD", _flip, locus=_flip_locus, examine=_examine_flip)
-ROTATION = Event("NS", _pair, locus=_pair_locus, examine=_examine_pair)
+_flips, _pairs = partial(_least_beside, -1.0, _others), partial(_least_of_pairs, _others)
+FLIP = Event("PD", _flips, locus=_flip_locus, examine=partial(_examine, _examine_flip))
+ROTATION = Event("NS", _pairs, locus=_pair_locus, examine=partial(_examine, _examine_pair))
 SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 
 # On the boundary of one kind, what the meeting with another is called; walls end it as they are.

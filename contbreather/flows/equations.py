@@ -15,18 +15,15 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
 from .collocation import Flight, Slopes, derivatives, flown
 from .flow import Flow, Params, slopes, values
-from .multipliers import multipliers, without_direction
+from .layout import Layout
 
-_DENSE = 400  # unknowns up to which a dense derivative is the faster one
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
-_NO_PACE = 1e-13  # of a condition, relative to how fast it may be along its flow: it is rounding
 _AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
 _ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -34,18 +31,13 @@ _LOOKS = 4  # into each interval for that
 _RECENT = 4  # solutions that are kept, and derivatives, to begin the next from the nearest
 
 
-Places = NDArray[np.intp]
-
-
 class Linear(NamedTuple):
-    """A flow linearised.
+    """A flow linearised, but for its `Slopes`.
 
-    Columns of `ends` and `shares` are the state where the interval begins, the time at which it
-    begins, its length and the parameters; those of `reset` and `condition` the state, the time and
+    Columns of `shares` are those of these; those of `reset` and `condition` the state, the time and
     the parameters.
     """
 
-    ends: Array  # (intervals, n, n + 2 + parameters)
     shares: Array  # (intervals, n + 2 + parameters): of the density of the mesh
     longer: Array  # (intervals,): minus the same in the logarithm of the path
     waited: Array  # (intervals,): and in the length relative to the duration
@@ -53,32 +45,25 @@ class Linear(NamedTuple):
     condition: Array | None
 
 
-class _Pattern(NamedTuple):
-    """Where values belong among the entries of a matrix, `cells` for those that belong nowhere; of
-    a sparse one the row of each, and where columns end."""
+@dataclass(eq=False)
+class Place:
+    """A place that was solved for, and where they were asked for the derivatives in unknowns and
+    named parameters: from there flights near by begin to be solved for."""
 
-    places: Places
-    cells: int
-    rows: Places
-    ends: Places
-
-
-class _Known(NamedTuple):
-    """A place, and the derivatives there: where flights near by begin to be solved for."""
-
+    key: Any
     x: Array
     params: Params
-    names: tuple[str, ...]
     flights: tuple[Flight, ...]
+    names: tuple[str, ...] = ()
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
 
-    def of(self, i: int, flight: Flight, p: Params) -> tuple[Array, Array | None]:
-        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
-        if not self.slopes:
-            return self.flights[i].slopes, None
-        moved = [p[name] - self.params[name] for name in self.names]
-        return self.slopes[i].beside(self.flights[i], flight, moved), self.slopes[i].inverse
+    def join(self, latest: dict[Any, Place]) -> None:
+        """Take the place of the oldest of some."""
+        latest.pop(self.key, None)
+        if len(latest) >= _RECENT:
+            del latest[next(iter(latest))]
+        latest[self.key] = self
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +91,12 @@ class Equations:
     turns: int
     states: tuple[str, ...]
     sizes: tuple[Array, ...]
-    _recent: list[Any] = field(default_factory=list, init=False)
-    _linear: list[_Known] = field(default_factory=list, init=False)
-    _patterns: dict[int, _Pattern] = field(default_factory=dict, init=False)
+    _recent: dict[Any, Place] = field(default_factory=dict, init=False)
+    _linear: dict[Any, Place] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was solved lately."""
-        return {**self.__dict__, "_recent": [], "_linear": [], "_patterns": {}}
+        return {**self.__dict__, "_recent": {}, "_linear": {}}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -131,36 +115,10 @@ class Equations:
         return len(self.flows) == 1 and self.flows[0].until is None
 
     @cached_property
-    def nodes(self) -> tuple[Places, ...]:
-        """Where the states of each flow lie among the unknowns, shape (intervals, n)."""
-        shapes = [flight.states.T.shape for flight in self.start]
-        return tuple(
-            np.arange(end - k * n, end).reshape(k, n)
-            for (k, n), end in zip(shapes, np.cumsum([k * n for k, n in shapes]), strict=True)
-        )
-
-    @cached_property
-    def orbit(self) -> int:
-        """How many unknowns are states."""
-        return sum(node.size for node in self.nodes)
-
-    @cached_property
-    def knots(self) -> tuple[Places, ...]:
-        """Where the mesh of each flow lies, its inner knots and the logarithm of its path, shape
-        (intervals,)."""
-        counts = [len(node) for node in self.nodes]
-        ends = self.orbit + np.cumsum(counts)
-        return tuple(np.arange(end - m, end) for m, end in zip(counts, ends, strict=True))
-
-    @cached_property
-    def lengths(self) -> Places:
-        """Where the durations lie."""
-        first = self.knots[-1][-1] + 1
-        return np.arange(first, first + len(self.flows))
-
-    @cached_property
-    def size(self) -> int:
-        return int(self.lengths[-1]) + 1 + self.phased
+    def layout(self) -> Layout:
+        counts = tuple(flight.states.shape[::-1] for flight in self.start)
+        ended = tuple(flow.until is not None for flow in self.flows)
+        return Layout(counts, ended, self.autonomous, self.phased)
 
     def unknowns(self, flights: Sequence[Flight]) -> dict[str, Any]:
         """The unknowns by name, as a problem starts."""
@@ -181,39 +139,54 @@ class Equations:
 
     def flights(self, x: Array, p: Params) -> tuple[Flight, ...]:
         """All flows, from the states and times among the unknowns."""
-        key = x.tobytes(), tuple(p.items())
-        for place, solved in self._recent:
-            if place == key:
-                return solved
-        near = self._nearest(x)
-        flights: list[Flight] = []
-        t = float(x[-1]) if self.phased else self.start[0].start
-        for i, flow in enumerate(self.flows):
-            plain = self._flight(i, x, t)
-            unit = float(self.sizes[i].max())
-            flights.append(flown(flow, plain, p, unit, near and near.of(i, plain, p)))
-            t += plain.duration
-        self._recent[:] = [(key, tuple(flights)), *self._recent[: _RECENT - 1]]
-        return self._recent[0][1]
+        return self._solved(x, p).flights
 
-    def _nearest(self, x: Array) -> _Known | None:
-        """The nearest place that is known, if it is near."""
-        places = [*self._linear, _Known(self._first, {}, (), self.start)]
+    def _solved(self, x: Array, p: Params) -> Place:
+        """All flows solved for, once for one of the latest places."""
+        key = x.tobytes(), tuple(p.items())
+        place = self._recent.get(key) or self._linear.get(key)
+        if place is None:
+            near, flights = self._nearest(x), []
+            t = float(x[-1]) if self.phased else self.start[0].start
+            for i, flow in enumerate(self.flows):
+                plain = self._flight(i, x, t)
+                guess = near and self._guess(i, plain, p, *near)
+                flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess))
+                t += plain.duration
+            place = Place(key, x.copy(), dict(p), tuple(flights))
+            place.join(self._recent)
+        return place
+
+    def _nearest(self, x: Array) -> tuple[Place, Place | None] | None:
+        """The nearest place that is solved for, if it is near, and of those whose derivatives are
+        known."""
+        places = [*{**self._linear, **self._recent}.values(), self._begin]
         off = abs(np.array([place.x for place in places]) - x).max(axis=1)
-        nearest = int(off.argmin())
-        return places[nearest] if off[nearest] <= _CLOSE * abs(x).max() else None
+        most = _CLOSE * abs(x).max()
+        near = [places[j] for j in off.argsort().tolist() if off[j] <= most]
+        return (near[0], next((place for place in near if place.slopes), None)) if near else None
+
+    def _guess(
+        self, i: int, flight: Flight, p: Params, near: Place, known: Place | None
+    ) -> tuple[Array, Array | None]:
+        """What the slopes inside of a flow are to first order, and the inverse that finds them."""
+        if known is None or not near.params:
+            return near.flights[i].slopes, None
+        moved = [p[name] - near.params[name] for name in known.names]
+        return known.slopes[i].beside(near.flights[i], flight, moved), known.slopes[i].inverse
 
     @cached_property
-    def _first(self) -> Array:
-        return np.concatenate([np.ravel(value) for value in self.unknowns(self.start).values()])
+    def _begin(self) -> Place:
+        x = [np.ravel(value) for value in self.unknowns(self.start).values()]
+        return Place("begin", np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> Flight:
         """A flow with its states and times, nothing inside yet."""
-        knots = np.concatenate([[0.0], x[self.knots[i][:-1]], [1.0]])
-        duration = float(x[self.lengths[i]])
+        knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
+        duration = float(x[self.layout.lengths[i]])
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
-        states = x[self.nodes[i]].T
+        states = x[self.layout.nodes[i]].T
         flight = Flight(self.start[i].scheme, knots, t, duration, states, np.empty(0))
         if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
@@ -231,7 +204,7 @@ class Equations:
             rows.append(gaps.ravel())
         rows += [
             # m equal shares for the m - 1 inner knots and the unit of the path
-            flight.shares(self.sizes[i], math.exp(x[self.knots[i][-1]]))[0] - 1.0
+            flight.shares(self.sizes[i], math.exp(x[self.layout.knots[i][-1]])) - 1.0
             for i, flight in enumerate(flights)
         ]
         rows.append(np.array([self._condition(i, x, f, p) for i, f in enumerate(flights)]))
@@ -245,7 +218,7 @@ class Equations:
         if reset is None:
             return flight.end
         after = np.asarray(values(reset, flight.last, flight.end[:, None], p)[:, 0])
-        wanted = self.nodes[(i + 1) % len(self.flows)].shape[1]
+        wanted = self.layout.nodes[(i + 1) % len(self.flows)].shape[1]
         if after.shape != (wanted,):
             raise BadInput(
                 f"reset of flow {i} gives {after.size} states; the flow that follows has {wanted}"
@@ -258,14 +231,16 @@ class Equations:
             return float(values(until, flight.last, flight.end[:, None], p)[0, 0])
         if self.autonomous:
             # integral of (x - x_start) . x_start' over the orbit
-            return float(self._phase[i] @ (x[self.nodes[i]] - self.start[i].states.T).ravel())
+            return float(
+                self._phase[i] @ (x[self.layout.nodes[i]] - self.start[i].states.T).ravel()
+            )
         return self._over(x, p)
 
     def _over(self, x: Array, p: Params) -> float:
         """By how much the durations exceed the period."""
         assert self.period is not None
         whole = float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
-        return float(x[self.lengths].sum() - self.turns * whole)
+        return float(x[self.layout.lengths].sum() - self.turns * whole)
 
     @cached_property
     def _phase(self) -> tuple[Array, ...]:
@@ -281,38 +256,24 @@ class Equations:
 
     # --- derivatives ------------------------------------------------------------------------------
 
-    def linear(
-        self, x: Array, p: Params, names: tuple[str, ...] | None = None
-    ) -> tuple[Linear, ...]:
+    def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> Place:
         """All derivatives of flows, resets and conditions; None for any parameters, those of the
         last columns, that are known already."""
-        return self._known(x, p, names).linear
+        place = self._solved(x, p)
+        if not place.linear or names not in (None, place.names):
+            pairs = zip(self.flows, place.flights, strict=True)
+            place.slopes = tuple(derivatives(*pair, p, names or ()) for pair in pairs)
+            place.names = names or ()
+            place.linear = tuple(
+                self._linearised(i, slopes, x, place) for i, slopes in enumerate(place.slopes)
+            )
+            place.join(self._linear)
+        return place
 
-    def _known(self, x: Array, p: Params, names: tuple[str, ...] | None) -> _Known:
-        for place in self._linear:
-            if names in (None, place.names) and place.params == p and (place.x == x).all():
-                return place
-        names, flights = names or (), self.flights(x, p)
-        by_flow = [derivatives(*of, p, names) for of in zip(self.flows, flights, strict=True)]
-        linear = tuple(
-            self._linearised(i, flight, slopes, math.exp(x[self.knots[i][-1]]), p, names)
-            for i, (flight, slopes) in enumerate(zip(flights, by_flow, strict=True))
-        )
-        latest = _Known(x.copy(), dict(p), names, flights, tuple(by_flow), linear)
-        self._linear[:] = [latest, *self._linear[: _RECENT - 1]]
-        return latest
-
-    def _linearised(
-        self,
-        i: int,
-        flight: Flight,
-        derivative: Slopes,
-        path: float,
-        p: Params,
-        names: tuple[str, ...],
-    ) -> Linear:
-        flow, n = self.flows[i], len(flight.states)
-        share, slope, longer = flight.shares(self.sizes[i], path)
+    def _linearised(self, i: int, derivative: Slopes, x: Array, place: Place) -> Linear:
+        flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
+        sizes, path, n = self.sizes[i], math.exp(x[self.layout.knots[i][-1]]), len(flight.states)
+        share, (slope, longer) = flight.shares(sizes, path), flight.share_slopes(sizes, path)
         share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
         shares = (share_of @ derivative.inside)[:, 0]
         # of degree 1 in slopes and steps together: share = share_k . k + share_h h (Euler)
@@ -323,91 +284,35 @@ class Equations:
         condition = None
         if flow.until is not None:
             condition = slopes(flow.until, flight.last, state, p, names)[1][..., 0]
-        return Linear(derivative.ends, shares, longer, timed / flight.steps, reset, condition)
+        return Linear(shares, longer, timed / flight.steps, reset, condition)
 
     def derivatives(self, x: Array, p: Params, names: tuple[str, ...]) -> Matrix:
         """The derivative of all equations in unknowns and named parameters; dense if small."""
-        shape = self.size, self.size + len(names)
         values = np.concatenate([np.ravel(block) for block in self._blocks(x, p, names)])
-        pattern = self._pattern(len(names))
-        # several entries may meet in one place; what is of fixed knots lands beyond the last
-        data = np.bincount(pattern.places, values, pattern.cells + 1)[:-1]
-        if self.size <= _DENSE:
-            return data.reshape(shape)
-        from scipy.sparse import csc_array
-
-        return csc_array((data, pattern.rows, pattern.ends), shape=shape)
+        return self.layout.matrix(values, len(names))
 
     def _blocks(self, x: Array, p: Params, names: tuple[str, ...]) -> Iterator[Any]:
-        """The values of all blocks, where `_places` says."""
-        linear, flights = self.linear(x, p, names), self.flights(x, p)
-        yield np.ones(self.orbit)  # each state in its own row
-        for i, piece in enumerate(linear):
-            flight, n = flights[i], len(flights[i].states)
-            rows = np.concatenate([piece.ends, piece.shares[:, None]], axis=1)
+        """The values of all blocks, where `Layout` says."""
+        place = self.linearised(x, p, names)
+        yield np.ones(self.layout.orbit)  # each state in its own row
+        for i, (piece, flight) in enumerate(zip(place.linear, place.flights, strict=True)):
+            n, last = len(flight.states), place.slopes[i].ends[-1]
+            rows = np.concatenate([place.slopes[i].ends, piece.shares[:, None]], axis=1)
             ends, shares = np.split(self._spread(i, flight, rows), [n], axis=1)
             # the step of an interval is the difference of the knots at its ends
             shares[:, 0, n] -= piece.waited
             shares[:, 0, n + 1] += piece.waited
             yield -ends[:-1]
             kept = self.flows[i].reset is None
-            yield -(ends[-1] if kept else self._carried(i, flight, piece.reset, piece.ends[-1]))
+            yield -(ends[-1] if kept else self._carried(i, flight, piece.reset, last))
             yield shares
             yield -piece.longer
             if piece.condition is not None:
-                yield self._carried(i, flight, piece.condition, piece.ends[-1])
+                yield self._carried(i, flight, piece.condition, last)
             else:
                 yield self._phase[i] if self.autonomous else self._of_period(p, names)
         if self.phased:
             yield self._of_period(p, names)
-
-    def _places(self, named: int) -> Iterator[tuple[Any, Any]]:
-        """Rows and columns of all blocks. The column of a knot that is fixed is -1."""
-        diagonal, width = np.arange(self.orbit), self.size + named
-        whole = np.append(self.lengths, np.arange(self.size, width))
-        yield diagonal, diagonal
-        for i, node in enumerate(self.nodes):
-            columns = self._columns(i, named)
-            yield node[1:, :, None], columns[:-1, None]
-            yield self.nodes[(i + 1) % len(self.flows)][0][:, None], columns[-1:]
-            yield self.knots[i][:, None], columns
-            yield self.knots[i], self.knots[i][-1]
-            if self.flows[i].until is not None:
-                yield self.lengths[i], columns[-1]
-            else:
-                yield self.lengths[i], node.ravel() if self.autonomous else whole
-        if self.phased:
-            yield self.size - 1, whole
-
-    def _columns(self, i: int, named: int) -> Places:
-        """What each interval depends on, in the order of `_spread`."""
-        before = [*self.lengths[:i], *([self.size - 1] if self.phased else [])]
-        shared = [self.lengths[i], *before, *range(self.size, self.size + named)]
-        inner = np.concatenate([[-1], self.knots[i][:-1], [-1]])
-        return np.hstack(
-            [
-                self.nodes[i], inner[:-1, None], inner[1:, None],
-                np.tile(shared, (len(inner) - 1, 1)),
-            ]
-        )  # fmt: skip
-
-    def _pattern(self, named: int) -> _Pattern:
-        """Where the values of all blocks belong: found once."""
-        if named not in self._patterns:
-            width = self.size + named
-            spread = [np.broadcast_arrays(*place) for place in self._places(named)]
-            rows, columns = (np.concatenate([at[k].ravel() for at in spread]) for k in range(2))
-            if self.size <= _DENSE:
-                count, ends = self.size * width, np.empty(0, int)
-                places = np.where(columns < 0, count, rows * width + columns)
-            else:  # by columns, each entry once; those of fixed knots beyond the last
-                cells = np.where(columns < 0, self.size * width, columns * self.size + rows)
-                filled, places = np.unique(cells, return_inverse=True)
-                count = int(np.searchsorted(filled, self.size * width))
-                rows = filled[:count] % self.size
-                ends = np.searchsorted(filled[:count], self.size * np.arange(width + 1))
-            self._patterns[named] = _Pattern(places, count, rows, ends)
-        return self._patterns[named]
 
     def _spread(self, i: int, flight: Flight, slope: Array) -> Array:
         """The derivative of something of each interval in its state, its beginning, its length and
@@ -449,7 +354,8 @@ class Equations:
     def place_slopes(self, i: int, s: float, x: Array, p: Params, names: tuple[str, ...]) -> Array:
         """The derivative of that state, and of the time below, in all unknowns, named parameters
         and the part of the duration."""
-        flight, slopes = self.flights(x, p)[i], self._known(x, p, names).slopes[i]
+        place = self.linearised(x, p, names)
+        flight, slopes = place.flights[i], place.slopes[i]
         (j,), (u,) = flight.places(np.array([s]))
         n = len(flight.states)
         local = np.eye(n + 1, n + 2 + len(names))  # the time is that at which the interval begins
@@ -461,8 +367,8 @@ class Equations:
         spread = self._spread(i, interval, local[None])[0]
         spread[:, n] -= (1 - u) * rise  # where in the interval, if the knot before it moves
         spread[:, n + 1] -= u * rise
-        columns = self._columns(i, len(names))[j]
-        derivative = np.zeros((n + 1, self.size + len(names) + 1))
+        columns = self.layout.columns(i, len(names))[j]
+        derivative = np.zeros((n + 1, self.layout.size + len(names) + 1))
         derivative[:, columns[columns >= 0]] = spread[:, columns >= 0]
         derivative[:, -1] = rise
         return derivative
@@ -471,87 +377,7 @@ class Equations:
         assert self.period is not None
         slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
         # of the sum of durations - turns T(p)
-        return np.append(np.ones(self.lengths.size), -self.turns * slope)
-
-    # --- small perturbations ----------------------------------------------------------------------
-
-    def factors(self, x: Array, p: Params) -> tuple[list[Array], list[Array]]:
-        """The derivatives of all pieces of the orbit in the state alone, with the saltation where
-        a flow ends, and the velocities where they begin: stacks of those of one shape."""
-        flights, linear = self.flights(x, p), self.linear(x, p)
-        factors: list[Array] = []
-        velocities: list[Array] = []
-        for i, (flow, flight, piece) in enumerate(zip(self.flows, flights, linear, strict=True)):
-            earlier, last = np.split(piece.ends[:, :, : len(flight.states)], [-1])
-            ways = values(flow.f, flight.begins, flight.states, p).T
-            last = self._saltation(i, flights, piece, abs(ways).max(axis=0), p) @ last
-            alike = last.shape[1] == last.shape[2]
-            factors += [np.concatenate([earlier, last])] if alike else [earlier, last]
-            velocities += [ways] if alike else np.split(ways, [-1])
-        return factors, velocities
-
-    def _saltation(
-        self, i: int, flights: Sequence[Flight], piece: Linear, fastest: Array, p: Params
-    ) -> Array:
-        """What the end of a flow does to small perturbations: the reset, and how much longer the
-        one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
-        flight, n = flights[i], len(flights[i].states)
-        reset = piece.reset[:, :n]
-        if piece.condition is None:
-            return reset
-        j = (i + 1) % len(self.flows)
-        before = values(self.flows[i].f, flight.last, flight.end[:, None], p)[:, 0]
-        after = values(self.flows[j].f, flights[j].start, flights[j].states[:, :1], p)[:, 0]
-        gate, pace = piece.condition[0, :n], piece.condition[0, n]
-        # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
-        jump = after - reset @ before - piece.reset[:, n]
-        rate = gate @ before + pace
-        if abs(rate) <= _NO_PACE * (abs(gate) @ fastest + abs(pace)):
-            return np.full_like(reset, np.nan)
-        return np.asarray(reset + np.outer(jump, gate) / rate)
-
-    def multipliers(self, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
-        """Those that are not trivial, and the trivial one: NaN where there is none.
-
-        At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
-        """
-        factors, velocities = self.factors(x, p)
-        if any(np.isnan(stack).any() for stack in factors):
-            count = self.start[0].states.shape[0] - self.autonomous
-            return np.append(np.inf, np.full(count - 1, np.nan)).astype(complex), np.nan
-        if not self.autonomous:
-            return multipliers(factors), np.nan
-        rest, trivial = without_direction(factors, velocities)
-        return multipliers(rest), trivial
-
-    def closing(self, matrix: Matrix, mu: complex) -> Matrix:
-        """The square derivative whose null vectors are perturbations that have grown by mu after
-        the cycle."""
-        square = matrix[:, : self.size].astype(type(mu))
-        sparse = not isinstance(square, np.ndarray)
-        square = square.tolil() if sparse else square.copy()
-        for row in self.nodes[0][0]:  # the first state is mu times as far off as where all ends
-            square[row, row] += mu - 1
-        if self.autonomous:  # perturbations need no phase; their period is that of the cycle
-            for i, flow in enumerate(self.flows):
-                if flow.until is None:
-                    square[self.lengths[i]] = 0.0
-                    square[self.lengths[i], self.lengths[i]] = 1.0
-        if self.phased:
-            square[-1, -1] = 1 - mu
-        return square.tocsc() if sparse else square
-
-    def paces(self, x: Array, p: Params) -> Array:
-        """How fast each condition falls where it ends its flow; zero where it grazes."""
-        paces = []
-        for flow, flight, piece in zip(
-            self.flows, self.flights(x, p), self.linear(x, p), strict=True
-        ):
-            if piece.condition is not None:
-                n = len(flight.states)
-                f = values(flow.f, flight.last, flight.end[:, None], p)[:, 0]
-                paces.append(-float(piece.condition[0, :n] @ f + piece.condition[0, n]))
-        return np.array(paces)
+        return np.append(np.ones(self.layout.lengths.size), -self.turns * slope)
 
     # --- other cycles -----------------------------------------------------------------------------
 

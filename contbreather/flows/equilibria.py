@@ -142,7 +142,7 @@ def _born(point: Point) -> Lift:
         curve = Curve(problem_at(equations, params), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
-        row[: equations.orbit] = (flight.states - rest[:, None]).T.ravel()
+        row[: equations.layout.orbit] = (flight.states - rest[:, None]).T.ravel()
         try:
             solution = curve.newton(curve.start, curve.dual(row), tolerance=1e-11, most=20)
         except Undefined:

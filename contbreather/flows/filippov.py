@@ -10,7 +10,6 @@ and leaves it into h > 0 where L+ rises through zero, into h < 0 where L- falls 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -85,25 +84,14 @@ class Filippov:
             Flow(self.sliding, until=leaves[-1], walls=(leaves[1],)),
         )
 
-    @property
-    def plus(self) -> Flow:
-        """In h > 0, up to the surface."""
-        return self.flows[_PLUS]
-
-    @property
-    def minus(self) -> Flow:
-        """In h < 0, up to the surface."""
-        return self.flows[_MINUS]
-
-    @property
-    def to_plus(self) -> Flow:
-        """Along the surface, until f_plus points away from it."""
-        return self.flows[_TO_PLUS]
-
-    @property
-    def to_minus(self) -> Flow:
-        """Along the surface, until f_minus points away from it."""
-        return self.flows[_TO_MINUS]
+    plus = property(lambda self: self.flows[_PLUS], doc="In h > 0, up to the surface.")
+    minus = property(lambda self: self.flows[_MINUS], doc="In h < 0, up to the surface.")
+    to_plus = property(
+        lambda self: self.flows[_TO_PLUS], doc="Along the surface, until f_plus points away."
+    )
+    to_minus = property(
+        lambda self: self.flows[_TO_MINUS], doc="Along the surface, until f_minus points away."
+    )
 
     def sliding(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
         """The velocity along the surface, between those of both sides."""
@@ -142,16 +130,9 @@ class Filippov:
             return _PLUS if h > 0 else _MINUS
         return self._from_surface(t, x, p)
 
-    def field(self, mode: int) -> Function:
-        return self.flows[mode].f
-
-    def guards(self, mode: int) -> Mapping[str, Function]:
-        return self.flows[mode].guards
-
-    def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
+    def ended(self, mode: int, guard: int) -> int:
         """Which of the four flows that was, now that it is known how sliding ended."""
-        number = mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
-        return number, self.flows[number]
+        return mode if mode in (_PLUS, _MINUS) else (_TO_PLUS, _TO_MINUS)[guard]
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
         x = self._on_surface(t, x, p)

@@ -43,19 +43,25 @@ class Clock:
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        return (self.number + _of(self.part, p)) * _of(self.period, p) - t  # falls with slope -1
+        part, period = self._at(p)
+        return (self.number + part) * period - t  # falls with slope -1
 
     def after(self, t: float, p: Params) -> float:
         """When it strikes next."""
-        past = t / _of(self.period, p) - _of(self.part, p)
-        return float((math.floor(past + _STRUCK) + 1 + _of(self.part, p)) * _of(self.period, p))
+        part, period = self._at(p)
+        return float((math.floor(t / period - part + _STRUCK) + 1 + part) * period)
 
     def at(self, t: float, p: Params) -> Clock:
         """The same with the number of the period in which it strikes at a time."""
-        return replace(self, number=round(t / _of(self.period, p) - _of(self.part, p)))
+        part, period = self._at(p)
+        return replace(self, number=round(t / period - part))
+
+    def _at(self, p: Params) -> tuple[Any, Any]:
+        return value_at(self.part, p), value_at(self.period, p)
 
 
-def _of(what: Any, p: Params) -> Any:
+def value_at(what: Any, p: Params) -> Any:
+    """A number, or a function of the parameters."""
     return what(p) if callable(what) else what
 
 
@@ -120,8 +126,8 @@ class Flow:
             part = self.at if callable(self.at) else float(numbers("at", self.at))
             object.__setattr__(self, "until", Clock(part))
             object.__setattr__(self, "at", None)  # it is in until now
-        for name, function in ({"f": self.f, "reset": self.reset} | self.guards).items():
-            if not callable(function) and (function is not None or name != "reset"):
+        for name, function in self.functions.items():
+            if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
         if self.mass is not None:
             object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
@@ -132,6 +138,12 @@ class Flow:
         """What must stay positive inside, by name."""
         until = {} if self.until is None else {"until": self.until}
         return until | {f"walls[{i}]": wall for i, wall in enumerate(self.walls)}
+
+    @property
+    def functions(self) -> dict[str, Function]:
+        """All that it is made of, by name."""
+        reset = {} if self.reset is None else {"reset": self.reset}
+        return {"f": self.f, **self.guards, **reset}
 
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
         """The flow, with the period of which its clock strikes a part."""
@@ -215,13 +227,6 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
     return inverse @ rows_of(f(t, x, p), x)
 
 
-def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
-    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
-    if isinstance(returned, np.ndarray):
-        return returned
-    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
-
-
 # --- values at many states ------------------------------------------------------------------------
 
 
@@ -235,8 +240,7 @@ class _Calling:
     vectorised: bool
 
 
-_CALLING: WeakKeyDictionary[Function, _Calling] = WeakKeyDictionary()
-_SCHEMES: WeakKeyDictionary[Function, dict[Any, Any]] = WeakKeyDictionary()
+_CALLING, _SCHEMES = WeakKeyDictionary[Any, _Calling](), WeakKeyDictionary[Any, Any]()
 
 
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -273,21 +277,27 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
     with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
         if how.vectorised:
             try:
-                return _rows(how.function(t, x, p), how, t.size)
+                return _rows(how.function(t, x, p), how, x)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
         columns = [_at(how.function, *at, p) for at in zip(t, x.T, strict=True)]
     return np.stack(columns, axis=-1)
 
 
-def _rows(returned: Any, how: _Calling, count: int) -> NDArray[Any]:
-    """What a function returned for `count` states, as an array with that many columns."""
-    if isinstance(returned, np.ndarray) and returned.shape == (how.rows, count):
-        return returned
-    parts = [returned] if how.scalar else list(returned)
-    rows = np.empty((how.rows, count), dtype=np.result_type(float, *parts))
-    for row, part in zip(rows, parts, strict=True):
-        row[:] = part  # a constant is broadcast
+def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
+    """What a user's function returned for the columns of `x` as an array as wide as `x`."""
+    with suppress(ValueError):  # constants among arrays
+        rows = np.asarray(returned)
+        if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
+            return rows
+    return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
+
+
+def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
+    """The same, seen to be as many rows as ever."""
+    rows = rows_of([returned] if how.scalar else returned, x)
+    if rows.shape != (how.rows, x.shape[1]):
+        raise ValueError(f"shape {rows.shape}")
     return rows
 
 
@@ -308,13 +318,18 @@ def _name(function: Function) -> str:
 
 
 def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+    return _once(_CALLING, function, lambda: _decide_calling(function, t.real, x.real, p))
+
+
+def _once(known: Any, function: Function, make: Callable[[], Any]) -> Any:
+    """What was made of a function, or is made now."""
     try:
-        return _CALLING[function]
+        return known[function]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
-        how = _decide_calling(function, t.real, x.real, p)
+        made = make()
     with suppress(TypeError):
-        _CALLING[function] = how
-    return how
+        known[function] = made
+    return made
 
 
 def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
@@ -333,7 +348,7 @@ def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calli
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("error")
-            at_once = _rows(plain(t, x, p), how, 3)
+            at_once = _rows(plain(t, x, p), how, x)
         same = np.allclose(at_once, np.stack(singly, axis=-1), rtol=_SAME, atol=0, equal_nan=True)
     except Exception:  # noqa: BLE001 - what was written for one state may raise anything for three
         same = False
@@ -425,14 +440,12 @@ def _scheme(
     function: Function, how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
 ) -> Array | None:
     """None for complex steps, or what the steps of differences are divided by."""
-    key = (len(x), names)
-    with suppress(KeyError, TypeError):
-        return _SCHEMES[function][key]
-    finer = _decide_scheme(how, t, x, p, names)
-    by = "complex steps" if finer is None else "differences"
-    _LOG.debug("%s is differentiated by %s", _name(function), by)
-    with suppress(TypeError):
-        _SCHEMES.setdefault(function, {})[key] = finer
+    schemes, key = _once(_SCHEMES, function, dict), (len(x), names)
+    if key not in schemes:
+        schemes[key] = _decide_scheme(how, t, x, p, names)
+        by = "complex steps" if schemes[key] is None else "differences"
+        _LOG.debug("%s is differentiated by %s", _name(function), by)
+    finer: Array | None = schemes[key]
     return finer
 
 

@@ -135,11 +135,11 @@ class _Held:
     period: float
 
     def condition(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([z[self.equations.lengths].sum() - self.period])
+        return np.array([z[self.equations.layout.lengths].sum() - self.period])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         row = np.zeros((1, z.size))
-        row[0, self.equations.lengths] = 1.0
+        row[0, self.equations.layout.lengths] = 1.0
         return row
 
 

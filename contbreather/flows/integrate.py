@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -18,39 +18,25 @@ from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput, NotConverged
 from ..tables import Sheet
 from .flow import Clock, Flow, Function, Params, slopes, values
+from .guards import Watched
 
 _LONGEST = 1e4  # how long a flow is waited for where no time is given
 _STEPS = 200_000  # of one run: by an explicit method a stiff system takes more
 _METHODS = ("DOP853", "LSODA", "Radau", "BDF")
 _PATIENT = 10_000  # steps without an event where no time is given: some hundred oscillations
-_NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
-# Chebyshev's points of degree 16; every other one is one of degree 8, and the polynomial through
-# those is compared with the guard at the rest
-_PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * _NODES - 1) / (2 * _NODES - 2))
-_POWERS = partial(np.polynomial.chebyshev.chebvander, deg=_NODES - 1)
-_BETWEEN = _POWERS(2 * _PLACES[1::2] - 1) @ np.linalg.inv(_POWERS(2 * _PLACES[::2] - 1))
-_ALIKE = 1e-3  # relative to its size there
-_HALVINGS = 8
-_SHIFTED = 1.0 + 1e-6  # a state times this is another one
-_LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
-_EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
-_SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
 _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
 _CHATTER = 4  # that many in a row
-
-Guard = Callable[[Array], Array]  # over times
 
 
 class Itinerary(Protocol):
     """Which flow follows which: a list of flows in turn, or a system that decides by its state."""
 
+    @property
+    def flows(self) -> Sequence[Flow]: ...
+
     def begin(self, t: float, x: Array, p: Params) -> int: ...
 
-    def field(self, mode: int) -> Function: ...
-
-    def guards(self, mode: int) -> Mapping[str, Function]: ...
-
-    def ended(self, mode: int, guard: int) -> tuple[int, Flow]: ...
+    def ended(self, mode: int, guard: int) -> int: ...
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]: ...
 
@@ -70,14 +56,8 @@ class _InTurn:
         self.flows[self.first].check(t, x, p)
         return self.first
 
-    def field(self, mode: int) -> Function:
-        return self.flows[mode].f
-
-    def guards(self, mode: int) -> Mapping[str, Function]:
-        return self.flows[mode].guards
-
-    def ended(self, mode: int, guard: int) -> tuple[int, Flow]:
-        return mode, self.flows[mode]
+    def ended(self, mode: int, guard: int) -> int:
+        return mode
 
     def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]:
         flow = self.flows[mode]
@@ -271,7 +251,7 @@ def integrate(
     >>> [round(event.time, 12) for event in run.events]
     [1.0, 2.0, 2.5]
     """
-    path = _itinerary(flows, first, period)
+    path = _itinerary(flows_of(flows, period), first)
     names = tuple(x0) if isinstance(x0, Mapping) else ()
     state = numbers("the start", list(x0.values()) if isinstance(x0, Mapping) else x0)
     if state.ndim != 1 or not state.size:
@@ -287,17 +267,24 @@ def integrate(
     return walk.run(t0, state, end, most, names)
 
 
-def _itinerary(flows: Any, first: int, period: Any) -> Itinerary:
+def flows_of(flows: Any, period: Any) -> Any:
+    """A list of flows in turn, with the period of which their clocks strike a part; a system that
+    decides by its state which comes next as it is."""
     if hasattr(flows, "follow"):
-        path: Itinerary = flows
-        return path
+        return flows
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
     if not isinstance(listed, list | tuple) or not listed:
         raise BadInput(f"flows must be a list of Flow, got {shown(flows)}")
-    parts = tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
-    if whole("first", first, 0) >= len(parts):
-        raise BadInput(f"first = {first}: there are {len(parts)} flows, counted from 0")
-    return _InTurn(parts, first)
+    return tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
+
+
+def _itinerary(flows: Any, first: int) -> Itinerary:
+    if not isinstance(flows, tuple):
+        path: Itinerary = flows
+        return path
+    if whole("first", first, 0) >= len(flows):
+        raise BadInput(f"first = {first}: there are {len(flows)} flows, counted from 0")
+    return _InTurn(flows, first)
 
 
 def _ends(
@@ -348,7 +335,8 @@ class _Walk:
         """One flow, up to the first of its guards or to the end of the run."""
         from scipy import integrate
 
-        guards = self.path.guards(mode)
+        flow = self.path.flows[mode]
+        guards = flow.guards
         # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
         clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
         struck = clocks[0].after(t0, self.params) if clocks else math.inf
@@ -357,11 +345,11 @@ class _Walk:
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
         solver = getattr(integrate, self.method)(
-            _right_side(self.path.field(mode), self.params), t0, x0, waited,
+            _right_side(flow.f, self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [
-            _Watched(name, guard, self.path.field(mode), self.params, rough=self.left == self.steps)
+            Watched(name, guard, flow.f, self.params, rough=self.left == self.steps)
             for name, guard in guards.items()
             if guard not in clocks
         ]
@@ -384,9 +372,9 @@ class _Walk:
             )
         if hit is None and struck <= end:
             hit = 0
-        number, flow = self.path.ended(mode, hit or 0)
-        dense = integrate.OdeSolution(t, steps)
-        return Piece(number, flow, np.array(t), np.stack(x, axis=-1), hit is not None, dense), hit
+        number, dense = self.path.ended(mode, hit or 0), integrate.OdeSolution(t, steps)
+        flow, states = self.path.flows[number], np.stack(x, axis=-1)
+        return Piece(number, flow, np.array(t), states, hit is not None, dense), hit
 
     def step(self, solver: Any) -> None:
         with np.errstate(all="ignore"):  # a step that leads too far is taken again
@@ -405,9 +393,9 @@ class _Walk:
 
     def rate(self, mode: int, guard: int, t: float, x: Array) -> float:
         """How fast the guard changes along the flow where it is zero: negative, 0 at grazing."""
-        at = x[:, None]
-        _, slope = slopes([*self.path.guards(mode).values()][guard], t, at, self.params)
-        along = values(self.path.field(mode), t, at, self.params)[:, 0]
+        at, flow = x[:, None], self.path.flows[mode]
+        _, slope = slopes([*flow.guards.values()][guard], t, at, self.params)
+        along = values(flow.f, t, at, self.params)[:, 0]
         return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])  # grad h . f + dh/dt
 
 
@@ -435,115 +423,3 @@ def _refuse_chatter(pieces: Sequence[Piece]) -> None:
             f"took {', '.join(f'{length:.1g}' for length in last)}. What comes after is another "
             "flow, a rest on the guard, which has to be given as one"
         )
-
-
-class _Watched:
-    """A guard along one piece: positive, and zero where the piece ends."""
-
-    def __init__(
-        self, name: str, function: Function, field: Function, params: Params, *, rough: bool
-    ) -> None:
-        self.name, self.function, self.field, self.params = name, function, field, params
-        self.rough = rough  # a start may lie a little behind it, if it is on its way inside
-        self.armed = False  # it was seen to be positive
-
-    def fall(self, step: Callable[[Any], Array], a: float, b: float) -> float:
-        """The first time in a step at which the guard falls through zero, infinite without one."""
-
-        def guard(t: Array) -> Array:
-            value = values(self.function, t, step(t), self.params)[0]
-            if np.isnan(value).any():
-                at = float(t[np.isnan(value)][0])
-                raise Undefined(f"{self.name} is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
-            return value
-
-        if not self.armed:
-            a = self._arm(guard, a, b, self._size(step, a, b))
-        return _first_fall(guard, a, b) if self.armed else math.inf
-
-    def _size(self, step: Callable[[Any], Array], a: float, b: float) -> float:
-        """That of the states which the guard knows, or how fast it changes."""
-        x = step(b)
-        moved = np.where(x, x * _SHIFTED, _SHIFTED - 1.0)
-        beside = np.where(np.eye(x.size, dtype=bool), moved, x[:, None])
-        states = np.column_stack([x, beside])
-        try:
-            level, pace = (values(f, b, states, self.params) for f in (self.function, self.field))
-        except Undefined:  # a little further it has no value
-            involved = np.ones(x.size, dtype=bool)
-        else:
-            involved = level[0, 1:] != level[0, 0]
-            involved = involved | (pace[involved, 1:] != pace[involved, :1]).any(axis=0)
-        return float(abs(np.append(step(a)[involved], x[involved])).max(initial=0.0))
-
-    def _arm(self, guard: Guard, a: float, b: float, size: float) -> float:
-        """The time from which the guard is clearly positive: it may begin at zero, by a reset."""
-        t = np.append(a, a + (b - a) * 2.0 ** np.arange(-40, 1))  # where flights are short, too
-        g = guard(t)
-        # late, rounding of the time moves what changes within the step
-        late = np.finfo(float).eps * abs(a) / (b - a) * np.ptp(g)
-        edge = _EDGE * (size + abs(g).max()) + late
-        clear = np.flatnonzero(abs(g) > edge)
-        inside = np.flatnonzero(g > edge)
-        if self.rough and inside.size and (np.diff(g[: inside[0] + 1]) >= 0).all():
-            clear = inside
-        if clear.size and g[clear[0]] < 0:
-            look = "look at the start or the reset"
-            if np.count_nonzero(np.diff(g[-_LATE:])) < _LATE // 2:
-                look = "it changes in jumps alone: in place of sign(x[0]) or floor(x[0]) give x[0]"
-            raise BadInput(
-                f"the state at t = {a:g} lies behind {self.name}, or falls through it at once: "
-                f"{self.name} = {g[0]:.3g} there, {g[clear[0]]:.3g} after {t[clear[0]] - a:.1g}. "
-                f"It must be positive inside the flow; {look}"
-            )
-        self.armed = bool(clear.size)
-        return float(t[clear[0]]) if clear.size else b
-
-
-def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> float:
-    """On as many points as it takes for the guard to be like a polynomial between them."""
-    t = a + (b - a) * _PLACES
-    g = guard(t)
-    alike = _ALIKE * (g.max() - g.min()) + _EDGE * abs(g).max()  # constant but for rounding: is one
-    if halvings and b > a and not (abs(_BETWEEN @ g[::2] - g[1::2]) <= alike).all():
-        middle = 0.5 * (a + b)
-        first = _first_fall(guard, a, middle, halvings - 1)
-        return first if math.isfinite(first) else _first_fall(guard, middle, b, halvings - 1)
-    least = np.append(True, g[:-1] > g[1:]) & np.append(g[:-1] <= g[1:], True)
-    fallen = np.append(False, (g[1:] <= 0) & (g[:-1] > 0))
-    for i in np.flatnonzero(least | fallen).tolist():
-        left, right = max(i - 1, 0), min(i + 1, t.size - 1)
-        if fallen[i]:
-            return _root(guard, t[left], t[i])
-        # A minimum may lie beside the first or the last node; and of two nodes as far from one the
-        # first is lower, or as low: rounding decides. So two nodes on each side tell its depth.
-        around = g[max(i - 2, 0) : i + 3]
-        if 0 < g[i] < _SHALLOW * (around.max() - g[i]):
-            dip = _minimum(guard, t[left], t[right])
-            if guard(np.array([dip]))[0] <= 0:
-                return _root(guard, t[left], dip)
-    return math.inf
-
-
-def _root(guard: Guard, a: float, b: float) -> float:
-    from scipy.optimize import brentq
-
-    spacing = np.spacing(max(abs(a), abs(b)))  # no time lies in between
-    start, end = guard(np.array([a, b]))
-
-    def fallen(s: float) -> float:
-        value = float(guard(np.array([a + s]))[0])
-        # one that stays zero has fallen where it came to it
-        return value if value > 0.0 or end < 0.0 else -float(start)
-
-    return float(a + brentq(fallen, 0.0, b - a, xtol=spacing))
-
-
-def _minimum(guard: Guard, a: float, b: float) -> float:
-    """Where it is least, on grids around the least value of the one before: to 6e-8 of the way,
-    as close as rounding can tell."""
-    for _ in range(8):
-        t = np.linspace(a, b, 17)
-        i = int(np.argmin(guard(t)))
-        a, b = t[max(i - 1, 0)], t[min(i + 1, 16)]
-    return float(t[i])

@@ -1,4 +1,4 @@
-"""Multipliers of a cycle from the derivatives of its pieces, without a product that overflows.
+"""Small perturbations of a cycle, and their multipliers without a product that overflows.
 
 A product of many matrices loses what is small beside what is large, 1e-20 beside 1. So factors
 are multiplied only as long as none of them loses anything, and where several are left the product
@@ -14,7 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation.newton import Array, Undefined
+from ..continuation.sparse import Matrix
+from .equations import Equations, Place
+from .flow import Params, values
 
+_NO_PACE = 1e-13  # of a condition, relative to how fast it may be along its flow: it is rounding
 _KEPT = 1e6  # condition of a product that still has ten digits of its smallest singular value
 _PARTED = 1e-3  # ratio of diagonal entries between which eigenvalues are told apart
 _ROUNDS = 40  # around the cycle; the directions of multipliers so far apart settle in six
@@ -127,3 +131,89 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
         with np.errstate(over="ignore", invalid="ignore"):
             mu.append(np.linalg.eigvals(product) * np.exp(scale))
     return np.concatenate(mu)
+
+
+# --- of a cycle ---------------------------------------------------------------------------------
+
+
+def of_cycle(equations: Equations, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
+    """Those that are not trivial, and the trivial one: NaN where there is none.
+
+    At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
+    """
+    factors, velocities = _factors(equations, equations.linearised(x, p))
+    if any(np.isnan(stack).any() for stack in factors):
+        count = equations.start[0].states.shape[0] - equations.autonomous
+        return np.append(np.inf, np.full(count - 1, np.nan)).astype(complex), np.nan
+    if not equations.autonomous:
+        return multipliers(factors), np.nan
+    rest, trivial = without_direction(factors, velocities)
+    return multipliers(rest), trivial
+
+
+def _factors(equations: Equations, place: Place) -> tuple[list[Array], list[Array]]:
+    """The derivatives of all pieces of the orbit in the state alone, with the saltation where
+    a flow ends, and the velocities where they begin: stacks of those of one shape."""
+    factors: list[Array] = []
+    velocities: list[Array] = []
+    for i, (flight, slopes) in enumerate(zip(place.flights, place.slopes, strict=True)):
+        earlier, last = np.split(slopes.ends[:, :, : len(flight.states)], [-1])
+        ways = values(equations.flows[i].f, flight.begins, flight.states, place.params).T
+        last = _saltation(equations, place, i, abs(ways).max(axis=0)) @ last
+        alike = last.shape[1] == last.shape[2]
+        factors += [np.concatenate([earlier, last])] if alike else [earlier, last]
+        velocities += [ways] if alike else np.split(ways, [-1])
+    return factors, velocities
+
+
+def _saltation(equations: Equations, place: Place, i: int, fastest: Array) -> Array:
+    """What the end of a flow does to small perturbations: the reset, and how much longer the
+    one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
+    piece, n = place.linear[i], len(place.flights[i].states)
+    reset = piece.reset[:, :n]
+    if piece.condition is None:
+        return reset
+    j = (i + 1) % len(place.flights)
+    begin = place.flights[j]
+    after = values(equations.flows[j].f, begin.start, begin.states[:, :1], place.params)[:, 0]
+    before, rate = _pace(equations, place, i)
+    # S = R_x + (f_after - R_x f_before - R_t) h_x / (h_x f_before + h_t)
+    jump = after - reset @ before - piece.reset[:, n]
+    gate, waits = piece.condition[0, :n], piece.condition[0, n]
+    if abs(rate) <= _NO_PACE * (abs(gate) @ fastest + abs(waits)):
+        return np.full_like(reset, np.nan)
+    return np.asarray(reset + np.outer(jump, gate) / rate)
+
+
+def _pace(equations: Equations, place: Place, i: int) -> tuple[Array, float]:
+    """The velocity where a condition ends a flow, and how fast that changes: ``h_x f + h_t``."""
+    flight, condition = place.flights[i], place.linear[i].condition
+    assert condition is not None
+    f = values(equations.flows[i].f, flight.last, flight.end[:, None], place.params)[:, 0]
+    return f, float(condition[0, : f.size] @ f + condition[0, f.size])
+
+
+def paces(equations: Equations, x: Array, p: Params) -> Array:
+    """How fast each condition falls where it ends its flow; zero where it grazes."""
+    place = equations.linearised(x, p)
+    ended = [i for i, piece in enumerate(place.linear) if piece.condition is not None]
+    return np.array([-_pace(equations, place, i)[1] for i in ended])
+
+
+def closing(equations: Equations, matrix: Matrix, mu: complex) -> Matrix:
+    """The square derivative whose null vectors are perturbations that have grown by mu after
+    the cycle."""
+    layout = equations.layout
+    square = matrix[:, : layout.size].astype(type(mu))
+    sparse = not isinstance(square, np.ndarray)
+    square = square.tolil() if sparse else square.copy()
+    for row in layout.nodes[0][0]:  # the first state is mu times as far off as where all ends
+        square[row, row] += mu - 1
+    if equations.autonomous:  # perturbations need no phase; their period is that of the cycle
+        for i, flow in enumerate(equations.flows):
+            if flow.until is None:
+                square[layout.lengths[i]] = 0.0
+                square[layout.lengths[i], layout.lengths[i]] = 1.0
+    if equations.phased:
+        square[-1, -1] = 1 - mu
+    return square.tocsc() if sparse else square

@@ -26,6 +26,7 @@ from ..tables import Sheet
 from .collocation import Flight
 from .equations import Equations
 from .flow import Params
+from .multipliers import closing, of_cycle
 from .time_dependence import refuse_false_period
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
@@ -124,7 +125,7 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], float]:
-        return self.equations.multipliers(self.x, self.params)
+        return of_cycle(self.equations, self.x, self.params)
 
     @property
     def others(self) -> NDArray[np.complex128]:
@@ -223,6 +224,7 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 class CycleProblem(Problem):
     """A cycle of flows."""
 
+    lasting = True
     residual: Equations
     # of an arm: where it sets out, with twice the intervals
     again: Callable[[], Lift] | None = field(default=None, kw_only=True)
@@ -235,11 +237,13 @@ class CycleProblem(Problem):
         return self.residual.derivatives(x, params, names)
 
     def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
-        return self.residual.closing(matrix, mu)
+        return closing(self.residual, matrix, mu)
 
     @property
     def perturbed(self) -> NDArray[np.intp]:
-        return np.delete(np.arange(self.residual.size), np.concatenate(self.residual.knots))
+        return np.delete(
+            np.arange(self.residual.layout.size), np.concatenate(self.residual.layout.knots)
+        )
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals where the mesh is too coarse at a point."""

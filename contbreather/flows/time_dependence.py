@@ -61,10 +61,8 @@ def _unlike(
     for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
         x = flight.at((np.arange(_LOOKS) + 0.5) / _LOOKS)
         t = flight.start + whole * (_GOLDEN * np.arange(1, _LOOKS + 1) % 1)
-        named = {"f": flow.f, "until": flow.until, "reset": flow.reset}
-        named |= {f"walls[{j}]": wall for j, wall in enumerate(flow.walls)}
-        for name, function in named.items():
-            if function is None or isinstance(function, Clock):
+        for name, function in flow.functions.items():
+            if isinstance(function, Clock):
                 continue
             now, then = values(function, t, x, p), values(function, t + later, x, p)
             if _same(now, then, least):

@@ -16,6 +16,7 @@ from .collocation import Flight
 from .equations import Equations
 from .filippov import Filippov
 from .flow import Clock, Function, Params, slopes, values
+from .multipliers import paces
 from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
@@ -26,50 +27,46 @@ _BRACKET = 60  # halvings that locate the lowest place of a wall
 def _slowest(point: Point) -> float:
     """How fast the condition falls that falls slowest where it ends its flow."""
     orbit: Cycle = point.ground.solution
-    paces = orbit.equations.paces(orbit.x, orbit.params)
-    return float(paces.min()) if paces.size else math.nan
+    return float(paces(orbit.equations, orbit.x, orbit.params).min())
 
 
 def _slowest_locus(point: Point) -> Locus:
     orbit: Cycle = point.ground.solution
-    number = int(orbit.equations.paces(orbit.x, orbit.params).argmin())
+    number = int(paces(orbit.equations, orbit.x, orbit.params).argmin())
     ends = [i for i, flow in enumerate(orbit.equations.flows) if flow.until]
     until = orbit.equations.flows[ends[number]].until
     assert until is not None
-    slow = _Reached(orbit.equations, ends[number], until, row=1)  # it does not change there
+    slow = _Reached(orbit.equations, ends[number], until, 1.0, slice(1, 2))  # it does not change
     return Locus({}, slow.conditions, slow.derivative)
 
 
 @dataclass(frozen=True, eq=False)
 class _Reached:
-    """A wall, and how fast it changes along the flow, at a place of a flow."""
+    """A wall, and how fast it changes along the flow, at a place of a flow: at an unknown one both
+    vanish where it is touched."""
 
     equations: Equations
     flow: int
     wall: Function
-    row: int = 0  # which of both vanishes there
-    place: float = 1.0  # the end of the flow
+    place: float | None  # 1 the end of the flow
+    rows: slice  # which of both vanish there
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.both(curve, z, self.place)[self.row : self.row + 1]
+        x, p, s = z[: curve.size], curve.params(z), self._place(extra)
+        t, state = self.equations.place(self.flow, s, x, p)
+        return self._both(t, state, p, ())[0][self.rows]
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.slopes(curve, z, self.place)[self.row : self.row + 1, :-1]
-
-    def both(self, curve: Curve, z: Array, s: float) -> Array:
-        x, p = z[: curve.size], curve.params(z)
-        t, state = self.equations.place(self.flow, s, x, p)
-        return self._both(t, state, p, ())[0]
-
-    def slopes(self, curve: Curve, z: Array, s: float) -> Array:
-        """Their derivatives in z and s."""
-        x, p, names = z[: curve.size], curve.params(z), curve.free
+        x, p, names, s = z[: curve.size], curve.params(z), curve.free, self._place(extra)
         t, state = self.equations.place(self.flow, s, x, p)
         local = self._both(t, state, p, names)[1]
         n = state.size + 1  # of the state and the time
         total = local[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
         total[:, curve.size : -1] += local[:, n:]
-        return total
+        return total[self.rows] if self.place is None else total[self.rows, :-1]
+
+    def _place(self, extra: Array) -> float:
+        return float(extra[0]) if self.place is None else self.place
 
     def _both(self, t: float, x: Array, p: Params, names: tuple[str, ...]) -> tuple[Array, Array]:
         """Both at a time and a state, and their derivatives in state, time and parameters."""
@@ -87,16 +84,6 @@ class _Reached:
         turned = directional(gradient, at, step * way) / step
         value = values(self.wall, t, x[:, None], p)[0, 0]
         return np.array([value, grad[: n + 1] @ way]), np.stack([grad, turned + grad[:n] @ df])
-
-
-class _Touched(_Reached):
-    """The wall is zero in between, and does not change there."""
-
-    def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.both(curve, z, float(extra[0]))
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return self.slopes(curve, z, float(extra[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,9 +177,9 @@ def _clearance_locus(point: Point) -> Locus:
         raise Undefined("no wall comes close between the ends of a flow")
     flow = equations.flows[touch.flow]
     if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
-        corner = _Reached(equations, touch.flow, touch.wall, place=touch.place)
+        corner = _Reached(equations, touch.flow, touch.wall, touch.place, slice(1))
         return Locus({}, corner.conditions, corner.derivative)
-    touched = _Touched(equations, touch.flow, touch.wall)
+    touched = _Reached(equations, touch.flow, touch.wall, None, slice(2))
     return Locus({"touch": touch.place}, touched.conditions, touched.derivative)
 
 
@@ -211,7 +198,7 @@ class _Arrivals:
 
     def locus(self, point: Point) -> Locus:
         _, i, field = min(self._arrivals(point), key=lambda arrival: arrival[0])
-        tangent = _Reached(equations_of(point.ground), i, field)
+        tangent = _Reached(equations_of(point.ground), i, field, 1.0, slice(1))
         return Locus({}, tangent.conditions, tangent.derivative)
 
     def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:

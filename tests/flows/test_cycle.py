@@ -13,34 +13,14 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.flows import Collocation, Cycle, cycle_of
 
+from .zoo import BAND, CASES, TABLE, roessler, van_der_pol
+
 TAU = 2 * math.pi
+BEGIN = {"x": 2.0, "y": 0.0, "z": 0.1}
 
 
 def force(p):
     return TAU / p["w"]
-
-
-def roessler(t, x, p):
-    return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
-
-
-def lorenz(t, x, p):
-    return [
-        p["s"] * (x[1] - x[0]),
-        x[0] * (p["r"] - x[2]) - x[1],
-        x[0] * x[1] - p["b"] * x[2],
-    ]
-
-
-def van_der_pol(t, x, p):
-    return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
-
-
-def stuart_landau(t, x, p):
-    """Radius sqrt(mu), frequency 1 + mu q: known at all times."""
-    square = x[0] ** 2 + x[1] ** 2
-    turn = 1 + p["q"] * square
-    return [(p["mu"] - square) * x[0] - turn * x[1], (p["mu"] - square) * x[1] + turn * x[0]]
 
 
 def langford(t, x, p):
@@ -76,20 +56,9 @@ def variational(f, orbit: Cycle, names: int) -> np.ndarray:
 # --- smooth, autonomous -------------------------------------------------------------------------
 
 
-def test_a_cycle_known_in_closed_form_has_its_period_and_its_multiplier() -> None:
-    ring = cb.cycle(stuart_landau, {"x": 0.9, "y": 0.0}, {"mu": 0.64, "q": 0.5}, settle=30)
-    orbit = cycle_of(ring)
-    period = TAU / (1 + 0.5 * 0.64)
-    assert orbit.period == pytest.approx(period, rel=1e-12)
-    assert orbit.others[0] == pytest.approx(math.exp(-2 * 0.64 * period), rel=1e-9)
-    assert orbit.trivial == pytest.approx(1, abs=1e-10)
-    assert orbit.max["x"] == pytest.approx(0.8, abs=1e-9)
-    assert orbit.min["y"] == pytest.approx(-0.8, abs=1e-9)
-
-
 def test_multipliers_are_those_of_an_independent_integration() -> None:
     for f, start, params, settle in (
-        (roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.5}, 300),
+        (roessler, BEGIN, {**BAND, "c": 2.5}, 300),
         (van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, 60),
     ):
         orbit = cycle_of(cb.cycle(f, start, params, settle=settle))
@@ -100,7 +69,7 @@ def test_multipliers_are_those_of_an_independent_integration() -> None:
 def test_a_strongly_stable_multiplier_keeps_its_digits() -> None:
     """Liouville: the product of all multipliers is the exponential of the mean divergence."""
     branch = cb.trace(
-        cb.cycle(roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 3.0},
+        cb.cycle(roessler, BEGIN, {**BAND, "c": 3.0},
                  settle=300, collocation=Collocation(intervals=40)),
         "c", within={"c": (3, 5)}, towards="up", events=(),
     )  # fmt: skip
@@ -177,17 +146,14 @@ def test_a_field_that_has_no_value_on_the_way_is_refused_with_a_sentence() -> No
         cb.cycle(f, {"x": 2.0, "v": 0.0}, {}, settle=20)
 
 
-def test_next_to_a_doubling_the_orbit_is_closed_once_around() -> None:
-    """There returns are close by turns: that after two periods is ten times closer."""
-    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.7}
-    near = cycle_of(cb.cycle(roessler, start, params, settle=100))
-    assert near.period == pytest.approx(5.761896857, abs=1e-8)
-
-
-def test_beyond_a_doubling_it_takes_two_periods() -> None:
-    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {"a": 0.2, "b": 0.2, "c": 2.9}
-    double = cycle_of(cb.cycle(roessler, start, params, settle=300))
-    assert double.period == pytest.approx(11.53508612, abs=1e-7)
+@pytest.mark.parametrize(
+    ("c", "settle", "period"),
+    [(2.7, 100, 5.761896857), (2.9, 300, 11.53508612)], ids=["before", "beyond"],
+)  # fmt: skip
+def test_around_a_doubling_the_orbit_is_closed_where_it_closes(c, settle, period) -> None:
+    """Just before it returns are close by turns: that after two periods is ten times closer."""
+    orbit = cycle_of(cb.cycle(roessler, BEGIN, {**BAND, "c": c}, settle=settle))
+    assert orbit.period == pytest.approx(period, abs=1e-8 if settle == 100 else 1e-7)
 
 
 def test_samples_of_two_periods_are_one_orbit_of_either() -> None:
@@ -209,8 +175,7 @@ def test_states_are_known_at_all_times() -> None:
 
 
 def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
-    start = {"x": 2.0, "y": 0.0, "z": 0.1}
-    ring = cb.cycle(roessler, start, {"a": 0.2, "b": 0.2, "c": 2.3}, settle=400)
+    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.3}, settle=400)
     window = {"c": (2, 4.2)}
     single = cb.trace(ring, "c", within=window, towards="up")
     assert [point.kind for point in single.special] == ["EP", "PD", "EP"]
@@ -225,28 +190,30 @@ def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
     assert four.first("PD")["c"] > second["c"]
 
 
+def test_a_step_takes_one_derivative_and_few_flights() -> None:
+    """That of the point before serves for the corrections: each takes two calls with complex
+    numbers, for states and times, and for the parameter."""
+    asked = [0, 0]
+
+    def counted(t, x, p):
+        asked[any(map(np.iscomplexobj, (x, *p.values())))] += 1
+        return van_der_pol(t, x, p)
+
+    ring = cb.cycle(counted, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50)
+    asked[:] = 0, 0
+    small = {"steps": cb.Steps(largest=0.05), "events": ()}
+    branch = cb.trace(ring, "mu", within={"mu": (1.0, 2.0)}, towards="up", **small)
+    assert asked[1] < 3 * len(branch)
+    assert asked[0] < 40 * len(branch)
+
+
 def test_a_curve_of_period_doublings_stays_one() -> None:
-    start = {"x": 2.0, "y": 0.0, "z": 0.1}
-    ring = cb.cycle(roessler, start, {"a": 0.2, "b": 0.2, "c": 2.5}, settle=400)
+    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.5}, settle=400)
     point = cb.trace(ring, "c", within={"c": (2, 3.5)}, towards="up").first("PD")
     line = cb.boundary(point, ("c", "a"), within={"c": (2.5, 3.5)}, events=())
     assert len(line) > 5
     for place in (line[0], line[-1]):
         assert abs(place.ground.solution.multipliers + 1).min() < 1e-7
-
-
-def test_langford_s_torus_is_born_where_the_multipliers_say() -> None:
-    """The cycle z = b - lam; its multipliers lie on the circle where lam = 2 (b - z) - ...: the
-    trace 2 lam - b - lam of the planar equilibrium vanishes at lam = 2."""
-    start = {"x": 0.9, "y": 0.0, "z": 1.3}
-    ring = cb.cycle(langford, start, {"lam": 1.75}, settle=60)
-    branch = cb.trace(ring, "lam", within={"lam": (1.6, 2.2)}, towards="up")
-    point = branch.first("NS")
-    assert point["lam"] == pytest.approx(2.0, abs=1e-9)
-    # the planar equilibrium has eigenvalues +-i omega there, the turn takes 2 pi / 10
-    radius2 = point.solution.states(0.0)[0] ** 2 + point.solution.states(0.0)[1] ** 2
-    angle = math.sqrt(2 * radius2) * TAU / 10
-    assert point.detail["angle"] == pytest.approx(angle, rel=1e-6)
 
 
 def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
@@ -278,39 +245,7 @@ def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
     assert not line.doubtful
 
 
-# --- from an equilibrium --------------------------------------------------------------------------
-
-
-def test_lorenz_cycles_are_born_unstable_and_run_into_the_homoclinic_orbit() -> None:
-    rest = cb.equilibrium(
-        lorenz, {"x": 8.0, "y": 8.0, "z": 27.0}, {"r": 28.0, "s": 10.0, "b": 8 / 3}
-    )
-    branch = cb.trace(rest, "r", within={"r": (20, 30)})
-    point = branch.first("HB")
-    assert point["r"] == pytest.approx(10 * (10 + 8 / 3 + 3) / (10 - 8 / 3 - 1), rel=1e-10)
-    (cycles,) = cb.switch(point, within={"r": (1, 30), "period": (0, 5)})
-    assert cycles.stop.name == "BOUND"
-    assert cycles[-1]["r"] == pytest.approx(13.926557, abs=1e-3)
-    assert set(cycles["unstable"][1:]) == {1}
-
-
 # --- forced ---------------------------------------------------------------------------------------
-
-
-def test_a_linear_oscillator_responds_as_the_textbook_says() -> None:
-    def f(t, x, p):
-        return [x[1], -2 * p["d"] * x[1] - x[0] + np.cos(p["w"] * t)]
-
-    params = {"d": 0.1, "w": 0.7}
-    forced = cb.cycle(f, {"x": 0.0, "v": 0.0}, params, period=force, settle=100)
-    branch = cb.trace(forced, "w", within={"w": (0.5, 1.5)})
-    w = branch["w"]
-    amplitude = 1 / np.sqrt((1 - w**2) ** 2 + (0.2 * w) ** 2)
-    assert branch["max(x)"] == pytest.approx(amplitude, rel=1e-7)
-    assert [point.kind for point in branch.special] == ["EP", "EP"]
-    orbit = branch[-1].solution
-    wanted = np.exp(np.roots([1, 0.2, 1]) * orbit.period)
-    assert sorted(orbit.multipliers.imag) == pytest.approx(sorted(wanted.imag), abs=1e-9)
 
 
 def test_duffing_folds_twice_over_its_resonance() -> None:
@@ -328,35 +263,17 @@ def test_duffing_folds_twice_over_its_resonance() -> None:
 # --- hybrid ----------------------------------------------------------------------------------
 
 
-def bouncing(**keep):
-    """A ball on a table that moves as A sin t, in closed form: impacts once a period where
-    A cos(t) = pi (1 - e) / (1 + e)."""
-    return cb.Flow(
-        lambda t, x, p: [x[1], -1.0],
-        until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
-        reset=lambda t, x, p: [x[0], -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)],
-        **keep,
-    )
-
-
 @pytest.fixture(scope="module")
 def ball() -> cb.Problem:
     return cb.cycle(
-        [bouncing()], start={"y": 0.46, "v": 3.1}, params={"A": 0.6, "e": 0.8}, period=TAU, t0=0.9,
+        [TABLE], start={"y": 0.46, "v": 3.1}, params={"A": 0.6, "e": 0.8}, period=TAU, t0=0.9,
         settle=40,
     )  # fmt: skip
 
 
-def test_a_bouncing_ball_folds_and_doubles_where_the_closed_form_says(ball: cb.Problem) -> None:
-    branch = cb.trace(ball, "A", within={"A": (0.2, 1.5)})
-    assert [point.kind for point in branch.special] == ["EP", "LP", "PD", "EP"]
-    gamma = math.pi * 0.2 / 1.8
-    assert branch.first("LP")["A"] == pytest.approx(gamma, abs=1e-10)
-    # (1 + e)^2 A sin t = 2 (1 + e^2) where a multiplier is -1
-    flip = math.hypot(gamma, 2 * (1 + 0.64) / 1.8**2)
-    assert branch.first("PD")["A"] == pytest.approx(flip, abs=1e-10)
-    assert np.prod(branch.first("PD").solution.multipliers).real == pytest.approx(0.64, abs=1e-10)
-    line = cb.boundary(branch.first("PD"), ("e", "A"), within={"e": (0.3, 0.95)})
+def test_nothing_else_happens_along_the_doublings_of_a_ball() -> None:
+    doubling = CASES["bouncing ball"].branch.first("PD")
+    line = cb.boundary(doubling, ("e", "A"), within={"e": (0.3, 0.95)})
     assert [point.kind for point in line.special] == ["EP", "EP"]
     assert not line.doubtful
 
@@ -364,7 +281,7 @@ def test_a_bouncing_ball_folds_and_doubles_where_the_closed_form_says(ball: cb.P
 @pytest.mark.parametrize(("A", "bounces"), [(1.065, 1), (1.07, 1), (1.072, 2)])
 def test_a_ball_bounces_twice_in_its_period_beyond_the_doubling_alone(A, bounces) -> None:
     settled = cb.cycle(
-        [bouncing()], start={"y": 1.1, "v": 3.1}, params={"A": A, "e": 0.8}, period=TAU, t0=0.9,
+        [TABLE], start={"y": 1.1, "v": 3.1}, params={"A": A, "e": 0.8}, period=TAU, t0=0.9,
         settle=40,
     )  # fmt: skip
     orbit = cycle_of(settled)
@@ -378,7 +295,7 @@ def test_doubled_bounces_set_out_at_the_doubling(ball: cb.Problem) -> None:
     assert arm[-1].solution.equations.turns == 2
     assert len(arm[-1].solution.flights) == 2
     run = cb.integrate(
-        [bouncing()], arm[3].solution.states(arm[3].solution.times[0]), arm[3].params,
+        [TABLE], arm[3].solution.states(arm[3].solution.times[0]), arm[3].params,
         events=2, t0=arm[3].solution.times[0],
     )  # fmt: skip
     assert run.events[-1].time == pytest.approx(arm[3].solution.times[-1], abs=1e-8)

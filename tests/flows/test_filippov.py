@@ -7,50 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import contbreather as cb
 
+from .zoo import STICK_SLIP, relay_half_period, relay_start, slips
+
 BELT = {"F": 1.0, "V": 1.0, "d": 0.1}
-
-
-def friction(sign: int) -> Any:
-    """``x'' + x = -F sign(x' - V) + d (x' - V)``: friction that weakens with the slip velocity."""
-
-    def f(t: Any, x: Any, p: Any) -> Any:
-        return [x[1], -x[0] - sign * p["F"] + p["d"] * (x[1] - p["V"])]
-
-    return f
-
-
-STICK_SLIP = cb.Filippov(friction(1), friction(-1), lambda t, x, p: x[1] - p["V"])
-
-
-def slip() -> tuple[float, float]:
-    """How long the mass slips from x = F, x' = V, and where it sticks again.
-
-    With z = x - F + d V: z'' - d z' + z = 0, z(0) = d V, z'(0) = V.
-    """
-    d, V = BELT["d"], BELT["V"]
-    w = math.sqrt(1 - d * d / 4)
-    b = (V - d * d * V / 2) / w
-
-    def z(t: float) -> float:
-        return math.exp(d * t / 2) * (d * V * math.cos(w * t) + b * math.sin(w * t))
-
-    def speed(t: float) -> float:
-        turning = (b * w * math.cos(w * t) - d * V * w * math.sin(w * t)) * math.exp(d * t / 2)
-        return d / 2 * z(t) + turning
-
-    t = brentq(lambda t: speed(t) - V, 4.0, 6.2, xtol=1e-15)
-    return t, z(t) + BELT["F"] - d * V
 
 
 def test_a_mass_on_a_belt_sticks_and_slips_as_long_as_the_closed_form_says() -> None:
     run = cb.integrate(STICK_SLIP, {"x": 0.0, "v": 0.0}, BELT, time=60)
     stick, slide = run.pieces[-3:-1] if run.pieces[-3].number > 1 else run.pieces[-4:-2]
     assert (stick.flow, slide.flow) == (STICK_SLIP.to_minus, STICK_SLIP.minus)
-    slipping, landed = slip()
+    slipping, landed = slips(BELT["d"])
     assert slide.t[-1] - slide.t[0] == pytest.approx(slipping, abs=1e-10)
     assert slide.x[0, -1] == pytest.approx(landed, abs=1e-10)
     # stuck, it goes with the belt from there to where the spring pulls with F
@@ -80,19 +49,8 @@ def test_the_relay_of_a_second_order_lag_spirals_in_as_the_closed_form_says() ->
 
 
 def test_a_relay_with_three_lags_oscillates_with_the_period_of_the_closed_form() -> None:
-    """x' = y - x, y' = z - y, z' = -z - K sign(x), that is v' = A v + b for x > 0.
-
-    Half a period T mirrors the state: v(T) = E v + (E - 1) A^-1 b = -v with E = exp(A T), so that
-    v = -(1 + E)^-1 (E - 1) A^-1 b; its first entry is zero.
-    """
-    A = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
-    b = np.array([0.0, 0, -2.0])
-
-    def start(T: float) -> Any:
-        e = math.exp(-T) * np.array([[1, T, T * T / 2], [0, 1, T], [0, 0, 1]])
-        return -np.linalg.solve(np.eye(3) + e, (e - np.eye(3)) @ np.linalg.solve(A, b))
-
-    half = brentq(lambda T: start(T)[0], 1.0, 4.0, xtol=1e-15)
+    """x' = y - x, y' = z - y, z' = -z - K sign(x): half a period mirrors the state."""
+    half = relay_half_period(0.0)
     relay = cb.Filippov(
         lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] - p["K"]],
         lambda t, x, p: [x[1] - x[0], x[2] - x[1], -x[2] + p["K"]],
@@ -102,7 +60,7 @@ def test_a_relay_with_three_lags_oscillates_with_the_period_of_the_closed_form()
     assert {piece.number for piece in run.pieces} == {0, 1}
     piece = run.pieces[-2]
     assert piece.t[-1] - piece.t[0] == pytest.approx(half, abs=1e-9)
-    np.testing.assert_allclose(abs(piece.x[:, 0]), abs(start(half)), atol=1e-9)
+    np.testing.assert_allclose(abs(piece.x[:, 0]), abs(relay_start(half)), atol=1e-9)
 
 
 def test_sliding_down_a_line_is_an_exponential() -> None:
@@ -168,38 +126,38 @@ def test_a_surface_that_both_fields_leave_is_refused() -> None:
     assert cb.integrate(apart, [0.5], {}, time=1).final == pytest.approx([1.5])
 
 
-def test_what_is_no_function_is_refused() -> None:
-    with pytest.raises(cb.BadInput, match="h must be a function"):
-        cb.Filippov(friction(1), friction(-1), 0.0)
-
-
 def rubbing(sign: int) -> Any:
     return lambda t, x, p: [p["A"] * np.cos(t) - sign * p["F"] + 0 * x[0]]
 
 
+MASS = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
+
+
+def pushed(A: float) -> cb.Problem:
+    params = {"A": A, "F": 1.0}
+    return cb.cycle(MASS, {"v": 0.3}, params, period=2 * np.pi, settle=60)
+
+
 def test_a_pushed_mass_begins_to_stick_where_den_hartog_says() -> None:
     """``v' = A cos t - F sign v`` moves all the time for A above F sqrt(1 + pi^2/4)."""
-    mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
     onset = np.sqrt(1 + np.pi**2 / 4)
-    given = {"start": {"v": 0.3}, "period": 2 * np.pi, "settle": 60}
-    moving = cb.cycle(mass, params={"A": 3.0, "F": 1.0}, **given)
+    moving = pushed(3.0)
     branch = cb.trace(moving, "A", within={"A": (1, 3.2)})
     assert [point.kind for point in branch.special] == ["SL", "EP"]
     assert branch.first("SL")["A"] == pytest.approx(onset, abs=1e-9)
     line = cb.boundary(branch.first("SL"), ("F", "A"), within={"F": (0.8, 1.2)})
     np.testing.assert_allclose(line["A"] / line["F"], onset, rtol=1e-9)
-    sticking = cb.cycle(mass, params={"A": 1.7, "F": 1.0}, **given)
-    stuck = cb.trace(sticking, "A", within={"A": (1.6, 3)}, towards="up", steps=cb.Steps(most=60))
+    stuck = cb.trace(
+        pushed(1.7), "A", within={"A": (1.6, 3)}, towards="up", steps=cb.Steps(most=60)
+    )
     assert stuck[0].solution.others == pytest.approx([0], abs=1e-12)  # what sticks forgets
     assert stuck[-1]["A"] < onset + 1e-6
 
 
 def test_an_orbit_that_sticks_at_one_place_has_a_mesh_there() -> None:
     """Landing and leaving: ``A (sin t - sin t0) = F (t - t0)``, ``A cos t0 = F``."""
-    mass = cb.Filippov(rubbing(1), rubbing(-1), lambda t, x, p: x[0])
-    given = {"start": {"v": 0.3}, "period": 2 * np.pi, "settle": 60}
-    orbit = cb.flows.cycle_of(cb.cycle(mass, params={"A": 1.5, "F": 1.0}, **given))
-    numbers = [mass.flows.index(flow) for flow in orbit.equations.flows]
+    orbit = cb.flows.cycle_of(pushed(1.5))
+    numbers = [MASS.flows.index(flow) for flow in orbit.equations.flows]
     slip = orbit.flights[numbers.index(0)]
     assert 1.5 * np.cos(slip.start) == pytest.approx(1.0, abs=1e-12)
     travelled = 1.5 * (np.sin(slip.last) - np.sin(slip.start))

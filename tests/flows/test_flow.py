@@ -134,6 +134,7 @@ def test_a_mass_matrix_is_divided_out() -> None:
     [
         (lambda: cb.Flow(3), "f must be a function"),
         (lambda: cb.Flow(smooth, until=1.0), "until must be a function"),
+        (lambda: cb.Filippov(smooth, smooth, 0.0), "h must be a function"),
         (lambda: cb.Flow(smooth, walls=(2,)), r"walls\[0\] must be a function"),
         (lambda: cb.Flow(smooth, walls=2), "walls must be a tuple"),
         (lambda: cb.Flow(smooth, mass=np.diag([1.0, 1.0, 0.0])), "differential-algebraic"),

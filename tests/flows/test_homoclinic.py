@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import lorenz
+from .zoo import BAND, lorenz, roessler
 
 LONG = cb.Steps(largest=1e5)  # where the period grows by thousands
 
@@ -120,11 +120,7 @@ def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
 
 def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
     """Roessler's band: the doubling of the doubled cycle is at 3.8373581."""
-
-    def roessler(t, x, p):
-        return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
-
-    few, params = Collocation(intervals=14, points=3), {"a": 0.2, "b": 0.2, "c": 2.8}
+    few, params = Collocation(intervals=14, points=3), {**BAND, "c": 2.8}
     ring = cb.cycle(roessler, {"x": 2.0, "y": 0.0, "z": 0.1}, params, settle=200, collocation=few)
     single = cb.trace(ring, "c", within={"c": (2.8, 2.9)}, towards="up")
     (double,) = cb.switch(single.first("PD"), within={"c": (2.8, 6.5)})

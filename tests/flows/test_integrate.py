@@ -14,15 +14,12 @@ import pytest
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
 
+from .zoo import TABLE
+
 BALL = cb.Flow(
     lambda t, x, p: [x[1], -1.0],
     until=lambda t, x, p: x[0],
     reset=lambda t, x, p: [x[0], -p["e"] * x[1]],
-)
-TABLE = cb.Flow(
-    lambda t, x, p: [x[1], -1.0],
-    until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
-    reset=lambda t, x, p: [x[0], -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)],
 )
 
 

@@ -43,14 +43,9 @@ def forced(f, start, params, **more):
     return cb.cycle(f, start, params, period=TAU, settle=40, collocation=FEW, **more)
 
 
-def doubling(k: float) -> cb.Branch:
-    """The PD of a strip, which is at mu = 0."""
-    problem = forced(strip, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "k": k})
-    return cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up")
-
-
-def rotation(k: float) -> cb.Branch:
-    problem = forced(wheel, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 0.3, "k": k})
+def along_mu(f, k: float, w: float = 0.3) -> cb.Branch:
+    """Beyond mu = 0, where a multiplier passes the unit circle."""
+    problem = forced(f, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": w, "k": k})
     return cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up")
 
 
@@ -68,19 +63,14 @@ def again(image, names: str) -> cb.Flow:
 
 
 @pytest.mark.parametrize("k", [-1.0, 0.5])
-def test_the_coefficient_of_a_doubling_is_that_of_its_amplitude(k: float) -> None:
-    """q' = k q^3 for a turn: q(1 + 2 pi k q^2), on a strip with the other sign."""
-    point = doubling(k).first("PD")
+@pytest.mark.parametrize(("f", "kind", "name", "factor"),
+                         [(strip, "PD", "c", -TAU), (wheel, "NS", "d", 2 * TAU)])  # fmt: skip
+def test_a_cubic_coefficient_is_that_of_the_amplitude(f, kind, name, factor, k) -> None:
+    """q' = k q^3 for a turn: q(1 + 2 pi k q^2), on a strip with the other sign; z is sqrt 2 times
+    the amplitude of an eigenvector of length 1."""
+    point = along_mu(f, k).first(kind)
     assert point["mu"] == pytest.approx(0, abs=1e-9)
-    assert point["c"] == pytest.approx(-TAU * k, rel=1e-8)
-    assert point["criticality"] == ("supercritical" if k < 0 else "subcritical")
-
-
-@pytest.mark.parametrize("k", [-1.0, 0.5])
-def test_the_coefficient_of_a_torus_is_that_of_its_amplitude(k: float) -> None:
-    """z is sqrt 2 times the amplitude of an eigenvector of length 1."""
-    point = rotation(k).first("NS")
-    assert point["d"] == pytest.approx(2 * TAU * k, abs=1e-8)
+    assert point[name] == pytest.approx(factor * k, rel=1e-8, abs=1e-8 * (kind == "NS"))
     assert point["criticality"] == ("supercritical" if k < 0 else "subcritical")
 
 
@@ -168,10 +158,10 @@ def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -
 # --- curves -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("made", "on", "kind"), [(doubling, "PD", "GPD"), (rotation, "NS", "CH")])
-def test_where_a_coefficient_vanishes_its_curve_says_so(made, on: str, kind: str) -> None:
+@pytest.mark.parametrize(("f", "on", "kind"), [(strip, "PD", "GPD"), (wheel, "NS", "CH")])
+def test_where_a_coefficient_vanishes_its_curve_says_so(f, on: str, kind: str) -> None:
     window = {"k": (-0.5, 0.2), "mu": (-0.5, 0.5)}
-    line = cb.boundary(made(-0.2).first(on), ("k", "mu"), within=window, towards="up")
+    line = cb.boundary(along_mu(f, -0.2).first(on), ("k", "mu"), within=window, towards="up")
     assert [at.kind for at in line.special] == ["EP", kind, "EP"]
     assert line.first(kind)["k"] == pytest.approx(0, abs=1e-8)
     assert line["mu"] == pytest.approx(0, abs=1e-9)
@@ -192,8 +182,7 @@ def test_folds_of_cycles_meet_in_a_cusp() -> None:
 
 def test_where_there_is_no_normal_form_the_reason_is_given() -> None:
     """At a third of a turn the normal form is another."""
-    problem = forced(wheel, {"u": 1.0, "v": 0.0}, {"mu": -0.3, "w": 1 / 3, "k": -1.0})
-    point = cb.trace(problem, "mu", within={"mu": (-0.4, 0.2)}, towards="up").first("NS")
+    point = along_mu(wheel, -1.0, 1 / 3).first("NS")
     assert point["criticality"].startswith("unknown: a strong resonance")
 
 

@@ -10,11 +10,9 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
+from .zoo import van_der_pol
+
 FEW = Collocation(intervals=6, points=4)
-
-
-def van_der_pol(t, x, p):
-    return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
 
 
 @pytest.fixture(scope="module")

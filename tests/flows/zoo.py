@@ -222,14 +222,16 @@ def along_stuart_landau(at: Any) -> Pairs:
     return [
         (at["period"], period),
         (at["max(x)"], math.sqrt(at["mu"])),
+        (at["min(y)"], -math.sqrt(at["mu"])),
         (at.solution.others, [math.exp(-2 * at["mu"] * period)]),
+        (at.solution.trivial, 1.0),
     ]
 
 
 enter(
     "stuart-landau",
     cycle(stuart_landau, {"x": 0.7, "y": 0.0}, {"mu": 0.5, "w": 1.0, "c": 0.5}, settle=30),
-    "mu", (0.1, 1.2), (), along_stuart_landau,
+    "mu", (0.1, 1.2), (), along_stuart_landau, tolerance=1e-9,
 )  # fmt: skip
 
 
@@ -340,7 +342,8 @@ def along_langford(at: Any) -> Pairs:
     half = (0.51 - at["rho"] * r2) / 2
     pair = np.exp((half + 1j * math.sqrt(2 * RADIUS - half**2)) * 2 * np.pi / 3.5)
     found = at.solution.others
-    return [(at["max(x)"], math.sqrt(r2)), (found[found.imag > 0], [pair])]
+    angle = [(at["angle"], abs(np.angle(pair)))] if at.kind == "NS" else []
+    return [(at["max(x)"], math.sqrt(r2)), (found[found.imag > 0], [pair]), *angle]
 
 
 enter(
@@ -349,7 +352,12 @@ enter(
     "rho", (0.3, 1.2), (("NS", 0.51 / (RADIUS - 0.357)),), along_langford,
 )  # fmt: skip
 
-# van der Pol: the period at mu = 1 is known to many digits; Rayleigh's equation is its integral.
+
+def van_der_pol(t: Any, x: Any, p: Any) -> Any:
+    return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
+
+
+# The period at mu = 1 is known to many digits; Rayleigh's equation is the integral of this one.
 PERIOD_AT_ONE = 6.663286859323130
 
 
@@ -359,10 +367,7 @@ def at_one(at: Any) -> Pairs:
 
 enter(
     "van der pol",
-    cycle(
-        lambda t, x, p: [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]],
-        {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50,
-    ),
+    cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50),
     "mu", (0.2, 3.0), (), at_one,
 )  # fmt: skip
 enter(
@@ -375,13 +380,18 @@ enter(
 )  # fmt: skip
 
 
+def roessler(t: Any, x: Any, p: Any) -> Any:
+    return [-x[1] - x[2], x[0] + p["a"] * x[1], p["b"] + x[2] * (x[0] - p["c"])]
+
+
+BAND = {"a": 0.2, "b": 0.2}
+
 # Roessler's first doubling, by Newton's iteration on the state, the period and det(M + 1) = 0 with
 # the variational equations integrated by scipy's DOP853 to 2e-14.
 enter(
     "roessler",
     cycle(
-        lambda t, x, p: [-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - p["c"])],
-        {"x": -1.0, "y": -3.0, "z": 0.05}, {"c": 2.5}, settle=300,
+        roessler, {"x": -1.0, "y": -3.0, "z": 0.05}, {**BAND, "c": 2.5}, settle=300,
     ),
     "c", (2.0, 3.2), (("PD", 2.8324450278),),
     lambda at: [(at["period"], 5.769820016506)] if at.kind == "PD" else [],
@@ -518,6 +528,7 @@ enter(
     ),
     "A", (0.3, 1.2),
     (("LP", FOLD_OF_BALL), ("PD", math.hypot(FOLD_OF_BALL, S_OF_DOUBLING))), along_ball,
+    tolerance=1e-10,
 )  # fmt: skip
 
 # Neurons that are set back: linear, T = log(I/(I - 1)); quadratic, from -1 to 2.
@@ -680,15 +691,20 @@ enter(
 LAGS = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
 
 
+def mirrored(matrix: Any, push: list[float], T: float) -> Any:
+    """Where v' = A v + push is the negative of its start after a time: v = -(1 + E)^-1 (E - 1) A^-1
+    push, E = exp(A T)."""
+    E, one = expm(matrix * T), np.eye(len(matrix))
+    return -np.linalg.solve(one + E, (E - one) @ np.linalg.solve(matrix, push))
+
+
+def relay_start(T: float) -> Any:
+    return mirrored(LAGS, [0.0, 0.0, -2.0], T)
+
+
 def relay_half_period(b: float) -> float:
-    """v' = A v - (0, 0, 2) from x = b down to -b, where v is the negative of that at the start."""
-
-    def off(T: float) -> float:
-        E = expm(LAGS * T)
-        shift = np.linalg.solve(LAGS, [0.0, 0.0, -2.0])
-        return float(-np.linalg.solve(np.eye(3) + E, (E - np.eye(3)) @ shift)[0]) - b
-
-    return brentq(off, 1.0, 12.0, xtol=1e-14)
+    """From x = b down to -b."""
+    return brentq(lambda T: float(relay_start(T)[0]) - b, 1.0, 12.0, xtol=1e-14)
 
 
 enter(
@@ -814,12 +830,6 @@ enter(
 
 
 # A bang-bang oscillator: half a period of the clock with force 1, then mirrored.
-def bang_bang_start(k: float) -> Any:
-    matrix = np.array([[0.0, 1.0], [-k, -0.2]])
-    E, shift = expm(matrix * 2.0), np.linalg.solve(matrix, [0.0, 1.0])
-    return -np.linalg.solve(np.eye(2) + E, (E - np.eye(2)) @ shift)
-
-
 enter(
     "bang-bang oscillator",
     cycle(
@@ -828,7 +838,8 @@ enter(
         {"x": 0.0, "v": 0.0, "s": 0.0}, {"k": 2.0}, settle=100,
     ),
     "k", (1.0, 3.0), (),
-    lambda at: [(at.solution.states(at.solution.times[0])[:2], bang_bang_start(at["k"]))],
+    lambda at: [(at.solution.states(at.solution.times[0])[:2],
+                 mirrored(np.array([[0.0, 1.0], [-at["k"], -0.2]]), [0.0, 1.0], 2.0))],
 )  # fmt: skip
 
 
