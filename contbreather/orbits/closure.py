@@ -10,9 +10,10 @@ response at unit amplitude and ``q = (1 - k)/(1 + k)``
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -116,6 +117,35 @@ class Closure:
         values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
         data = pack(len(names), freed, values, f.harmonics, self.lattice)
         return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
+
+    def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        """Solutions with given phases, a free: a row p, phi, a for each."""
+        series, q = self._without_momentum(params)
+        # for each phi (11) is linear in p/a and 1/a
+        a = q / series.at(phi, 0)
+        return np.column_stack([a * self.forcing.df(phi) / q, phi, a])
+
+    def upper_phases(
+        self, params: Mapping[str, float], largest: float
+    ) -> Iterator[tuple[float, float]]:
+        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or from
+        a fold below that."""
+        series, q = self._without_momentum(params)
+        crests, level = _crests(series), q / largest
+        for start, end in pairwise([crests[-1] - 2.0 * math.pi, *crests]):
+            if series.at(end, 0) <= max(level, series.at(start, 0)):
+                continue
+            low, high = start, end
+            while series.at(low, 0) < level and high - low > 4.0 * EPS * (1.0 + abs(end)):
+                middle = 0.5 * (low + high)
+                low, high = (middle, high) if series.at(middle, 0) < level else (low, middle)
+            yield (low if low == start else high), end
+
+    def _without_momentum(self, params: Mapping[str, float]) -> tuple[Series, float]:
+        """``chi f' + q f`` and q."""
+        chi = sprung(self.lattice, self.forcing).chi(params["gamma"])
+        q = restitution_ratio(params["k"])
+        return _reduced(self.forcing, chi, q), q
 
     def _unpack(
         self, x: FloatArray, params: Mapping[str, float]

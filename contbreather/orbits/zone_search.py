@@ -7,8 +7,9 @@ on no curve known so far is traced as a boundary, to the ends of the region wher
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -27,12 +28,14 @@ from contbreather.continuation import (
 )
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo
-from contbreather.errors import BadInput, add_partial_result
+from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.closure import folds
+from contbreather.orbits.constructors import symmetric_roots
 from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
+from contbreather.orbits.zone_rows import Row, rows
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -53,6 +56,7 @@ PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords o
 NEXT = (0.999, 1.001)  # next to a fold, as parts of its amplitude
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
+BEYOND = 1.02  # how far, relative to where the far field grazes, amplitudes are looked at
 BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
 
 
@@ -117,14 +121,44 @@ class Search:
 
     def _scan(self, x: float, shown: Counter) -> bool:
         """Trace branches at one value of the first parameter, and every new event on them."""
-        any_branch = False
-        for branch in self._branches(x, shown):
-            any_branch = True
+        free = self.pair[1]
+        starts = [*_comb(free, self.within), *self._next_to_folds(x)]
+        passed: list[Branch | Mapping[str, Array]] = []  # curves whose events are known
+        rows = self._rows(x)
+        if rows is not None:
+            unknown = []
+            for row in rows:
+                pieces, steps = row.known(self.within[free][0], partial(self._is_known, x))
+                passed += [dict(zip(("p", "phi", "a"), z.T, strict=True)) for z in pieces]
+                a = row.z[:, 2]
+                unknown += [*np.sort([a[:-1], a[1:]], axis=0).T[steps].tolist()]
+            starts = [y for y in starts if any(low <= y <= high for low, high in unknown)]
+        for branch in self._branches(x, starts, passed, shown):
+            passed.append(branch)
             for point in branch.special:
                 if point.kind in KINDS and point.located and self._begins(point):
                     self._follow(point, shown)
                     self.kept.look(True, self.so_far)
-        return any_branch
+        return bool(passed)
+
+    def _rows(self, x: float) -> list[Row] | None:
+        """All upper breathers at one value of the first parameter, where they have closed forms."""
+        closed = self.pair[1] == "a" and self.model["lattice"].sites is None
+        if not closed or self.past_folds or not any(self.curves.values()):
+            return None
+        # beyond there the far field is behind its walls
+        largest = min(self.within["a"][1], BEYOND / self.model["forcing"].peak())
+        at = {self.name: self.value, self.pair[0]: x}
+        try:
+            breather, *_ = symmetric_roots(largest, at["gamma"], at["k"], **self.model)
+        except NoSolution:
+            return []
+        return rows(self._problem(breather), self.events, largest)
+
+    def _is_known(self, x: float, event: Event, z: Array) -> bool:
+        place = dict(zip(("p", "phi", "a"), z.tolist(), strict=True)) | {self.pair[0]: x}
+        names = (*self.pair, "p", "phi")
+        return any(_on_curve(b, place, names, SAME) for b in self.curves[event.kind])
 
     def _begins(self, point: Point) -> bool:
         """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
@@ -163,18 +197,20 @@ class Search:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
 
-    def _branches(self, x: float, shown: Counter) -> Iterator[Branch]:
-        """Branches of admissible breathers in the second parameter, at one value of the first."""
+    def _branches(
+        self, x: float, starts: Sequence[float], passed: Sequence[Any], shown: Counter
+    ) -> Iterator[Branch]:
+        """Branches of admissible breathers in the second parameter, at one value of the first, from
+        where it has one of several values, but for those that were passed."""
         free = self.pair[1]
-        traced: list[Branch] = []
-        for y in (*_comb(free, self.within), *self._next_to_folds(x)):
+        for y in starts:
             for breather in self._breathers(x, y):
                 problem, phi = self._problem(breather), breather.phi
                 place = {free: y, "p": breather.p, "phi": phi, "t1": phi}
                 names = (free, *self._apart(problem))
-                if any(_on_curve(b, place, names, PASSED) for b in traced):
+                if any(_on_curve(b, place, names, PASSED) for b in passed):
                     continue
-                branch = trace(
+                yield trace(
                     problem,
                     free,
                     within={free: self.within[free]},
@@ -182,8 +218,6 @@ class Search:
                     steps=Steps(first=0.02, largest=0.1),
                     progress=shown,
                 )
-                traced.append(branch)
-                yield branch
 
     def _next_to_folds(self, x: float) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
