@@ -128,8 +128,8 @@ class Closure:
     def upper_phases(
         self, params: Mapping[str, float], largest: float
     ) -> Iterator[tuple[float, float]]:
-        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or from
-        a fold below that."""
+        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or a
+        fold below that, on."""
         series, q = self._without_momentum(params)
         crests, level = _crests(series), q / largest
         for start, end in pairwise([crests[-1] - 2.0 * math.pi, *crests]):

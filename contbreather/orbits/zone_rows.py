@@ -1,29 +1,50 @@
 """Rows of a zone diagram in closed form: all breathers at one coupling, and the events on them.
 
-Given phi, (11) is linear in 1/a and p/a. So nobody has to walk along a row to see whether all that
-happens on it is on curves that are known already.
+Given phi, (11) is linear in 1/a and p/a. So nobody has to walk along a row to see what happens on
+it, and whether that is on curves that are known already.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Event
+from contbreather.continuation import Event, Point
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.points import Points
 from contbreather.continuation.samples import measure_many
 
 Array = NDArray[np.float64]
+Steps = NDArray[np.bool_]  # which of the steps between neighbours
 Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a curve that is known
 
 POINTS = 64  # of a row, evenly along it
 FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
-ROUNDS = 6  # of false position and bisection, until it is seen which curve an event is on
+CLOSER = 17  # places at which a step is looked at closely
+ROUNDS = 5  # of that, after which a zero is sharp to rounding
+
+
+class Zero(NamedTuple):
+    """Where a test changes sign."""
+
+    event: Event
+    z: Array
+    known: bool
+
+
+class Piece(NamedTuple):
+    """Admissible breathers that follow each other on a row."""
+
+    low: float  # its amplitudes, and those of the events that end it, are between these
+    high: float
+    z: Array  # p, phi, a of breathers and events, in order
+    new: Sequence[Point] | None  # events that are not known, by rising a; None: it has to be walked
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +73,7 @@ class Row:
     @classmethod
     def of(cls, curve: Curve, events: Sequence[Event], phi: Array) -> Row | None:
         """The breathers with these phases; None unless all tests say many at once."""
-        z, none = curve.problem.closure.at_phases(phi, curve.fixed), np.zeros(phi.size)
+        z, none = _at(curve, phi), np.zeros(phi.size)
         points = Points(curve, z, np.zeros_like(z), none, none)
         asked = [answer for event in events if (answer := measure_many(event, points))]
         tests = np.array([test for test, _ in asked])
@@ -60,67 +81,102 @@ class Row:
             return None
         return cls(curve, events, z, tests, [count for _, count in asked])
 
-    def known(self, least: float, known: Known) -> tuple[list[Array], Array]:
-        """Pieces of admissible breathers of at least an amplitude all of whose events are known, as
-        p, phi, a of breathers and events in order; and steps on which others may be."""
-        ends = [event.ends_domain for event in self.events]
-        inside = (self.tests[ends] > 0.0).all(axis=0) & (self.z[:, 2] >= least)
-        pieces, unknown = [], inside[:-1] | inside[1:]
+    def pieces(self, least: float, known: Known) -> Iterator[Piece]:
+        """All admissible breathers of at least an amplitude, the smallest first."""
+        domain = [event.ends_domain for event in self.events]
+        inside = (self.tests[domain] > 0.0).all(axis=0) & (self.z[:, 2] >= least)
         changes = np.flatnonzero(np.diff(inside, prepend=False, append=False))
-        for first, end in changes.reshape(-1, 2).tolist():
+        for first, end in changes.reshape(-1, 2)[::-1].tolist():
             # what ends a piece is in the steps to its neighbours
-            steps = slice(max(first - 1, 0), min(end, unknown.size))
-            places = self._places(steps, known) if self._is_resolved(steps) else None
-            if places is not None:
-                unknown[first : end - 1] = False
-                z = np.vstack([self.z[first:end], *places])
-                pieces.append(z[np.argsort(z[:, 1])])
-        return pieces, unknown
+            steps = slice(max(first - 1, 0), min(end, inside.size - 1))
+            resolved = self._is_resolved(steps)
+            zeros = [*self._zeros(steps, known)] if resolved else []
+            z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
+            a = self.z[steps.start : steps.stop + 1, 2]
+            new = self._new(zeros, self.z[first, 1]) if resolved else None
+            # the zero of a fold may be the breather at the fold
+            yield Piece(a.min(), a.max(), z[np.unique(z[:, 1], return_index=True)[1]], new)
 
     def _is_resolved(self, steps: slice) -> bool:
         """Whether no event can be on these steps but those that change a sign."""
-        for i, (test, count) in enumerate(zip(self.tests, self.counts, strict=True)):
+        for event, test, count in zip(self.events, self.tests, self.counts, strict=True):
             if _dips(test)[steps].any():
                 return False
             # at a zero a count changes by one; where it says more the test is looked at closely
-            jumps = [] if count is None else np.flatnonzero(abs(np.diff(count)) != _changes(test))
-            for step in (j for j in jumps if steps.start <= j < steps.stop):
-                closer = Row.of(self.curve, self.events, np.linspace(*self.z[step : step + 2, 1], 17))
-                if closer is None or (_changes(closer.tests[i]) | _dips(closer.tests[i])).any():
+            jumps = _changes(test) != (_changes(test) if count is None else abs(np.diff(count)))
+            for step in np.flatnonzero(jumps[steps]) + steps.start:
+                _, closer = self._closely(event, self.z[step : step + 2, 1])
+                if (_changes(closer) | _dips(closer)).any():
                     return False
         return True
 
-    def _places(self, steps: slice, known: Known) -> list[Array] | None:
-        """Where tests change sign, if each does so on a curve that is known; else None."""
-        which, step = np.nonzero(_changes(self.tests)[:, steps])
-        step += steps.start
-        low, high = self.z[step, 1], self.z[step + 1, 1]
-        before, after = self.tests[which, step], self.tests[which, step + 1]
-        places: list[Array] = []
-        for number in range(ROUNDS):
-            if not which.size:
-                return places
-            part = np.clip(before / (before - after), 0.02, 0.98) if number % 2 == 0 else 0.5
-            middle = low + part * (high - low)
-            row = Row.of(self.curve, self.events, middle)
-            if row is None:
-                return None
-            on = np.array([known(self.events[i], z) for i, z in zip(which, row.z, strict=True)])
-            places += list(row.z[on])
-            test = row.tests[which, np.arange(which.size)]
-            same = (test > 0.0) == (before > 0.0)
-            low, before = np.where(same, [middle, test], [low, before])
-            high, after = np.where(same, [high, after], [middle, test])
-            left = which, low, high, before, after
-            which, low, high, before, after = (entries[~on] for entries in left)
+    def _zeros(self, steps: slice, known: Known) -> Iterator[Zero]:
+        for i, step in zip(*np.nonzero(_changes(self.tests)[:, steps]), strict=True):
+            event, ends = self.events[i], slice(steps.start + step, steps.start + step + 2)
+            phi, test = self.z[ends, 1], self.tests[i, ends]
+            for _ in range(ROUNDS):
+                z = self._between(phi, test)
+                if known(event, z):
+                    break
+                phi, test = self._closely(event, phi)
+                change = int(_changes(test).argmax())
+                phi, test = phi[change : change + 2], test[change : change + 2]
+            z = self._between(phi, test)
+            yield Zero(event, z, known(event, z))
+
+    def _closely(self, event: Event, ends: Array) -> tuple[Array, Array]:
+        """Phases between two, and a test there."""
+        phi = np.linspace(ends[0], ends[1], CLOSER)
+        row = Row.of(self.curve, (event,), phi)
+        assert row is not None  # as all tests say many on the whole row
+        return phi, row.tests[0]
+
+    def _between(self, phi: Array, test: Array) -> Array:
+        """Where the line through two values of a test vanishes."""
+        return _at(self.curve, phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi))[0]
+
+    def _new(self, zeros: Sequence[Zero], inside: float) -> list[Point] | None:
+        """What is not known of the events on a piece, up to what ends it on both sides of a phase
+        inside; None where one is not what its kind says."""
+        ends = [zero.z[1] for zero in zeros if zero.event.ends]
+        low = max((phi for phi in ends if phi < inside), default=-math.inf)
+        high = min((phi for phi in ends if phi >= inside), default=math.inf)
+        new = []
+        for event, z, known in sorted(zeros, key=lambda zero: zero.z[2]):
+            if not known and low <= z[1] <= high:
+                point = _special(self.curve, event, z)
+                if point is None:
+                    return None
+                new.append(point)
+        return new
+
+
+def _special(curve: Curve, event: Event, z: Array) -> Point | None:
+    """An event as a point, once it has been verified."""
+    point = Point(curve, z, kind=event.kind, event=event)
+    try:
+        detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
+        point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)
+        verdict = event.examine(point) if event.examine else {}
+    except OUT_OF_DOMAIN:
         return None
+    if isinstance(verdict, str):
+        return None if verdict else point
+    kind = verdict.get("kind", event.kind)
+    return replace(point, kind=kind, label=f"{kind}1", detail={**detail, **verdict})
 
 
-def _changes(test: Array) -> Array:
-    return np.diff(test > 0.0)
+def _at(curve: Curve, phi: Array) -> Array:
+    z: Array = curve.problem.closure.at_phases(phi, curve.fixed)
+    return z
 
 
-def _dips(test: Array) -> Array:
+def _changes(test: Array) -> Steps:
+    changes: Steps = np.diff(test > 0.0)
+    return changes
+
+
+def _dips(test: Array) -> Steps:
     """Steps within which a test may come to zero and back: on both sides a line through two values
     leads there."""
     falls = np.append(True, test[1:] * (2.0 * test[1:] - test[:-1]) < 0.0)
@@ -129,16 +185,18 @@ def _dips(test: Array) -> Array:
 
 
 def rows(problem: Any, events: Sequence[Event], largest: float) -> list[Row] | None:
-    """One for each fold, of amplitudes up to the largest; None where they have no closed form."""
+    """One for each fold, up to the largest amplitude; None unless all tests say many at once."""
     curve, closed = Curve(problem, ("a",)), []
     for low, high in problem.closure.upper_phases(curve.fixed, largest):
         # where a is large it changes fast with phi
-        phi = low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400))
-        z = problem.closure.at_phases(phi, curve.fixed)
+        z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400)))
         z = z[z[:, 0] > 0.0]
         if len(z) < 2:
             continue
         length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
         phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
-        closed.append(Row.of(curve, events, np.append(phi, 2.0 * phi[-1] - phi[-2])))
-    return None if None in closed else closed
+        row = Row.of(curve, events, np.append(phi, 2.0 * phi[-1] - phi[-2]))
+        if row is None:
+            return None
+        closed.append(row)
+    return closed

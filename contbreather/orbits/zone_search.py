@@ -35,7 +35,7 @@ from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
-from contbreather.orbits.zone_rows import Row, rows
+from contbreather.orbits.zone_rows import Piece, Row, rows
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -120,31 +120,36 @@ class Search:
         )
 
     def _scan(self, x: float, shown: Counter) -> bool:
-        """Trace branches at one value of the first parameter, and every new event on them."""
+        """Follow every new event of the admissible breathers at one value of the first parameter:
+        by closed forms of all of them, or along branches."""
         free = self.pair[1]
         starts = [*_comb(free, self.within), *self._next_to_folds(x)]
-        passed: list[Branch | Mapping[str, Array]] = []  # curves whose events are known
-        rows = self._rows(x)
-        if rows is not None:
-            unknown = []
-            for row in rows:
-                pieces, steps = row.known(self.within[free][0], partial(self._is_known, x))
-                passed += [dict(zip(("p", "phi", "a"), z.T, strict=True)) for z in pieces]
-                a = row.z[:, 2]
-                unknown += [*np.sort([a[:-1], a[1:]], axis=0).T[steps].tolist()]
-            starts = [y for y in starts if any(low <= y <= high for low, high in unknown)]
+        passed: list[Branch | Mapping[str, Array]] = []
+        if (rows := self._rows(x)) is not None:
+            known, least = partial(self._is_known, x), self.within[free][0]
+            pieces = [piece for row in rows for piece in row.pieces(least, known)]
+            pieces.sort(key=partial(_first_of, starts))
+            for piece in pieces:
+                if piece.new is not None:
+                    passed.append(dict(zip(("p", "phi", "a"), piece.z.T, strict=True)))
+                    self._follow_all(piece.new, shown)
+            walked = [piece for piece in pieces if piece.new is None]
+            starts = [y for y in starts if any(p.low <= y <= p.high for p in walked)]
         for branch in self._branches(x, starts, passed, shown):
             passed.append(branch)
-            for point in branch.special:
-                if point.kind in KINDS and point.located and self._begins(point):
-                    self._follow(point, shown)
-                    self.kept.look(True, self.so_far)
+            self._follow_all(branch.special, shown)
         return bool(passed)
+
+    def _follow_all(self, points: Iterable[Point], shown: Counter) -> None:
+        for point in points:
+            if point.kind in KINDS and point.located and self._begins(point):
+                self._follow(point, shown)
+                self.kept.look(True, self.so_far)
 
     def _rows(self, x: float) -> list[Row] | None:
         """All upper breathers at one value of the first parameter, where they have closed forms."""
         closed = self.pair[1] == "a" and self.model["lattice"].sites is None
-        if not closed or self.past_folds or not any(self.curves.values()):
+        if not closed or self.past_folds:
             return None
         # beyond there the far field is behind its walls
         largest = min(self.within["a"][1], BEYOND / self.model["forcing"].peak())
@@ -153,7 +158,8 @@ class Search:
             breather, *_ = symmetric_roots(largest, at["gamma"], at["k"], **self.model)
         except NoSolution:
             return []
-        return rows(self._problem(breather), self.events, largest)
+        problem = self._problem(breather)
+        return rows(problem, self.events or (), largest)
 
     def _is_known(self, x: float, event: Event, z: Array) -> bool:
         place = dict(zip(("p", "phi", "a"), z.tolist(), strict=True)) | {self.pair[0]: x}
@@ -255,6 +261,13 @@ class Search:
             pieced = any(end.kind == JOINT for end in branch.special)
             curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
             waiting += [(end, branch) for end in branch.special if _leads_on(end)]
+
+
+def _first_of(starts: Sequence[float], piece: Piece) -> tuple[int, float]:
+    """Where a walk from each start in turn comes to a piece of a row, the largest p first."""
+    reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
+    first = next(reached, len(starts) - 1)
+    return first, -float(piece.z[abs(piece.z[:, 2] - starts[first]).argmin(), 0])
 
 
 def _leads_on(point: Point) -> bool:
