@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Steps = NDArray[np.bool_]  # which of the steps between neighbours
 Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a curve that is known
 
-POINTS = 64  # of a row, evenly along it
+POINTS = 48  # of a row, evenly along it
 FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
 CLOSER = 17  # places at which a step is looked at closely
 ROUNDS = 5  # of that, after which a zero is sharp to rounding
