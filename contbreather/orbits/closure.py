@@ -133,13 +133,9 @@ class Closure:
         series, q = self._without_momentum(params)
         crests, level = _crests(series), q / largest
         for start, end in pairwise([crests[-1] - 2.0 * math.pi, *crests]):
-            if series.at(end, 0) <= max(level, series.at(start, 0)):
-                continue
-            low, high = start, end
-            while series.at(low, 0) < level and high - low > 4.0 * EPS * (1.0 + abs(end)):
-                middle = 0.5 * (low + high)
-                low, high = (middle, high) if series.at(middle, 0) < level else (low, middle)
-            yield (low if low == start else high), end
+            if series.at(end, 0) > max(level, series.at(start, 0)):
+                rises = series.at(start, 0) < level
+                yield (_crossing(series, level, start, end) if rises else start), end
 
     def _without_momentum(self, params: Mapping[str, float]) -> tuple[Series, float]:
         """``chi f' + q f`` and q."""
@@ -310,16 +306,16 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
 
 
 def _crossing(series: Series, level: float, left: float, right: float) -> float:
-    from scipy.optimize import brentq  # dear to import
-
-    def above(phi: float) -> float:
-        return float(series.at(phi, 0)) - level
-
-    x = float(brentq(above, left, right, xtol=1e-14, rtol=4.0 * EPS))
-    # one Newton step from where brentq ends; next to a double root it would go astray
-    steepness = series.at(x, 1)
-    step = above(x) / steepness if steepness else 0.0
-    return x - step if abs(step) < 1e-9 else x
+    """Where a series passes a level between two of its neighbouring extrema."""
+    rises = series.at(right, 0) > series.at(left, 0)
+    # by bisection, as scipy.optimize is dear to import
+    while right - left > 1e-14 * (1.0 + abs(right)):
+        x = 0.5 * (left + right)
+        left, right = (left, x) if (series.at(x, 0) > level) == rises else (x, right)
+    # and one Newton step; next to a double root it would go astray
+    steepness = series.at(right, 1)
+    step = (series.at(right, 0) - level) / steepness if steepness else 0.0
+    return right - step if abs(step) < 1e-9 else right
 
 
 def _reduced(forcing: Forcing, chi: float, q: float) -> Series:

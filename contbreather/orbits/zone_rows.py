@@ -27,6 +27,7 @@ Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a 
 POINTS = 48  # of a row, evenly along it
 FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
 CLOSER = 17  # places at which a step is looked at closely
+ROUNDED = 1e-12  # phases that differ by less are one
 ROUNDS = 5  # of that, after which a zero is sharp to rounding
 
 
@@ -92,10 +93,11 @@ class Row:
             resolved = self._is_resolved(steps)
             zeros = [*self._zeros(steps, known)] if resolved else []
             z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
+            z = z[np.argsort(z[:, 1])]
             a = self.z[steps.start : steps.stop + 1, 2]
             new = self._new(zeros, self.z[first, 1]) if resolved else None
-            # the zero of a fold may be the breather at the fold
-            yield Piece(a.min(), a.max(), z[np.unique(z[:, 1], return_index=True)[1]], new)
+            # the zero of a fold is the breather at the fold, but for rounding
+            yield Piece(a.min(), a.max(), z[np.diff(z[:, 1], prepend=-np.inf) > ROUNDED], new)
 
     def _is_resolved(self, steps: slice) -> bool:
         """Whether no event can be on these steps but those that change a sign."""
