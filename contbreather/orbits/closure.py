@@ -33,8 +33,8 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Series
-from contbreather.orbits import closed_loops
-from contbreather.orbits.closed_loops import FIRST, GAMMA, A, K
+from contbreather.orbits import closure_kernels
+from contbreather.orbits.closure_kernels import FIRST, GAMMA, A, K
 from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
@@ -116,7 +116,7 @@ class Closure:
         freed = [float(entry) for name in names for entry in places[name]]
         values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
         data = pack(len(names), freed, values, f.harmonics, self.lattice)
-        return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
+        return Loops(closure_kernels.closure, closure_kernels.closure_slopes, data)
 
     def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Solutions with given phases, a free: a row p, phi, a for each."""
@@ -176,11 +176,11 @@ def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
 def pack(
     freed: int, places: list[float], values: list[float], harmonics: Any, on: Lattice
 ) -> tuple[float, ...]:
-    """The data of `closed_loops`."""
+    """The data of `closure_kernels`."""
     places, gamma = [*places, *(4 - 2 * freed) * [0.0]], values[1]
     means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
     flat = [entry for harmonic in harmonics for entry in harmonic]
-    # in the order of `closed_loops`; f and its derivatives are filled in at each phi
+    # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
     head = [freed, *places, *values, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
     return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
 
