@@ -115,7 +115,13 @@ class Closure:
         f = self.forcing.at(**{name: params[name] for name in defaults if name in params})
         freed = [float(entry) for name in names for entry in places[name]]
         values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
-        data = pack(len(names), freed, values, f.harmonics, self.lattice)
+        on, gamma = self.lattice, values[1]
+        means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+        flat = [entry for harmonic in f.harmonics for entry in harmonic]
+        # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
+        head = [len(names), *freed, *(4 - 2 * len(names)) * [0.0], *values, *means, *4 * [0.0]]
+        head += [len(f.harmonics), FIRST + len(flat), 0]
+        data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
         return Loops(closure_kernels.closure, closure_kernels.closure_slopes, data)
 
     def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
@@ -171,18 +177,6 @@ def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
         for side, letter in enumerate("cs")
         if f"{letter}{m}" in forcing.params
     }
-
-
-def pack(
-    freed: int, places: list[float], values: list[float], harmonics: Any, on: Lattice
-) -> tuple[float, ...]:
-    """The data of `closure_kernels`."""
-    places, gamma = [*places, *(4 - 2 * freed) * [0.0]], values[1]
-    means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
-    flat = [entry for harmonic in harmonics for entry in harmonic]
-    # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
-    head = [freed, *places, *values, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
-    return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:

@@ -21,11 +21,16 @@ from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green, wave_slope
-from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
 from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
-from contbreather.orbits.green_equations import OrbitEquations, Params, equations_of
+from contbreather.orbits.green_equations import (
+    NAMES,
+    AsymmetricEquations,
+    OrbitEquations,
+    Params,
+    equations_of,
+)
 from contbreather.orbits.on_circle import OnCircle, by_differences, off_the_edge
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_of

@@ -98,26 +98,24 @@ class Search:
     def run(self, shown: Counter) -> None:
         scans = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
         if not any(scans):
+            searched = " and ".join(
+                f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
+                for name, (low, high) in self.within.items()
+            )
             raise BadInput(
-                f"no breather at {self.name} = {self.value:g} for {self._searched()}; "
+                f"no breather at {self.name} = {self.value:g} for {searched}; "
                 "widen the window, or choose another value"
             )
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
-        met = [point[self.pair[0]] for point in self._unexplained()]
+        ends = [p for branches in self.curves.values() for b in branches for p in b.special]
+        met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._known(p)]
         beside = [x + step for x in met for step in (-BESIDE, BESIDE)]
         between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
         for x in (*beside, *between):
             if low <= x <= high:
                 self._scan(x, shown)
-
-    def _searched(self) -> str:
-        """The windows as words."""
-        return " and ".join(
-            f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
-            for name, (low, high) in self.within.items()
-        )
 
     def _scan(self, x: float, shown: Counter) -> bool:
         """Follow every new event of the admissible breathers at one value of the first parameter:
@@ -174,11 +172,6 @@ class Search:
         least, _ = point.event.locus(point.ground).domain.get("gamma", (0.0, math.inf))
         # where gamma is fixed at 0 there is nothing beside: `boundary` refuses it
         return bool(point["gamma"] >= least) or self.name == "gamma"
-
-    def _unexplained(self) -> list[Point]:
-        """Meetings with a curve that was not traced."""
-        branches = [branch for kind in KINDS for branch in self.curves[kind]]
-        return [p for b in branches for p in b.special if is_meeting(p) and not self._known(p)]
 
     def _known(self, point: Point, but: Branch | None = None) -> bool:
         names = (*self.pair, *self._apart(point.curve.problem))
