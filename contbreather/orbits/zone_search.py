@@ -29,13 +29,13 @@ from contbreather.continuation import (
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo
 from contbreather.errors import BadInput, NoSolution, add_partial_result
+from contbreather.orbits.breathers_along import Piece, Row, rows
 from contbreather.orbits.closure import folds
 from contbreather.orbits.constructors import symmetric_roots
 from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
-from contbreather.orbits.zone_rows import Piece, Row, rows
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
