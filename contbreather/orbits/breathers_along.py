@@ -9,6 +9,7 @@ a row of a zone diagram to see what happens on it, and whether that is on curves
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from contbreather.continuation import Event, Point
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.interpolant import tangent_at
 from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.points import Points
 from contbreather.continuation.samples import measure_many
@@ -33,8 +35,9 @@ Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a 
 POINTS = 48  # of a row, evenly along it
 FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
 CLOSER = 17  # places at which a step is looked at closely
-ROUNDED = 1e-12  # phases that differ by less are one
 ROUNDS = 5  # of that, after which a zero is sharp to rounding
+AHEAD = 1e-6  # of phi, against which a rises
+ROUNDED = 1e-12  # phases that differ by less are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,15 +173,13 @@ class Row:
         for i, step in zip(*np.nonzero(_changes(self.tests)[:, steps]), strict=True):
             event, ends = self.events[i], slice(steps.start + step, steps.start + step + 2)
             phi, test = self.z[ends, 1], self.tests[i, ends]
-            for _ in range(ROUNDS):
-                z = self._between(phi, test)
-                if known(event, z):
-                    break
+            z, rounds = self._between(phi, test), 0
+            while not (is_known := known(event, z)) and rounds < ROUNDS:
                 phi, test = self._closely(event, phi)
                 change = int(_changes(test).argmax())
                 phi, test = phi[change : change + 2], test[change : change + 2]
-            z = self._between(phi, test)
-            yield Zero(event, z, known(event, z))
+                z, rounds = self._between(phi, test), rounds + 1
+            yield Zero(event, z, is_known)
 
     def _closely(self, event: Event, ends: Array) -> tuple[Array, Array]:
         """Phases between two, and a test there."""
@@ -197,20 +198,22 @@ class Row:
         ends = [zero.z[1] for zero in zeros if zero.event.ends]
         low = max((phi for phi in ends if phi < inside), default=-math.inf)
         high = min((phi for phi in ends if phi >= inside), default=math.inf)
-        new = []
+        new, number = [], Counter[str]()
         for event, z, known in sorted(zeros, key=lambda zero: zero.z[2]):
+            number[event.kind] += 1
             if not known and low <= z[1] <= high:
                 point = _special(self.curve, event, z)
                 if point is None:
                     return None
-                new.append(point)
+                new.append(replace(point, label=f"{point.kind}{number[event.kind]}"))
         return new
 
 
 def _special(curve: Curve, event: Event, z: Array) -> Point | None:
-    """An event as a point, once it has been verified."""
-    point = Point(curve, z, kind=event.kind, event=event)
+    """An event as a point of a walk to larger amplitudes, once it has been verified."""
     try:
+        tangent, _ = tangent_at(curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0])
+        point = Point(curve, z, tangent, kind=event.kind, event=event)
         detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
         point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)
         verdict = event.examine(point) if event.examine else {}
@@ -219,7 +222,7 @@ def _special(curve: Curve, event: Event, z: Array) -> Point | None:
     if isinstance(verdict, str):
         return None if verdict else point
     kind = verdict.get("kind", event.kind)
-    return replace(point, kind=kind, label=f"{kind}1", detail={**detail, **verdict})
+    return replace(point, kind=kind, detail={**detail, **verdict})
 
 
 def _at(curve: Curve, phi: Array) -> Array:

@@ -337,6 +337,18 @@ def test_rows_in_closed_form_show_what_walks_along_them_do(plane: dict[str, Any]
             assert shapely.distance(points, shapely.MultiLineString(nodes)).max() < 1e-3
 
 
+def test_a_curve_knows_the_point_that_it_set_out_from_as_one_of_a_branch_does() -> None:
+    origin = zones(0.8).curves["PF"][0].origin
+    place = {name: origin[name] for name in ("a", "gamma", "k")}
+    window = {"a": (place["a"] - 0.1, place["a"] + 0.1)}
+    known = cb.trace(cb.symmetric(**place), "a", within=window).first("PF")
+    assert (origin.kind, origin.label) == ("PF", "PF1")
+    assert origin.z == pytest.approx(known.z, abs=1e-11)
+    assert origin.tangent == pytest.approx(known.tangent, abs=1e-9)
+    assert origin.detail["criticality"] == known.detail["criticality"]
+    assert origin.detail["coefficient"] == pytest.approx(known.detail["coefficient"], rel=1e-7)
+
+
 # --- interruption ---------------------------------------------------------------------------------
 
 
