@@ -62,9 +62,6 @@ class Closure:
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Lattice = field(default_factory=InfiniteChain)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
-
     @property
     def params(self) -> tuple[str, ...]:
         """The names this closure can be continued in."""
@@ -159,13 +156,7 @@ class Closure:
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
         if not 0.0 <= gamma < 0.25:
             self.lattice.check(gamma)  # says it
-        defaults = self._own  # type: ignore[attr-defined]
-        if not defaults:
-            return p, phi, a, gamma, k, self.forcing
-        values = tuple([(name, params.get(name, value)) for name, value in defaults])
-        if values == defaults:
-            return p, phi, a, gamma, k, self.forcing
-        return p, phi, a, gamma, k, forcing_with(self.forcing, values)
+        return p, phi, a, gamma, k, forcing_at(self.forcing, params)
 
 
 def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
@@ -184,8 +175,15 @@ def sprung(lattice: Any, forcing: Forcing) -> Any:
     return lattice.with_spring(forcing.spring) if isinstance(forcing, SpringResponse) else lattice
 
 
+def forcing_at(forcing: Forcing, params: Mapping[str, float]) -> Forcing:
+    """The forcing with its own parameters taken from ``params`` where they are named there."""
+    defaults = tuple(forcing.params.items())
+    values = tuple([(name, params.get(name, value)) for name, value in defaults])
+    return forcing if values == defaults else _forcing_with(forcing, values)
+
+
 @lru_cache(maxsize=256)
-def forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
+def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
     """The forcing with these values; kept, for residual, Jacobian and sensitivities ask for the
     same few in turn."""
     return forcing.at(**dict(values))

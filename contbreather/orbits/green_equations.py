@@ -31,7 +31,9 @@ from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
-from contbreather.orbits.closure import forcing_with
+from contbreather.lattice.free_flight import MEETINGS
+from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
+from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import (
     Section,
     check_both_walls,
@@ -217,15 +219,6 @@ class OrbitEquations:
         if not (math.isfinite(a) and np.isfinite(x).all()):
             raise BadInput(f"a = {a}, x = {x}: the orbit needs finite numbers.")
         return a, gamma, k, forcing_at(self.forcing, params)
-
-
-def forcing_at(forcing: Forcing, params: Params) -> Forcing:
-    """The forcing with its own parameters taken from ``params`` where they are named there."""
-    defaults = forcing.params
-    if not defaults:
-        return forcing
-    values = tuple((name, float(params.get(name, value))) for name, value in defaults.items())
-    return forcing if values == tuple(defaults.items()) else forcing_with(forcing, values)
 
 
 @lru_cache(maxsize=256)

@@ -202,12 +202,10 @@ class GreensFunction:
     def map(self) -> OrbitMap | ModalMap:
         """The map of small perturbations over one period, of a ring by its modes."""
         on, first, T = self.conditions, self.impacts[0].time, self.section.period
-        _, impulses, _ = self.equations.split(self.x)
-        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses  # (19), u' = -J/(1 + k)
         # all within one period from the first one on
         kicks = [
             Saltation(impact.site, first + (impact.time - first) % T, entry)
-            for impact, entry in zip(self.impacts, b.tolist(), strict=True)
+            for impact, entry in zip(self.impacts, Orbit(self).entries.tolist(), strict=True)
         ]
         kicks.sort(key=lambda kick: kick.time)
         if on.lattice.sites is not None:
