@@ -1,7 +1,8 @@
 """Where the curves of a zone diagram are found, without a seed.
 
-Branches in one parameter are traced at a comb of values of the other; each event on them that lies
-on no curve known so far is traced as a boundary, to the ends of the region where breathers exist.
+All admissible breathers at a comb of values of one parameter are looked through, in closed form or
+along branches in the other; each event among them that lies on no curve known so far is traced as a
+boundary, to the ends of the region where breathers exist.
 """
 
 from __future__ import annotations
@@ -123,9 +124,10 @@ class Search:
         free = self.pair[1]
         starts = [*_comb(free, self.within), *self._next_to_folds(x)]
         passed: list[Branch | Mapping[str, Array]] = []
-        if (rows := self._rows(x)) is not None:
+        closed = self._rows(x)
+        if closed is not None:
             known, least = partial(self._is_known, x), self.within[free][0]
-            pieces = [piece for row in rows for piece in row.pieces(least, known)]
+            pieces = [piece for row in closed for piece in row.pieces(least, known)]
             pieces.sort(key=partial(_first_of, starts))
             for piece in pieces:
                 if piece.new is not None:
