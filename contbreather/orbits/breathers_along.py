@@ -107,7 +107,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Breathers from the largest amplitude to a fold, and one beyond it.
+    """Breathers from the largest amplitude, or a fold, to the next fold, and one beyond a fold.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class Row:
             z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
             z = z[np.argsort(z[:, 1])]
             a = self.z[steps.start : steps.stop + 1, 2]
-            new = self._new(zeros, self.z[first, 1]) if resolved else None
+            new = self._new(zeros, self.z[(first + end) // 2, 1]) if resolved else None
             # the zero of a fold is the breather at the fold, but for rounding
             yield Piece(a.min(), a.max(), z[np.diff(z[:, 1], prepend=-np.inf) > ROUNDED], new)
 
@@ -254,7 +254,10 @@ def rows(problem: Any, events: Sequence[Event], largest: float) -> list[Row] | N
             continue
         length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
         phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
-        row = Row.of(curve, events, np.append(phi, 2.0 * phi[-1] - phi[-2]))
+        before, after = 2.0 * phi[[0, -1]] - phi[[1, -2]]  # a step beyond both ends
+        if _at(curve, np.array([before]))[0, 2] < z[0, 2]:  # the first is a fold, too
+            phi = np.append(before, phi)
+        row = Row.of(curve, events, np.append(phi, after))
         if row is None:
             return None
         closed.append(row)
