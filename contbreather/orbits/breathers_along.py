@@ -36,7 +36,7 @@ POINTS = 48  # of a row, evenly along it
 FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
 CLOSER = 17  # places at which a step is looked at closely
 ROUNDS = 5  # of that, after which a zero is sharp to rounding
-AHEAD = 1e-6  # of phi, against which a rises
+AHEAD = 1e-6  # of phi, which is next to an event
 ROUNDED = 1e-12  # phases that differ by less are one
 
 
@@ -201,7 +201,8 @@ class Row:
         new, number = [], Counter[str]()
         for event, z, known in sorted(zeros, key=lambda zero: zero.z[2]):
             number[event.kind] += 1
-            if not known and low <= z[1] <= high:
+            room = 0.0 if event.ends else AHEAD  # at a fold a curve would go on behind it
+            if not known and low + room <= z[1] <= high - room:
                 point = _special(self.curve, event, z)
                 if point is None:
                     return None
@@ -212,7 +213,9 @@ class Row:
 def _special(curve: Curve, event: Event, z: Array) -> Point | None:
     """An event as a point of a walk to larger amplitudes, once it has been verified."""
     try:
-        tangent, _ = tangent_at(curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0])
+        tangent, _ = tangent_at(
+            curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0]
+        )  # a rises against phi
         point = Point(curve, z, tangent, kind=event.kind, event=event)
         detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
         point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)

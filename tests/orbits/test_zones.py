@@ -14,6 +14,7 @@ import shapely
 
 import contbreather as cb
 from contbreather.orbits.closure import smallest_amplitude
+from contbreather.orbits.one_site import family_of
 from contbreather.orbits.regions import regions
 from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import neimark_sacker, unstable_count
@@ -335,6 +336,17 @@ def test_rows_in_closed_form_show_what_walks_along_them_do(plane: dict[str, Any]
             points = shapely.points(*(line[name] for name in rows.pair))
             # to their chords; walks go on behind the fold
             assert shapely.distance(points, shapely.MultiLineString(nodes)).max() < 1e-3
+
+
+@pytest.mark.parametrize(("k", "c3", "curves"), [(0.678213865, -0.61, 2), (0.967845122, -0.59, 1)])
+def test_a_pair_that_leaves_at_a_fold_is_followed_before_it_alone(
+    k: float, c3: float, curves: int
+) -> None:
+    diagram = cb.zones(k=k, forcing=cb.Fourier(cos={1: -1.0, 3: c3}))
+    lines = diagram.curves["NS"]
+    assert len(lines) == curves
+    inner = [point.solution for line in lines for point in line[5:-5:10]]
+    assert {family_of(orbit) for orbit in inner} == {"upper"}
 
 
 def test_a_curve_knows_the_point_that_it_set_out_from_as_one_of_a_branch_does() -> None:
