@@ -31,8 +31,6 @@ from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
-from contbreather.lattice.free_flight import MEETINGS
-from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import (
     Section,
