@@ -43,10 +43,10 @@ from .orbits import pitchfork as pitchfork
 from .orbits import symmetric as symmetric
 from .orbits import zones as zones
 from .orbits.atlas import atlas as atlas
+from .orbits.atlas import zones_many as zones_many
 from .orbits.constructors import shooting as shooting
 from .orbits.multibreathers import multibreather as multibreather
 from .orbits.multibreathers import multibreathers as multibreathers
-from .orbits.zones_many import zones_many as zones_many
 from .plotting import plot as plot
 from .plotting import save_figure as save_figure
 from .runs import Run as Run

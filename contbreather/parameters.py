@@ -141,11 +141,13 @@ def parameter(name: str, value: object, **range_: Any) -> float:
     >>> parameter("k", 1), parameter("damping", 0.5, high=1e4)
     (1.0, 0.5)
     """
-    from .checks import real, shown
-
     declared = NUMBERS[name] if name in NUMBERS else SMOOTH[name]
     if range_:
         declared = replace(declared, **range_)
+    if type(value) is float and declared.holds(value):  # most are, and are asked for often
+        return value
+    from .checks import real, shown
+
     number = real(value)
     if declared.holds(number):
         return number

@@ -534,7 +534,7 @@ def test_zones_of_several_values_are_shared_out_in_order(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To whoever computes many pieces of work, no executor being named: all cores."""
-    module, asked = import_module("contbreather.orbits.zones_many"), dict[str, Any]()
+    module, asked = import_module("contbreather.orbits.atlas"), dict[str, Any]()
 
     def here(work: Any, items: Any, **more: Any) -> Any:
         asked.update(more)

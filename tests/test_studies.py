@@ -19,8 +19,8 @@ import pytest
 import xarray
 
 import contbreather as cb
+from contbreather.orbits.atlas import Slice
 from contbreather.orbits.start_search import window_of
-from contbreather.orbits.zones_many import Slice
 from contbreather.studies import Report, cluster, plan, read, tasks
 from contbreather.studies import run as conduct
 from contbreather.studies.tasks import Worker, tasks_of

@@ -255,7 +255,6 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
     "name",
     [
         "workers",
-        "orbits.zones_many",
         "orbits.atlas",
         "plotting.zones",
         "studies.run",

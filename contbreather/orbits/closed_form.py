@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from contbreather.continuation import Event, Locus, Point, Problem
+from contbreather.continuation import Locus, Point, Problem
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import (
@@ -142,6 +142,8 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = breather.representation
     forcing, lattice = motion.forcing, breather.lattice
+    if isinstance(lattice, Ring):
+        check_threshold(threshold)  # there NS is by the paper's rule
     closure = Closure(forcing, lattice)
     return orbit_problem(
         "symmetric breather",
@@ -154,7 +156,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
-        events=events_on(lattice, threshold),
+        events=(saddle_node(), *events_of(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=_domain(breather),
         label=f"symmetric breather{on_ring(lattice, threshold)}",
@@ -218,10 +220,3 @@ def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
         "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
         "spring": (0.0, stiffest),  # spring + 4 gamma < 1
     }
-
-
-def events_on(lattice: Lattice, threshold: float = THRESHOLD) -> tuple[Event, ...]:
-    """All events of a symmetric breather; on a ring Neimark-Sacker by the paper's rule."""
-    if isinstance(lattice, Ring):
-        check_threshold(threshold)
-    return (saddle_node(), *events_of(HALF, lattice, threshold))

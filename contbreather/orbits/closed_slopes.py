@@ -3,7 +3,7 @@
 Everything that can happen to it has a closed form, so each defining system has exact derivatives:
 one scalar for a fold and for a pitchfork, two equations and the unknown angle for a complex pair,
 two and the unknown time for a site that grazes. All but those with springs, and of rings, are known
-to the compiled steps besides (`contbreather.orbits.closed_loops`).
+to the compiled steps besides (`contbreather.orbits.closure_kernels`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Lattice
 from contbreather.lattice.free_flight import response_weights
-from contbreather.orbits import closed_loops, pair_loops
+from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.site_motion import phase
@@ -30,10 +30,6 @@ from contbreather.orbits.symmetric_breather import SymmetricBreather, flight_slo
 from contbreather.stability.arc import arc_table
 
 Array = NDArray[np.float64]
-
-# As k -> 1 the angle of a Neimark-Sacker point tends to the edge of the band like (1 - k)^2, and at
-# k = 1 there are none: within rounding of the edge the curve cannot be followed.
-ELASTIC = 1.0 - 1e-5
 
 
 def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
@@ -164,10 +160,8 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
 
 
-FOLD = Scalar(_fold, _fold_slope, closed_loops.fold, closed_loops.fold_slopes)
-PITCHFORK = Scalar(
-    _pitchfork, _pitchfork_slope, closed_loops.pitchfork, closed_loops.pitchfork_slopes
-)
+FOLD = Scalar(_fold, _fold_slope, kernels.fold, kernels.fold_slopes)
+PITCHFORK = Scalar(_pitchfork, _pitchfork_slope, kernels.pitchfork, kernels.pitchfork_slopes)
 
 
 # --- a pair on a circle -------------------------------------------------------------------------
@@ -201,18 +195,18 @@ def _b_slope(breather: SymmetricBreather, name: str) -> float:
 
 def _with_pair(lattice: Lattice, closure: Loops, n: int) -> Loops | None:
     """The closure with both equations of a pair."""
-    scratch = pair_loops.TABLE - pair_loops.ETA
-    # in the order of `pair_loops`, from ETA to MEAN_OF_ETA
+    scratch = kernels.TABLE - kernels.ETA
+    # in the order of `closure_kernels`, from ETA to MEAN_OF_ETA
     more = [*np.zeros(scratch), *arc_table(), *lattice.expansion("eta")]
-    return _lengthened(closure, pair_loops.pair, pair_loops.pair_slopes, more)
+    return _lengthened(closure, kernels.pair, kernels.pair_slopes, more)
 
 
 def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float]) -> Loops | None:
     """The closure with one more unknown and two more equations, which ask for more from `MORE` on;
     None where a forcing has so many harmonics that these reach there."""
-    room = pair_loops.MORE - len(closure.data)
+    room = kernels.MORE - len(closure.data)
     data = [*closure.data, *room * [0.0], *map(float, more)]
-    data[closed_loops.UNKNOWNS] = 1.0
+    data[kernels.UNKNOWNS] = 1.0
     return Loops(evaluate, derive, tuple(data)) if room >= 0 else None
 
 
@@ -247,8 +241,8 @@ def _with_contact(
     """The closure with a contact on the infinite chain."""
     if lattice.sites is not None:
         return None
-    room = [0.0] * (pair_loops.MOMENTS - pair_loops.OWN)
+    room = [0.0] * (kernels.MOMENTS - kernels.OWN)
     weights = response_weights().ravel()
-    # in the order of `pair_loops`, from WALL to MOTION
+    # in the order of `closure_kernels`, from WALL to MOTION
     more = [wall, distance, *room, *lattice.moments(distance), *weights, *6 * [0.0]]
-    return _lengthened(closure, pair_loops.contact, pair_loops.contact_slopes, more)
+    return _lengthened(closure, kernels.contact, kernels.contact_slopes, more)

@@ -10,9 +10,10 @@ response at unit amplitude and ``q = (1 - k)/(1 + k)``
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,8 @@ from contbreather.lattice import (
 )
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Series
-from contbreather.orbits import closed_loops
-from contbreather.orbits.closed_loops import FIRST, GAMMA, A, K
+from contbreather.orbits import closure_kernels
+from contbreather.orbits.closure_kernels import FIRST, GAMMA, A, K
 from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
@@ -60,9 +61,6 @@ class Closure:
 
     forcing: Forcing = field(default_factory=Harmonic)
     lattice: Lattice = field(default_factory=InfiniteChain)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_own", tuple(self.forcing.params.items()))
 
     @property
     def params(self) -> tuple[str, ...]:
@@ -114,8 +112,39 @@ class Closure:
         f = self.forcing.at(**{name: params[name] for name in defaults if name in params})
         freed = [float(entry) for name in names for entry in places[name]]
         values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
-        data = pack(len(names), freed, values, f.harmonics, self.lattice)
-        return Loops(closed_loops.closure, closed_loops.closure_slopes, data)
+        on, gamma = self.lattice, values[1]
+        means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+        flat = [entry for harmonic in f.harmonics for entry in harmonic]
+        # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
+        head = [len(names), *freed, *(4 - 2 * len(names)) * [0.0], *values, *means, *4 * [0.0]]
+        head += [len(f.harmonics), FIRST + len(flat), 0]
+        data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
+        return Loops(closure_kernels.closure, closure_kernels.closure_slopes, data)
+
+    def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
+        """Solutions with given phases, a free: a row p, phi, a for each."""
+        series, q = self._without_momentum(params)
+        # for each phi (11) is linear in p/a and 1/a
+        a = q / series.at(phi, 0)
+        return np.column_stack([a * self.forcing.df(phi) / q, phi, a])
+
+    def upper_phases(
+        self, params: Mapping[str, float], largest: float
+    ) -> Iterator[tuple[float, float]]:
+        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or a
+        fold below that, on."""
+        series, q = self._without_momentum(params)
+        crests, level = _crests(series), q / largest
+        for start, end in pairwise([crests[-1] - 2.0 * math.pi, *crests]):
+            if series.at(end, 0) > max(level, series.at(start, 0)):
+                rises = series.at(start, 0) < level
+                yield (_crossing(series, level, start, end) if rises else start), end
+
+    def _without_momentum(self, params: Mapping[str, float]) -> tuple[Series, float]:
+        """``chi f' + q f`` and q."""
+        chi = sprung(self.lattice, self.forcing).chi(params["gamma"])
+        q = restitution_ratio(params["k"])
+        return _reduced(self.forcing, chi, q), q
 
     def _unpack(
         self, x: FloatArray, params: Mapping[str, float]
@@ -127,13 +156,7 @@ class Closure:
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
         if not 0.0 <= gamma < 0.25:
             self.lattice.check(gamma)  # says it
-        defaults = self._own  # type: ignore[attr-defined]
-        if not defaults:
-            return p, phi, a, gamma, k, self.forcing
-        values = tuple([(name, params.get(name, value)) for name, value in defaults])
-        if values == defaults:
-            return p, phi, a, gamma, k, self.forcing
-        return p, phi, a, gamma, k, forcing_with(self.forcing, values)
+        return p, phi, a, gamma, k, forcing_at(self.forcing, params)
 
 
 def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
@@ -147,25 +170,20 @@ def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
     }
 
 
-def pack(
-    freed: int, places: list[float], values: list[float], harmonics: Any, on: Lattice
-) -> tuple[float, ...]:
-    """The data of `closed_loops`."""
-    places, gamma = [*places, *(4 - 2 * freed) * [0.0]], values[1]
-    means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
-    flat = [entry for harmonic in harmonics for entry in harmonic]
-    # in the order of `closed_loops`; f and its derivatives are filled in at each phi
-    head = [freed, *places, *values, *means, *4 * [0.0], len(harmonics), FIRST + len(flat), 0]
-    return tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
-
-
 def sprung(lattice: Any, forcing: Forcing) -> Any:
     """The lattice, with springs to the ground where the forced response has them."""
     return lattice.with_spring(forcing.spring) if isinstance(forcing, SpringResponse) else lattice
 
 
+def forcing_at(forcing: Forcing, params: Mapping[str, float]) -> Forcing:
+    """The forcing with its own parameters taken from ``params`` where they are named there."""
+    defaults = tuple(forcing.params.items())
+    values = tuple([(name, params.get(name, value)) for name, value in defaults])
+    return forcing if values == defaults else _forcing_with(forcing, values)
+
+
 @lru_cache(maxsize=256)
-def forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
+def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Forcing:
     """The forcing with these values; kept, for residual, Jacobian and sensitivities ask for the
     same few in turn."""
     return forcing.at(**dict(values))
@@ -280,16 +298,16 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
 
 
 def _crossing(series: Series, level: float, left: float, right: float) -> float:
-    from scipy.optimize import brentq  # dear to import
-
-    def above(phi: float) -> float:
-        return float(series.at(phi, 0)) - level
-
-    x = float(brentq(above, left, right, xtol=1e-14, rtol=4.0 * EPS))
-    # one Newton step from where brentq ends; next to a double root it would go astray
-    steepness = series.at(x, 1)
-    step = above(x) / steepness if steepness else 0.0
-    return x - step if abs(step) < 1e-9 else x
+    """Where a series passes a level between two of its neighbouring extrema."""
+    rises = series.at(right, 0) > series.at(left, 0)
+    # by bisection, as scipy.optimize is dear to import
+    while right - left > 1e-14 * (1.0 + abs(right)):
+        x = 0.5 * (left + right)
+        left, right = (left, x) if (series.at(x, 0) > level) == rises else (x, right)
+    # and one Newton step; next to a double root it would go astray
+    steepness = series.at(right, 1)
+    step = (series.at(right, 0) - level) / steepness if steepness else 0.0
+    return right - step if abs(step) < 1e-9 else right
 
 
 def _reduced(forcing: Forcing, chi: float, q: float) -> Series:

@@ -222,19 +222,17 @@ def other_contacts(
         if opposite[MARGIN] < math.inf and not (mirrored and abs(opposite[MARGIN]) < MIRRORED):
             crests.append(Clearance(opposite[MARGIN], site, within_a_period(orbit, opposite[WHEN])))
         gaps = crests + gaps
-    return [
-        gap._replace(margin=_told_apart(gap.margin, orbit.influence(site, gap.site)))
-        for gap in gaps
-    ]
+    told = []
+    for gap in gaps:
+        size = orbit.influence(site, gap.site)
+        margin = 1.0 if size < TELLING else gap.margin / (abs(gap.margin) + size)
+        told.append(gap._replace(margin=margin))
+    return told
 
 
 def closest_other(orbit: SiteMotion, site: int, t: float, *, mirrored: bool = False) -> Clearance:
     """The one of `other_contacts` with the least margin."""
     return least(other_contacts(orbit, site, t, mirrored=mirrored))
-
-
-def _told_apart(margin: float, size: float) -> float:
-    return 1.0 if size < TELLING else margin / (abs(margin) + size)
 
 
 # --- an impact that vanishes ----------------------------------------------------------------------

@@ -30,8 +30,8 @@ from contbreather.errors import BadInput
 from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.free_flight import MEETINGS
-from contbreather.lattice.periodic_green import periodic_green, responses
-from contbreather.orbits.closure import forcing_with
+from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
+from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import (
     Section,
     check_both_walls,
@@ -219,16 +219,147 @@ class OrbitEquations:
         return a, gamma, k, forcing_at(self.forcing, params)
 
 
-def forcing_at(forcing: Forcing, params: Params) -> Forcing:
-    """The forcing with its own parameters taken from ``params`` where they are named there."""
-    defaults = forcing.params
-    if not defaults:
-        return forcing
-    values = tuple((name, float(params.get(name, value))) for name, value in defaults.items())
-    return forcing if values == tuple(defaults.items()) else forcing_with(forcing, values)
-
-
 @lru_cache(maxsize=256)
 def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitEquations:
     """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
     return OrbitEquations(section, forcing, lattice)
+
+
+# --- two impacts of one site ----------------------------------------------------------------------
+
+NAMES = ("p", "t1", "t2", "c")
+
+
+@dataclass(frozen=True)
+class AsymmetricEquations:
+    """Asymmetric breathers: one site hits both walls once in 2 pi, after flights of unequal length.
+
+    Two impacts of the general problem, on the wall +1 at t1 with the impulse -2p and on -1 at t2
+    with +2p, ``x = (p, t1, t2, c)``. With ``s2 = t2 - pi``, ``delta = s2 - t1`` (0 for a symmetric
+    breather) and h the periodic Green's function as a function of the time ``delta`` off mid
+    period, sums and differences of its equations are
+
+        ``a [f(t1) + f(s2)]/2 + 2p [h(delta) - h(pi)] = 1``,
+        ``a [f'(t1) + f'(s2)]/2 = p q``,
+        ``a [f'(s2) - f'(t1)] + 4p h'(delta) = 0``,
+        ``c = a [f(s2) - f(t1)]/2``.
+
+    The third holds for every symmetric breather. We divide it by delta, exactly at delta = 0 too:
+    what is left has asymmetric breathers for solutions and no others, and their pitchfork is an
+    ordinary point of their branch, where the branch turns back in its parameter and both arms meet.
+
+    Examples
+    --------
+    >>> x = np.array([1.093139, -3.284360, 0.453958, 0.037354])
+    >>> off = AsymmetricEquations().residual(x, {"a": 0.82, "gamma": 0.04, "k": 0.8})
+    >>> bool(abs(off).max() < 1e-5)
+    True
+    """
+
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Lattice = field(default_factory=InfiniteChain)
+
+    def residual(self, x: FloatArray, params: Params) -> FloatArray:
+        """All equations, shape (4,)."""
+        at = self._at(x, params)
+        return np.array(
+            (
+                # h is h(delta) - h(pi); ratio and pull are f'(s2) - f'(t1) and h'(delta), per delta
+                0.5 * at.a * (at.f1 + at.f2) + 2.0 * at.p * at.h - 1.0,
+                0.5 * at.a * (at.df1 + at.df2) - at.p * at.q,
+                at.a * at.ratio + 4.0 * at.p * at.pull,
+                at.c - 0.5 * at.a * (at.f2 - at.f1),
+            )
+        )
+
+    def jacobian(self, x: FloatArray, params: Params) -> FloatArray:
+        """Derivatives with respect to (p, t1, t2, c), shape (4, 4)."""
+        at = self._at(x, params)
+        a, f = at.a, at.forcing
+        # delta = s2 - t1: t1 moves it by -1, t2 by 1, and either the middle of both by 1/2
+        h, pull = 2.0 * at.p * at.h_slope, 4.0 * at.p * at.pull_slope
+        middle, across = 0.5 * a * at.ratio_middle, a * at.ratio_across
+        return np.array(
+            (
+                (2.0 * at.h, 0.5 * a * at.df1 - h, 0.5 * a * at.df2 + h, 0.0),
+                (-at.q, 0.5 * a * f.d2f(at.t1), 0.5 * a * f.d2f(at.s2), 0.0),
+                (4.0 * at.pull, middle - across - pull, middle + across + pull, 0.0),
+                (0.0, 0.5 * a * at.df1, -0.5 * a * at.df2, 1.0),
+            )
+        )
+
+    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:
+        """Derivatives with respect to the parameter ``name``, shape (4,)."""
+        at = self._at(x, params)
+        if name == "a":
+            means = 0.5 * (at.f1 + at.f2), 0.5 * (at.df1 + at.df2)
+            return np.array((*means, at.ratio, -0.5 * (at.f2 - at.f1)))
+        if name == "gamma":
+            slope = wave_slope(self.lattice, at.gamma, 0)
+            h = slope.about(at.delta)[0] - slope.about(math.pi)[0]
+            pull = slope.slope_ratio(at.delta)[0]
+            return np.array((2.0 * at.p * h, 0.0, 4.0 * at.p * pull, 0.0))
+        if name == "k":
+            return np.array((0.0, 2.0 * at.p / (1.0 + at.k) ** 2, 0.0, 0.0))
+        if name not in self.forcing.params:
+            have = ", ".join(("a", "gamma", "k", *self.forcing.params))
+            raise BadInput(f"unknown parameter {name!r}: this breather has {have}.")
+
+        def change(t: float, order: int) -> float:
+            return at.a * at.forcing.f_param(name, t, order)
+
+        f1, f2, df1, df2 = (change(t, order) for order in (0, 1) for t in (at.t1, at.s2))
+        # the quotient rounds to EPS/delta, 2e-13 at this bound; what is left out below it is of the
+        # size delta^4/1920, 5e-16
+        if abs(at.delta) > 1e-3:
+            ratio = (df2 - df1) / at.delta
+        else:  # to order delta^4
+            middle = 0.5 * (at.t1 + at.s2)
+            ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
+        return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
+
+    def _at(self, x: FloatArray, params: Params) -> _Place:
+        return _Place(self.forcing, self.lattice, x, params)
+
+
+class _Place:
+    """All that the equations are made of, at one point."""
+
+    def __init__(self, forcing: Forcing, lattice: Lattice, x: FloatArray, params: Params) -> None:
+        self.p, self.t1, t2, self.c = (float(value) for value in x)
+        self.s2 = t2 - math.pi
+        self.delta = self.s2 - self.t1
+        self.a, self.gamma, self.k = (float(params[name]) for name in ("a", "gamma", "k"))
+        if not math.isfinite(self.a + self.p + self.delta + self.t1 + self.c):
+            raise BadInput(f"a = {self.a}, x = {x}: the breather needs finite numbers.")
+        self.q = restitution_ratio(self.k)
+        if not -math.pi < self.delta < math.pi:
+            raise BadInput(
+                f"t1 = {self.t1:.6g}, t2 = {t2:.6g}: the impact on -1 must follow the one on +1 "
+                "within a period, t1 < t2 < t1 + 2 pi."
+            )
+        f = self.forcing = forcing_at(forcing, params)
+        self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
+        self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
+        # times off mid period: delta since the impact on the other wall, pi since the site's own
+        answer = periodic_green(lattice, self.gamma, 0)
+        value, self.h_slope, _, _ = answer.about(self.delta)
+        self.h = value - answer.about(math.pi)[0]
+        self.pull, self.pull_slope = answer.slope_ratio(self.delta)
+        self.ratio, self.ratio_middle, self.ratio_across = divided(f, self.t1, self.s2)
+
+
+def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float]:
+    """``[f'(t2) - f'(t1)]/(t2 - t1)``, smooth where both times meet; and its derivatives in their
+    middle at fixed distance, and in the distance at fixed middle."""
+    middle, half = 0.5 * (t1 + t2), 0.5 * (t2 - t1)
+    value = slope = across = 0.0
+    for m, A, B in forcing.harmonics:
+        # f'(t2) - f'(t1) = -2 m sin(m half) (A c + B s): the sinc is its quotient, at half = 0 too
+        c, s = math.cos(m * middle), math.sin(m * middle)
+        share, change = sinc(m * half)
+        even, odd = A * c + B * s, B * c - A * s
+        value -= m * m * share * even
+        slope -= m**3 * share * odd
+        across -= 0.5 * m**3 * change * even
+    return value, slope, across

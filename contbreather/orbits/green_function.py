@@ -21,11 +21,16 @@ from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green, wave_slope
-from contbreather.orbits.asymmetric import NAMES, AsymmetricEquations
 from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
-from contbreather.orbits.green_equations import OrbitEquations, Params, equations_of
+from contbreather.orbits.green_equations import (
+    NAMES,
+    AsymmetricEquations,
+    OrbitEquations,
+    Params,
+    equations_of,
+)
 from contbreather.orbits.on_circle import OnCircle, by_differences, off_the_edge
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_of
@@ -197,12 +202,10 @@ class GreensFunction:
     def map(self) -> OrbitMap | ModalMap:
         """The map of small perturbations over one period, of a ring by its modes."""
         on, first, T = self.conditions, self.impacts[0].time, self.section.period
-        _, impulses, _ = self.equations.split(self.x)
-        b = -((1.0 + on.k) ** 2) * self.accelerations / impulses  # (19), u' = -J/(1 + k)
         # all within one period from the first one on
         kicks = [
             Saltation(impact.site, first + (impact.time - first) % T, entry)
-            for impact, entry in zip(self.impacts, b.tolist(), strict=True)
+            for impact, entry in zip(self.impacts, Orbit(self).entries.tolist(), strict=True)
         ]
         kicks.sort(key=lambda kick: kick.time)
         if on.lattice.sites is not None:

@@ -55,9 +55,7 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     (site, _) = section.impacts[0]
     check_walls(section, on)
     width = on.walls.position(site, 1)  # everything scales with it
-    rest = _at_rest(section, on)
-    q, r = _answer(rest)
-    chi, loss, forced = _closure(rest, q, r)
+    q, r, chi, loss, forced = _closure(section, on)
     roots = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
     if not roots:
         weak = "is too weak to bring it to its walls; take a larger a."
@@ -86,30 +84,28 @@ def family_of(orbit: Orbit) -> str:
     if not isinstance(orbit.representation, ExactModes):
         family: str = orbit.representation.family
         return family
-    rest = _at_rest(orbit.section, orbit.conditions)
-    chi, loss, forced = _closure(rest, *_answer(rest))
+    *_, chi, loss, forced = _closure(orbit.section, orbit.conditions)
     assert forced is not None
     phi = orbit.times[0]
     turn = chi * forced.d2f(phi) + loss * forced.df(phi)  # det of the closure, over -a
     return "upper" if turn >= 0.0 else "lower"
 
 
-def _at_rest(section: Section, on: Conditions) -> ExactModes:
-    """The lattice in its forced motion alone."""
+def _closure(
+    section: Section, on: Conditions
+) -> tuple[FloatArray, FloatArray, float, float, Forcing | None]:
+    """State of each mode before a unit impulse, chi, q + 2 delta and f of the closure; no f where
+    nothing moves the site."""
     still = np.zeros(on.lattice.basis(section.hit).lam.size)
-    return ExactModes(section, np.zeros(1), still, still, on)
-
-
-def _closure(rest: ExactModes, q: FloatArray, r: FloatArray) -> tuple[float, float, Forcing | None]:
-    """chi, q + 2 delta and f of the closure; no f where nothing moves the site."""
-    e, on, (site, _) = rest.shapes[0], rest.conditions, rest.section.impacts[0]
+    rest = ExactModes(section, np.zeros(1), still, still, on)  # in its forced motion alone
+    (q, r), e, (site, _) = _answer(rest), rest.shapes[0], section.impacts[0]
     # per unit p, J = -2p; without damping r is -1/2 before and 1/2 after a unit impulse
     chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
     series = rest.forced.harmonics(site)
     moved = any(A or B for _, A, B in series)
     cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}
     forced = Fourier.from_response(cos, sin) if moved else None
-    return chi, restitution_ratio(on.k) + 2.0 * excess, forced
+    return q, r, chi, restitution_ratio(on.k) + 2.0 * excess, forced
 
 
 def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:

@@ -119,13 +119,6 @@ def _is_blurred(map: Any) -> bool:
     return isinstance(map, ModalMap) and map.rounding > BLURRED
 
 
-def _drifts(mu: float, orbit: Orbit) -> bool:
-    """Whether idle sites, held by their neighbours alone, have this multiplier without coupling,
-    wherever they are."""
-    modal = mu > 0.0 and isinstance(orbit.map, ModalMap)
-    return modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
-
-
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
     map = solution_at(point).map
@@ -136,7 +129,10 @@ def _real_locus(mu: float, point: Point) -> Locus:
     orbit = solution_at(point)
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
-    return replace(locus, domain={"gamma": (WEAK, math.inf)}) if _drifts(mu, orbit) else locus
+    # idle sites held by their neighbours alone have this multiplier without coupling, wherever
+    modal = mu > 0.0 and isinstance(orbit.map, ModalMap)
+    drifts = modal and orbit.lattice.sites > 1 and orbit.spring < WEAK
+    return replace(locus, domain={"gamma": (WEAK, math.inf)}) if drifts else locus
 
 
 def _examine_real(mu: float, point: Point) -> Examined:

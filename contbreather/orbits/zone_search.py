@@ -1,14 +1,16 @@
 """Where the curves of a zone diagram are found, without a seed.
 
-Branches in one parameter are traced at a comb of values of the other; each event on them that lies
-on no curve known so far is traced as a boundary, to the ends of the region where breathers exist.
+All admissible breathers at a comb of values of one parameter are looked through, in closed form or
+along branches in the other; each event among them that lies on no curve known so far is traced as a
+boundary, to the ends of the region where breathers exist.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -27,8 +29,10 @@ from contbreather.continuation import (
 )
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo
-from contbreather.errors import BadInput, add_partial_result
+from contbreather.errors import BadInput, NoSolution, add_partial_result
+from contbreather.orbits.breathers_along import Piece, Row, rows
 from contbreather.orbits.closure import folds
+from contbreather.orbits.constructors import symmetric_roots
 from contbreather.orbits.one_site import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
@@ -53,6 +57,7 @@ PASSED = 3e-3  # a breather this close to a traced branch is one of it; chords o
 NEXT = (0.999, 1.001)  # next to a fold, as parts of its amplitude
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
+BEYOND = 1.02  # how far, relative to where the far field grazes, amplitudes are looked at
 BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
 
 
@@ -94,13 +99,18 @@ class Search:
     def run(self, shown: Counter) -> None:
         scans = [self._scan(x, shown) for x in _comb(self.pair[0], self.within)]
         if not any(scans):
+            searched = " and ".join(
+                f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
+                for name, (low, high) in self.within.items()
+            )
             raise BadInput(
-                f"no breather at {self.name} = {self.value:g} for {self._searched()}; "
+                f"no breather at {self.name} = {self.value:g} for {searched}; "
                 "widen the window, or choose another value"
             )
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
-        met = [point[self.pair[0]] for point in self._unexplained()]
+        ends = [p for branches in self.curves.values() for b in branches for p in b.special]
+        met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._known(p)]
         beside = [x + step for x in met for step in (-BESIDE, BESIDE)]
         between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
@@ -108,23 +118,53 @@ class Search:
             if low <= x <= high:
                 self._scan(x, shown)
 
-    def _searched(self) -> str:
-        """The windows as words."""
-        return " and ".join(
-            f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"
-            for name, (low, high) in self.within.items()
-        )
-
     def _scan(self, x: float, shown: Counter) -> bool:
-        """Trace branches at one value of the first parameter, and every new event on them."""
-        any_branch = False
-        for branch in self._branches(x, shown):
-            any_branch = True
-            for point in branch.special:
-                if point.kind in KINDS and point.located and self._begins(point):
-                    self._follow(point, shown)
-                    self.kept.look(True, self.so_far)
-        return any_branch
+        """Follow every new event of the admissible breathers at one value of the first parameter:
+        by closed forms of all of them, or along branches."""
+        free = self.pair[1]
+        starts = [*_comb(free, self.within), *self._next_to_folds(x)]
+        passed: list[Branch | Mapping[str, Array]] = []
+        closed = self._rows(x)
+        if closed is not None:
+            known, least = partial(self._is_known, x), self.within[free][0]
+            pieces = [piece for row in closed for piece in row.pieces(least, known)]
+            pieces.sort(key=partial(_first_of, starts))
+            for piece in pieces:
+                if piece.new is not None:
+                    passed.append(dict(zip(("p", "phi", "a"), piece.z.T, strict=True)))
+                    self._follow_all(piece.new, shown)
+            walked = [piece for piece in pieces if piece.new is None]
+            starts = [y for y in starts if any(p.low <= y <= p.high for p in walked)]
+        for branch in self._branches(x, starts, passed, shown):
+            passed.append(branch)
+            self._follow_all(branch.special, shown)
+        return bool(passed)
+
+    def _follow_all(self, points: Iterable[Point], shown: Counter) -> None:
+        for point in points:
+            if point.kind in KINDS and point.located and self._begins(point):
+                self._follow(point, shown)
+                self.kept.look(True, self.so_far)
+
+    def _rows(self, x: float) -> list[Row] | None:
+        """All upper breathers at one value of the first parameter, where they have closed forms."""
+        closed = self.pair[1] == "a" and self.model["lattice"].sites is None
+        if not closed or self.past_folds:
+            return None
+        # beyond there the far field is behind its walls
+        largest = min(self.within["a"][1], BEYOND / self.model["forcing"].peak())
+        at = {self.name: self.value, self.pair[0]: x}
+        try:
+            breather, *_ = symmetric_roots(largest, at["gamma"], at["k"], **self.model)
+        except NoSolution:
+            return []
+        problem = self._problem(breather)
+        return rows(problem, self.events or (), largest)
+
+    def _is_known(self, x: float, event: Event, z: Array) -> bool:
+        place = dict(zip(("p", "phi", "a"), z.tolist(), strict=True)) | {self.pair[0]: x}
+        names = (*self.pair, "p", "phi")
+        return any(_on_curve(b, place, names, SAME) for b in self.curves[event.kind])
 
     def _begins(self, point: Point) -> bool:
         """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
@@ -134,11 +174,6 @@ class Search:
         least, _ = point.event.locus(point.ground).domain.get("gamma", (0.0, math.inf))
         # where gamma is fixed at 0 there is nothing beside: `boundary` refuses it
         return bool(point["gamma"] >= least) or self.name == "gamma"
-
-    def _unexplained(self) -> list[Point]:
-        """Meetings with a curve that was not traced."""
-        branches = [branch for kind in KINDS for branch in self.curves[kind]]
-        return [p for b in branches for p in b.special if is_meeting(p) and not self._known(p)]
 
     def _known(self, point: Point, but: Branch | None = None) -> bool:
         names = (*self.pair, *self._apart(point.curve.problem))
@@ -163,18 +198,20 @@ class Search:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
 
-    def _branches(self, x: float, shown: Counter) -> Iterator[Branch]:
-        """Branches of admissible breathers in the second parameter, at one value of the first."""
+    def _branches(
+        self, x: float, starts: Sequence[float], passed: Sequence[Any], shown: Counter
+    ) -> Iterator[Branch]:
+        """Branches of admissible breathers in the second parameter, at one value of the first, from
+        where it has one of several values, but for those that were passed."""
         free = self.pair[1]
-        traced: list[Branch] = []
-        for y in (*_comb(free, self.within), *self._next_to_folds(x)):
+        for y in starts:
             for breather in self._breathers(x, y):
                 problem, phi = self._problem(breather), breather.phi
                 place = {free: y, "p": breather.p, "phi": phi, "t1": phi}
                 names = (free, *self._apart(problem))
-                if any(_on_curve(b, place, names, PASSED) for b in traced):
+                if any(_on_curve(b, place, names, PASSED) for b in passed):
                     continue
-                branch = trace(
+                yield trace(
                     problem,
                     free,
                     within={free: self.within[free]},
@@ -182,8 +219,6 @@ class Search:
                     steps=Steps(first=0.02, largest=0.1),
                     progress=shown,
                 )
-                traced.append(branch)
-                yield branch
 
     def _next_to_folds(self, x: float) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
@@ -221,6 +256,13 @@ class Search:
             pieced = any(end.kind == JOINT for end in branch.special)
             curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
             waiting += [(end, branch) for end in branch.special if _leads_on(end)]
+
+
+def _first_of(starts: Sequence[float], piece: Piece) -> tuple[int, float]:
+    """Where a walk from each start in turn comes to a piece of a row, the largest p first."""
+    reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
+    first = next(reached, len(starts) - 1)
+    return first, -float(piece.z[abs(piece.z[:, 2] - starts[first]).argmin(), 0])
 
 
 def _leads_on(point: Point) -> bool:

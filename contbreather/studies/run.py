@@ -13,8 +13,7 @@ from typing import Any
 
 from contbreather.continuation import Branch
 from contbreather.errors import BadInput, ContbreatherError, partial_result
-from contbreather.orbits.atlas import save_atlas, surfaces
-from contbreather.orbits.zones_many import slices_of
+from contbreather.orbits.atlas import save_atlas, slices_of, surfaces
 from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
 from contbreather.runs import Run, load
 from contbreather.studies.schema import Figure, Study, part

@@ -16,8 +16,8 @@ from contbreather.continuation import Branch, Point, Steps, boundary, trace
 from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import named, write_whole
+from contbreather.orbits.atlas import Slice, drawn
 from contbreather.orbits.start_search import find_symmetric, problem_with
-from contbreather.orbits.zones_many import Slice, drawn
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
 from contbreather.studies.schema import Chain, FromPoint, Study, part

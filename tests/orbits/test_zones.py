@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ import shapely
 
 import contbreather as cb
 from contbreather.orbits.closure import smallest_amplitude
+from contbreather.orbits.one_site import family_of
 from contbreather.orbits.regions import regions
+from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import neimark_sacker, unstable_count
 from tests.campaigns import existence
 
@@ -305,23 +309,56 @@ def test_zones_of_another_forcing() -> None:
     assert diagram.curves["GR"]
 
 
-def test_work_is_bounded() -> None:
-    """Residual calls for a whole diagram, not seconds."""
-    calls = 0
-    closure = type(cb.symmetric(0.5, 0.1, 0.8).problem.residual.__self__)
-    plain = closure.residual
+def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Breathers that are made for a whole diagram, not seconds."""
+    made = Counter[str]()
+    check = SymmetricBreather.__post_init__
 
-    def counted(self: object, *args: object) -> object:
-        nonlocal calls
-        calls += 1
-        return plain(self, *args)
+    def counted(breather: SymmetricBreather) -> None:
+        made["breathers"] += 1
+        check(breather)
 
-    closure.residual = counted
-    try:
-        cb.zones(k=0.6)
-    finally:
-        closure.residual = plain
-    assert calls < 12000
+    monkeypatch.setattr(SymmetricBreather, "__post_init__", counted)
+    cb.zones(k=0.6)
+    assert made["breathers"] < 500
+
+
+@pytest.mark.parametrize(
+    "plane",
+    [{"k": 0.05}, {"k": 0.8, "forcing": WELLS, "within": {"gamma": (0.0, 0.04)}}],
+)
+def test_rows_in_closed_form_show_what_walks_along_them_do(plane: dict[str, Any]) -> None:
+    rows, walks = cb.zones(**plane), cb.zones(**plane, past_folds=True)  # which are walked along
+    for kind, lines in rows.curves.items():
+        assert len(lines) == len(walks.curves[kind])
+        nodes = [np.column_stack([line[name] for name in rows.pair]) for line in walks.curves[kind]]
+        for line in lines:
+            points = shapely.points(*(line[name] for name in rows.pair))
+            # to their chords; walks go on behind the fold
+            assert shapely.distance(points, shapely.MultiLineString(nodes)).max() < 1e-3
+
+
+@pytest.mark.parametrize(("k", "c3", "curves"), [(0.678213865, -0.61, 2), (0.967845122, -0.59, 1)])
+def test_a_pair_that_leaves_at_a_fold_is_followed_before_it_alone(
+    k: float, c3: float, curves: int
+) -> None:
+    diagram = cb.zones(k=k, forcing=cb.Fourier(cos={1: -1.0, 3: c3}))
+    lines = diagram.curves["NS"]
+    assert len(lines) == curves
+    inner = [point.solution for line in lines for point in line[5:-5:10]]
+    assert {family_of(orbit) for orbit in inner} == {"upper"}
+
+
+def test_a_curve_knows_the_point_that_it_set_out_from_as_one_of_a_branch_does() -> None:
+    origin = zones(0.8).curves["PF"][0].origin
+    place = {name: origin[name] for name in ("a", "gamma", "k")}
+    window = {"a": (place["a"] - 0.1, place["a"] + 0.1)}
+    known = cb.trace(cb.symmetric(**place), "a", within=window).first("PF")
+    assert (origin.kind, origin.label) == ("PF", "PF1")
+    assert origin.z == pytest.approx(known.z, abs=1e-11)
+    assert origin.tangent == pytest.approx(known.tangent, abs=1e-9)
+    assert origin.detail["criticality"] == known.detail["criticality"]
+    assert origin.detail["coefficient"] == pytest.approx(known.detail["coefficient"], rel=1e-7)
 
 
 # --- interruption ---------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from contbreather.kernels import Kernel
 from contbreather.lattice import free_flight
-from contbreather.orbits import pair_loops
+from contbreather.orbits import closure_kernels
 from contbreather.stability import arc
 from contbreather.stability.characteristic import D
 from contbreather.stability.half_period import HalfMap
@@ -23,8 +23,8 @@ PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0
 
 
 def test_a_flight_has_as_many_powers_compiled_as_not() -> None:
-    assert pair_loops.POWERS == free_flight.POWERS
-    assert pair_loops.TERMS == free_flight.TERMS + 1
+    assert closure_kernels.POWERS == free_flight.POWERS
+    assert closure_kernels.TERMS == free_flight.TERMS + 1
 
 
 @pytest.mark.parametrize("spring", [0.0, 0.3])
