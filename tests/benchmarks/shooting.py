@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from .measure import Row, best_of, span
+from .measure import Row, best_of, span, walked
 from .paper_route import furthest
 
 Array = NDArray[np.float64]
@@ -115,16 +115,7 @@ def branch_row(sites: int, aim: float) -> Row:
         _flown.cache_clear()
         return cb.trace(start, "a", within={"a": (0.5, 0.95)})
 
-    branch = walk()
-    seconds = best_of(walk, clock=time.process_time) / len(branch)
-    return Row(
-        what=f"shooting branch with events, N = {sites}, a point of {len(branch)}",
-        figure=span(seconds),
-        compares_with="-",
-        aim=f"< {aim:g} ms",
-        met=seconds < 1e-3 * aim,
-        note=", ".join(f"{point.label} at {point['a']:.9f}" for point in branch.special),
-    )
+    return walked(f"shooting branch with events, N = {sites}", walk, 1e-3 * aim)
 
 
 def cascade_row() -> Row:
@@ -212,9 +203,3 @@ def shooting_row(sites: int) -> Row:
         met=ratio >= 20.0,
         note=f"states agree to {off:.0e}, multipliers to {apart:.0e}",
     )
-
-
-if __name__ == "__main__":
-    for row in rows():
-        ratio = "" if row.ratio is None else f"; ratio {row.ratio:.0f}"
-        print(f"{row.what}: {row.figure}; {row.compares_with}{ratio}; {row.note}")
