@@ -11,7 +11,9 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from .measure import ONE_THREAD, Absent, Row
 
@@ -21,67 +23,20 @@ os.environ.update(ONE_THREAD)  # before numpy is imported by anything below
 def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:
     """The groups of rows; each is imported only when it is run, so that any can be run alone."""
 
-    def stability() -> list[Row]:
-        from . import stability
-
-        return stability.rows(long)
-
-    def branch() -> list[Row]:
-        from . import branch
-
-        return branch.rows()
-
-    def peers() -> list[Row]:
-        from . import peer_rows
-
-        return peer_rows.rows(peers_python)
-
-    def imports() -> list[Row]:
-        from . import session
-
-        return session.import_rows()
-
-    def zones() -> list[Row]:
-        from . import session
-
-        return [session.zones_row()]
-
-    def first_run() -> list[Row]:
-        from . import session
-
-        return session.first_run_rows()
-
-    def shooting() -> list[Row]:
-        from . import shooting
-
-        return shooting.rows()
-
-    def simulation() -> list[Row]:
-        from . import simulation
-
-        return simulation.rows()
-
-    def large() -> list[Row]:
-        from . import large
-
-        return large.rows()
-
-    def cycles() -> list[Row]:
-        from . import cycles
-
-        return cycles.rows()
+    def of(module: str, name: str = "rows", *given: Any) -> Callable[[], list[Row]]:
+        return lambda: getattr(import_module(f".{module}", __package__), name)(*given)
 
     return {
-        "stability": stability,
-        "branch": branch,
-        "peers": peers,
-        "imports": imports,
-        "zones": zones,
-        "first-run": first_run,
-        "shooting": shooting,
-        "simulation": simulation,
-        "large": large,
-        "cycles": cycles,
+        "stability": of("stability", "rows", long),
+        "branch": of("branch"),
+        "peers": of("peer_rows", "rows", peers_python),
+        "imports": of("session", "import_rows"),
+        "zones": of("session", "zones_rows"),
+        "first-run": of("session", "first_run_rows"),
+        "shooting": of("shooting"),
+        "simulation": of("simulation"),
+        "large": of("large"),
+        "cycles": of("cycles"),
     }
 
 

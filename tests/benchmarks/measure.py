@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+import timeit
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,12 +50,16 @@ def best_of(
     Where one side takes a thousand times as long as the other it is disturbed more often; give
     both the processor's own time, `time.process_time`, if neither has threads or waits.
     """
-    times = []
-    for _ in range(repeat):
-        start = clock()
-        run()
-        times.append(clock() - start)
-    return min(times)
+    return min(timeit.repeat(run, "gc.enable()", clock, repeat, 1))
+
+
+def walked(what: str, walk: Callable[[], Any], aim: float) -> Row:
+    """Processor time that a point of a branch takes, and the special points of the branch."""
+    branch = walk()
+    seconds = best_of(walk, clock=time.process_time) / len(branch)
+    labels = ", ".join(f"{point.label} at a = {point['a']:.9f}" for point in branch.special)
+    what, met = f"{what}, a point of {len(branch)}", seconds < aim
+    return Row(what, span(seconds), "-", aim=f"< {span(aim)}", met=met, note=labels)
 
 
 def each(run: Callable[[Any], Any], fresh: Iterable[Any]) -> float:

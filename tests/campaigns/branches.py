@@ -1,7 +1,7 @@
 """Random branches of symmetric breathers against a scan point by point, from three starts and with
 two step sizes.
 
-    python tests/campaigns/branches.py [branches=50] [seed=0] [first=0]
+    python -m tests.campaigns.branches [branches=50] [seed=0] [first=0]
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,10 +17,7 @@ import contbreather as cb
 from contbreather.errors import ContbreatherError
 from contbreather.stability import unstable_count
 
-BRANCHES = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-SEED = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-FIRST = int(sys.argv[3]) if len(sys.argv) > 3 else 0
-FINE = SMALL = cb.Steps(largest=0.01, most=20000)
+SMALL = cb.Steps(largest=0.01, most=20000)
 WINDOWS = {"a": (1e-3, 1.5), "gamma": (0.0, 0.2499), "k": (0.5, 0.999)}
 
 
@@ -58,27 +56,19 @@ def ends_only():
 
 def scan(start, free):
     """Changes of sign and of counts along a curve of small steps: (kind, value, p) of each."""
-    branch = walked(start, free, ends_only(), FINE)
+    branch = walked(start, free, ends_only(), SMALL)
     rows = []
     for point in branch:
         b = point.solution
-        c2 = (1 + b.k) ** 2
-        count = unstable_count(b.gamma, b.k, b.b)
-        rows.append(
-            (
-                point.tangent[-1] > 0,
-                b.b > 0.5 * c2 * b.lattice.psi(b.gamma),
-                count.pairs,
-                count.certain,
-            )
-        )
-    found = []
-    for one, two, here, there in zip(rows, rows[1:], branch, list(branch)[1:], strict=False):
-        for i, kind in enumerate(("LP", "PF", "NS")):
-            # a pair that changes at an uncertain count is not this scan's to tell
-            if one[i] != two[i]:
-                found.append((kind, here.z, there.z))
-    return branch, found
+        broken = b.b > 0.5 * (1 + b.k) ** 2 * b.lattice.psi(b.gamma)
+        pairs = unstable_count(b.gamma, b.k, b.b).pairs
+        rows.append({"LP": point.tangent[-1] > 0, "PF": broken, "NS": pairs, "z": point.z})
+    return branch, [
+        (kind, one["z"], two["z"])
+        for one, two in pairwise(rows)
+        for kind in ("LP", "PF", "NS")
+        if one[kind] != two[kind]
+    ]
 
 
 def compare(found, branch, wanted, label):
@@ -107,13 +97,13 @@ def compare(found, branch, wanted, label):
     return said
 
 
-def check(rng):
+def check(rng, starts=3):
     start, free = drawn(rng)
     fine, found = scan(start, free)
     wanted = {p.kind for p in (fine[0], fine[-1])}
     said, specials = [], Counter(kind for kind, *_ in found)
     inner = [p for p in fine if not p.kind]
-    for j in range(3):
+    for j in range(starts):
         point = inner[int(rng.integers(len(inner)))].solution if j and inner else start
         for name, steps in (("default", None), ("0.01", SMALL)):
             label = f"start {j}, steps {name}"
@@ -126,10 +116,10 @@ def check(rng):
     return start, free, said, specials
 
 
-def main():
+def main(branches=50, seed=0, first=0):
     tally, began = Counter(), time.time()
-    for i in range(FIRST, FIRST + BRANCHES):
-        start, free, said, specials = check(np.random.default_rng([SEED, i]))
+    for i in range(first, first + branches):
+        start, free, said, specials = check(np.random.default_rng([seed, i]))
         tally += specials
         tally["agree" if not said else "disagree"] += 1
         if i % 20 == 19:
@@ -142,4 +132,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:]))

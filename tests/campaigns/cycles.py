@@ -26,10 +26,11 @@ from scipy.integrate import solve_ivp
 import contbreather as cb
 from contbreather.errors import ContbreatherError
 from contbreather.flows import Collocation, Cycle, cycle_of
+from tests.stability.by_hand import apart
 
 Array = NDArray[Any]
 EXACT = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
-AGREED = 1e-7  # of multipliers, relative to the largest or 1
+AGREED = 1e-7  # of multipliers, relative above 1
 RETURNS = 1e-7  # how far off an orbit may be after its period, times its largest multiplier
 STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
 # beside slow impacts the map bends sharply, and where it stretches rounding is stretched, too: of
@@ -160,15 +161,6 @@ def by_differences(system: System, x0: Array, t0: float, t1: float, aside: float
         for unit in np.eye(system.n)
     ]
     return np.asarray(np.linalg.eigvals(np.stack(columns, axis=1)))
-
-
-def apart(found: Array, wanted: Array) -> float:
-    """How far two spectra are apart: each value from the nearest of those that are left."""
-    left, worst = list(wanted), 0.0
-    for mu in found:
-        nearest = int(np.argmin(abs(np.array(left) - mu)))
-        worst = max(worst, abs(left.pop(nearest) - mu))
-    return worst / max(1.0, float(abs(wanted).max()))
 
 
 def multipliers(count: int, seed: int) -> int:

@@ -20,95 +20,56 @@ HERE = Path(__file__).parent
 HOME = Path(os.environ.get("PLANT_HOME", Path(tempfile.gettempdir()) / "contbreather-faults"))
 MAP = HOME / "map"
 TREE = MAP / "tree"
+PYTHON = ["nice", sys.executable, "-m"]
+PYTEST = ["pytest", "-q", "-p", "no:cacheprovider"]
 
 
 def copy(source: Path, target: Path) -> None:
     """All files of a checkout that git knows or would know; times kept, for caches to hold."""
-    names = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard"],
-        cwd=source,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.split("\n")
-    wanted = {name for name in names if name and (source / name).is_file()}
-    if target.exists():
-        for path in target.rglob("*"):
-            kept = "__pycache__" in path.parts or str(path.relative_to(target)) in wanted
-            if path.is_file() and not kept:
-                path.unlink()
+    line = ["git", "ls-files", "-co", "--exclude-standard"]
+    known = subprocess.run(line, cwd=source, check=True, capture_output=True, text=True).stdout
+    wanted = {name for name in known.split("\n") if name and (source / name).is_file()}
+    for path in target.rglob("*"):
+        kept = "__pycache__" in path.parts or str(path.relative_to(target)) in wanted
+        if path.is_file() and not kept:
+            path.unlink()
     for name in wanted:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
         there = target / name
+        there.parent.mkdir(parents=True, exist_ok=True)
         if not there.exists() or there.read_bytes() != (source / name).read_bytes():
             shutil.copy2(source / name, there)
 
 
 def environment(tree: Path, **more: str) -> dict[str, str]:
-    return {
-        **os.environ,
-        "PYTHONPATH": f"{tree}:{HERE}",
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "MPLBACKEND": "Agg",
-        "XDG_CACHE_HOME": f"{tree}.cache",  # loops of a fault are compiled for nobody else
-        **more,
-    }
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+    # loops of a fault are compiled for nobody else
+    own = {"PYTHONPATH": f"{tree}:{HERE}", "XDG_CACHE_HOME": f"{tree}.cache"}
+    return {**os.environ, **threads, **own, **more}
 
 
 def main(checkout: str, only: list[str]) -> None:
     MAP.mkdir(parents=True, exist_ok=True)
     copy(Path(checkout), TREE)
-    known = {}
-    tests = MAP / "tests.json"
+    known, tests, fresh = {}, MAP / "tests.json", MAP / "fresh.json"
     if only and tests.exists():
         kept = json.loads(tests.read_text())
         renewed = tuple(str(Path(one)) for one in only)
         known = {name: one for name, one in kept.items() if not one["file"].startswith(renewed)}
-    fresh = MAP / "fresh.json"
-    data = MAP / "coverage.db"
-    part = MAP / "part.db"
-    line = [
-        "nice",
-        sys.executable,
-        "-m",
-        "coverage",
-        "run",
-        f"--data-file={part}",
-        "--source=contbreather",
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "cover_plugin",
-        "--here",  # coverage sees no other process
-        *only,
-    ]
+    data, part = MAP / "coverage.db", MAP / "part.db"
     part.unlink(missing_ok=True)
+    line = [*PYTHON, "coverage", "run", f"--data-file={part}", "--source=contbreather", "-m"]
+    line += [*PYTEST, "-p", "cover_plugin", "--here", *only]  # coverage sees no other process
     subprocess.run(line, cwd=TREE, env=environment(TREE, PLANT_TESTS=str(fresh)), check=False)
     if only:
-        combine = [
-            sys.executable,
-            "-m",
-            "coverage",
-            "combine",
-            "-a",
-            f"--data-file={data}",
-            str(part),
-        ]
-        subprocess.run(combine, cwd=TREE, check=True)
+        line = [*PYTHON, "coverage", "combine", "-a", f"--data-file={data}", str(part)]
+        subprocess.run(line, cwd=TREE, check=True)
     else:
         part.replace(data)
     known.update(json.loads(fresh.read_text()))
     tests.write_text(json.dumps(known))
     bad = [name for name, entry in known.items() if not entry["ok"]]
-    print(
-        f"{len(known)} tests in the map, {len(bad)} of them not passed (never used):",
-        *bad,
-        sep="\n  ",
-    )
+    said = f"{len(known)} tests in the map, {len(bad)} of them not passed (never used):"
+    print(said, *bad, sep="\n  ")
 
 
 if __name__ == "__main__":

@@ -180,21 +180,6 @@ def test_next_to_the_fold_there_are_two_roots_and_each_solves_the_closure(above:
     assert apart == pytest.approx([wanted] * 2, rel=1e-4)
 
 
-def test_roots_of_both_roads_are_the_same_to_rounding() -> None:
-    rng = np.random.default_rng(5)
-    for _ in range(60):
-        a, gamma, k = rng.uniform(0.1, 3), rng.uniform(0, 0.249), rng.uniform(0.3, 1)
-        try:
-            one = cb.orbits.symmetric_roots(a, gamma, k)
-        except NoSolution:
-            continue
-        two = cb.orbits.symmetric_roots(a, gamma, k, forcing=SAME)
-        assert [b.p for b in one] == pytest.approx([b.p for b in two], rel=1e-12)
-        assert [math.cos(b.phi) for b in one] == pytest.approx(
-            [math.cos(b.phi) for b in two], abs=1e-12
-        )
-
-
 def test_a_forcing_with_a_tiny_highest_harmonic_has_all_its_roots() -> None:
     """A last coefficient of 1e-11 spoils no companion matrix."""
     tiny = Fourier(cos={1: -1.0, 3: -2.7, 31: 1e-11})

@@ -1,11 +1,14 @@
-"""Orbits put together from their impacts; how well a ring repeats one; breathers whose neighbour
-just touches a wall; derivatives by differences."""
+"""Orbits put together from their impacts; asymmetric breathers in closed form; how well a ring
+repeats one; breathers whose neighbour just touches a wall; derivatives by differences."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 from scipy.optimize import brentq
 
@@ -15,6 +18,8 @@ from contbreather.orbits import neighbour_peak, symmetric
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.simulation import simulate
+from tests.lattice.by_hand import ring_mean
+from tests.stability.by_hand import slope
 
 
 def orbit_from(
@@ -36,6 +41,39 @@ def orbit_from(
     return orbit_of(on, section, [row[2] for row in rows], [row[3] for row in rows], offsets)
 
 
+@cache
+def _responses(d: Any, gamma: Any, sites: int | None) -> tuple[Any, Any]:
+    """A and B of the closed form, means over the modes of a ring or over the band."""
+
+    def A(w: Any) -> Any:
+        if w == 0:
+            return (mp.pi**2 - 4 * d * d) / (2 * mp.pi)
+        return (mp.cos(2 * w * d) - mp.cos(mp.pi * w)) / (w * mp.sin(mp.pi * w))
+
+    def B(w: Any) -> Any:
+        return 2 * d / mp.pi if w == 0 else mp.sin(2 * w * d) / mp.sin(mp.pi * w)
+
+    def mean(of: Any) -> Any:
+        if sites or not gamma:
+            return ring_mean(of, gamma, sites or 1)
+        band = [0, 1, 2, mp.pi]
+        return mp.quad(lambda x: of(2 * mp.sqrt(gamma) * mp.sin(x / 2)), band) / mp.pi
+
+    return mean(A), mean(B)
+
+
+def two_impacts(d: Any, gamma: Any, k: Any, sites: int | None = None) -> SimpleNamespace:
+    """The asymmetric breather with the flights pi -+ 2d, the shorter one centred at `middle`:
+    ``p = 1/(A - B cot d)``, ..., at 40 digits."""
+    with mp.workdps(40):
+        d, q = mp.mpf(d), (1 - mp.mpf(k)) / (1 + mp.mpf(k))
+        A, B = _responses(d, mp.mpf(gamma), sites)
+        p = 1 / (A - B * mp.cot(d))
+        cosine, sine = p * q / mp.cos(d), -p * B / mp.sin(d)
+        middle = mp.atan2(sine, cosine)
+        return SimpleNamespace(p=p, a=mp.hypot(cosine, sine), middle=middle, c=p * q * mp.tan(d))
+
+
 def touching(
     site: int, gamma: float, k: float, low: float, high: float = 3.0, **more: Any
 ) -> tuple[Orbit, float]:
@@ -47,6 +85,21 @@ def touching(
 
     b = symmetric(brentq(above, low, high, xtol=1e-14), gamma, k, root=1, **more)
     return b, neighbour_peak(b, site)[0]
+
+
+def distance(curves: Iterable[Any], point: Any, *names: str) -> float:
+    """From a point to the nearest chord of some curves, in these columns, phi on its circle."""
+
+    def place(of: Any) -> np.ndarray:
+        turned = [part(of["phi"]) for part in (np.cos, np.sin) if "phi" in names]
+        return np.stack([*(of[name] for name in names if name != "phi"), *turned], axis=-1)
+
+    here, found = place(point), []
+    for nodes in map(place, curves):
+        start, chord = nodes[:-1], np.diff(nodes, axis=0)
+        along = np.clip(np.sum((here - start) * chord, -1) / np.sum(chord * chord, -1), 0, 1)
+        found.append(float(np.linalg.norm(here - start - along[:, None] * chord, axis=-1).min()))
+    return min(found, default=np.inf)
 
 
 def repeats(orbit: Orbit, sites: int, t0: float = 0.3) -> tuple[float, float]:
@@ -67,14 +120,15 @@ def derivatives(
     """Each column of the Jacobian (named "") and each sensitivity, and what differences make of
     the residual in its place."""
 
-    def slope(unit: np.ndarray, shift: Mapping[str, float]) -> np.ndarray:
-        def at(e: float) -> np.ndarray:
-            moved = {name: value + e * shift.get(name, 0.0) for name, value in params.items()}
-            return equations.residual(x + e * unit, moved)
-
-        return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
+    def at(unit: np.ndarray, moved: Mapping[str, float]) -> np.ndarray:
+        return slope(
+            lambda e: equations.residual(
+                x + e * unit, {n: value + e * moved.get(n, 0.0) for n, value in params.items()}
+            ),
+            h,
+        )
 
     for column, unit in zip(equations.jacobian(x, params).T, np.eye(x.size), strict=True):
-        yield "", column, slope(unit, {})
+        yield "", column, at(unit, {})
     for name in params:
-        yield name, equations.sensitivity(x, params, name), slope(np.zeros(x.size), {name: 1.0})
+        yield name, equations.sensitivity(x, params, name), at(np.zeros(x.size), {name: 1.0})

@@ -14,18 +14,22 @@ from contbreather.lattice.conditions import Conditions
 Array = np.ndarray
 
 
+def dense(lattice: Any) -> Array:
+    """The stiffness matrix, of rings too."""
+    if not isinstance(lattice, cb.Ring):
+        return np.asarray(lattice.stiffness)
+    one = np.eye(lattice.sites)
+    return 2.0 * one - np.roll(one, 1, 0) - np.roll(one, -1, 0)
+
+
 class Field:
     """A lattice under some conditions, integrated from impact to impact."""
 
     def __init__(self, lattice: Any, on: Conditions) -> None:
-        if isinstance(lattice, cb.Ring):
-            N = lattice.sites
-            stiffness = 2.0 * np.eye(N) - np.roll(np.eye(N), 1, 0) - np.roll(np.eye(N), -1, 0)
-            masses = drive = np.ones(N)
-        else:
-            stiffness, masses, drive = np.asarray(lattice.stiffness), lattice.masses, lattice.drive
-        self.matrix = on.gamma * stiffness / masses[:, None] + on.spring * np.eye(lattice.sites)
-        self.on, self.drive, self.sites = on, drive, lattice.sites
+        one = np.ones(lattice.sites)
+        masses, self.drive = (getattr(lattice, name, one) for name in ("masses", "drive"))
+        self.matrix = on.gamma * dense(lattice) / masses[:, None] + on.spring * np.diag(one)
+        self.on, self.sites = on, lattice.sites
 
     def slope(self, t: float, x: Array) -> Array:
         u, v = x[: self.sites], x[self.sites :]
@@ -99,8 +103,3 @@ class FieldOf(Field):
             tops = (u[1:-1] - (u[2:] - u[:-2]) ** 2 / np.where(turns, 8.0 * bend, 1.0))[turns]
             found += [(float(gap), n) for gap in np.minimum(high - tops, tops - low)]
         return sorted(found)
-
-
-def farthest(one: Array, other: Array) -> float:
-    gaps = abs(np.asarray(one)[:, None] - np.asarray(other))
-    return float(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()))

@@ -28,7 +28,6 @@ from contbreather.orbits.clearance import Clearance, least_margin
 from contbreather.orbits.constructors import shooting
 from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.orbit import orbit_at
-from contbreather.orbits.site_motion import phase
 
 from .by_hand import touching
 
@@ -251,6 +250,11 @@ def test_a_dip_between_the_last_of_the_grid_and_the_impact_is_found_at_its_botto
         assert verdict.places["centre"] == (0, pytest.approx(when, abs=1e-5))
         norm = (math.pi / 2 + k) * math.pi**2 / 4
         assert verdict.centre == pytest.approx(norm * float(ratio[deepest]), abs=1e-9)
+        whole = b.unfolded().admissibility()
+        site, time = whole.places["centre"]
+        own = verdict.places["centre"][1]
+        assert (site, math.remainder(time - own, math.pi)) == (0, pytest.approx(0.0, abs=1e-7))
+        assert whole.centre == pytest.approx(verdict.centre, abs=1e-12)
 
 
 # ------------------------------------------------------------------- besides a grazing crest
@@ -420,15 +424,6 @@ def test_repr_is_one_line_with_the_verdict_and_what_is_closest() -> None:
         assert shown.startswith(f"<Admissibility {word}, margin {verdict.margin:.6g}: ")
         assert verdict.reason.rstrip(".") in shown
         assert "\n" not in shown
-
-
-def test_the_phase_of_a_single_time_is_that_of_an_array_in_any_flight() -> None:
-    flight = upper(0.5, 0.08, 0.8).representation
-    times = flight.phi + math.pi * (np.arange(-6, 7)[:, None] + [0.1, 0.5, 0.9]).ravel()
-    y, sign = flight._phase(times)
-    one, other = np.transpose([phase(flight, float(t)) for t in times])
-    np.testing.assert_allclose(one, y, atol=1e-14)
-    np.testing.assert_array_equal(other, sign)
 
 
 def test_a_rule_that_is_broken_is_the_one_of_whoever_breaks_it() -> None:

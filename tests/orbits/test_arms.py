@@ -113,9 +113,8 @@ def test_without_coupling_the_arm_doubles_its_period():
 
 
 def test_with_coupling_the_neighbour_ends_the_arm_before_that():
-    for arm in arms(0.04, 0.8):
-        assert [point.kind for point in arm.special] == ["EP", "GR"]
-        assert arm[0].parent.kind == "PF"
+    for arm in (*arms(0.04, 0.8), shot_arm(0.04, 0.8)):
+        assert [point.kind for point in arm.special if point.kind != "NS"] == ["EP", "GR"]
         assert arm.stop.name == "EVENT"
         end = arm[-1].solution
         assert end.a == pytest.approx(0.877387, abs=5e-7)
@@ -125,21 +124,40 @@ def test_with_coupling_the_neighbour_ends_the_arm_before_that():
         assert abs(end.velocity(1, margins.time)) < 1e-12
         assert abs(end.displacement(1, margins.time)) == pytest.approx(1, abs=1e-13)
         assert "site 1 reaches |u| = 1" in margins.reason
+        n, t = np.arange(1, 20)[:, None], np.linspace(0, 2 * math.pi, 4001)
+        assert np.abs(end.displacement(n, t)).max() < 1 + 1e-9
 
 
-def test_elastic_impacts_let_the_doubling_happen_at_weak_coupling():
+def shot_arm(gamma, k, sites=20):
+    """An arm of the infinite chain, shot on a ring."""
+    start = shooting(arms(gamma, k)[0][3], sites=sites)
+    return trace(start, "a", towards="up", within={"a": (0.5, 1.2)})
+
+
+@pytest.mark.parametrize("sites", [None, 20])
+def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides(sites):
     """At k = 0.95 PD comes before grazing for gamma < 0.0130085, where both meet."""
-    arm = arms(0.002, 0.95)[0]
-    assert [point.kind for point in arm.special] == ["EP", "PD", "GR"]
-    line = boundary(arm.first("PD"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)})
-    assert line["gamma"].min() == 0.0
-    meeting = line.first("PD-GR")
-    assert meeting["gamma"] == pytest.approx(0.0130085246, abs=1e-9)
-    assert meeting["a"] == pytest.approx(0.9545786040, abs=1e-9)
-    margins = orbit_at(meeting.ground.problem).admissibility()
-    assert abs(margins.margin) < 1e-9
-    assert abs(orbit_at(meeting.ground.problem).map.crosses(-1.0)) < 1e-10
-    assert orbit_at(line[len(line) // 2].ground.problem).admissibility().ok
+    arm = shot_arm(0.005, 0.95, sites) if sites else arms(0.005, 0.95)[0]
+    assert [point.kind for point in arm.special if point.kind != "NS"] == ["EP", "PD", "GR"]
+    within = {"gamma": (0.001 if sites else 0.0, 0.02), "a": (0, 1.2)}
+    doubling, grazing = (
+        boundary(arm.first(kind), ("gamma", "a"), within=within) for kind in ("PD", "GR")
+    )
+    one, other = doubling.first("PD-GR"), grazing.first("GR-PD")
+    assert one["gamma"] == pytest.approx(0.0130085246308, abs=1e-11)
+    assert one["a"] == pytest.approx(0.9545786040, abs=1e-9)
+    assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-10)
+    assert doubling["gamma"].min() == within["gamma"][0]
+    for point in doubling:
+        orbit = orbit_at(point.ground.problem)
+        off = np.abs(orbit.multipliers() + 1).min() if sites else orbit.map.crosses(-1.0)
+        assert abs(off) < (1e-8 if sites else 1e-10)
+    for point in grazing[1:-1]:
+        t = np.linspace(point["t"] - 1e-3, point["t"] + 1e-3, 2001)
+        height = np.abs(point.ground.solution.displacement(1, t)).max()
+        assert height == pytest.approx(1.0, abs=1e-10)
+    assert abs(orbit_at(one.ground.problem).admissibility().margin) < 1e-9
+    assert orbit_at(doubling[len(doubling) // 2].ground.problem).admissibility().ok
 
 
 # --- arms and their pitchfork ---------------------------------------------------------------------
@@ -205,11 +223,17 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
     assert not there_and_beyond.doubtful
     asymmetry = there_and_beyond["asymmetry"]
     assert asymmetry[0] * asymmetry[-1] < 0
+    breathers = switch(points[0], events=(), within={"a": (0.75, 0.79)})
+    assert sorted(branch[-1]["a"] for branch in breathers) == [0.75, 0.79]
+    for branch in breathers:
+        b = branch[-1].solution
+        assert b.p == pytest.approx(symmetric(b.a, 0.04, 0.8).p, abs=1e-12)
     # from there both arms start again
     known = simpler_than(points[0].solution)
     symmetric_branch = trace(known, "a", within={"a": (0.77, 0.79)}, events=[pitchfork()])
-    again = switch(symmetric_branch.first("PF"))
-    assert np.abs(again[0]["a"][-1] - arms(0.04, 0.8)[0]["a"][-1]) < 1e-10
+    one, other = switch(symmetric_branch.first("PF"), within={"a": (0, 0.999)})
+    assert other.image_of == 0
+    assert one[-1]["a"] == pytest.approx(arms(0.04, 0.8)[0][-1]["a"], abs=1e-12)
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.01, 0.025, 0.05])
@@ -232,21 +256,6 @@ def test_arms_leave_as_the_normal_form_says():
         # the ratio has its limit where the asymmetry vanishes, quadratically
         ratio = np.polyfit(asymmetry**2, asymmetry**2 / rise, 1)
         assert ratio[1] == pytest.approx(coefficient, rel=2e-4)
-
-
-def test_switching_knows_the_arms_and_the_way_back():
-    """cb.switch at the pitchfork gives both arms, at the arm's own pitchfork the breathers."""
-    one, other = switch(pitchfork_point(0.04, 0.8), within={"a": (0, 0.999)})
-    assert other.image_of == 0
-    assert one[-1]["a"] == pytest.approx(arms(0.04, 0.8)[0][-1]["a"], abs=1e-12)
-    start = asymmetric(0.8, 0.04, 0.8)
-    back = trace(start, "a", towards="down", within={"a": (0.7, 0.81)}).first("PF")
-    breathers = switch(back, events=(), within={"a": (0.75, 0.79)})
-    ends = sorted(branch[-1]["a"] for branch in breathers)
-    assert ends == [0.75, 0.79]
-    for branch in breathers:
-        b = branch[-1].solution
-        assert b.p == pytest.approx(symmetric(b.a, 0.04, 0.8).p, abs=1e-12)
 
 
 def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
@@ -285,18 +294,22 @@ def test_arms_in_any_parameter(free, window):
     assert all(point.solution.residual < 1e-12 for point in one)
 
 
-def test_only_a_located_pitchfork_of_breathers_has_arms():
+def test_only_a_located_pitchfork_or_doubling_is_lifted():
     start = symmetric(0.7, 0.04, 0.8)
     branch = trace(start, "a", towards="up", within={"a": (0, 0.9)})
-    with pytest.raises(BadInput, match=r"a EP: a located PF or PD"):
-        lift(branch[0])
-    with pytest.raises(BadInput, match="not a special point"):
-        lift(branch[1])
-    off = replace(branch.first("PF"), z=branch.first("PF").z + 0.01)
-    with pytest.raises(NotConverged, match="is not a PF"):
-        lift(off)
-    with pytest.raises(BadInput, match="not located"):
-        lift(replace(branch.first("PF"), located=False))
+    fork, arm = branch.first("PF"), shot_arm(0.04, 0.8)[2]
+    near = trace(start, "a", within={"a": (0.7, fork["a"] - 1e-4)})[-1]
+    for point, refusal, sentence in (
+        (branch[0], BadInput, r"a EP: a located PF or PD of a branch of orbits was expected"),
+        (branch[1], BadInput, "not a special point"),
+        (replace(fork, located=False), BadInput, "not located"),
+        (replace(near, kind="PF"), NotConverged, "is not a PF"),
+        (replace(fork, kind="PD"), BadInput, "break its symmetry first"),
+        (replace(arm, kind="PD"), NotConverged, "is not a PD"),
+        (replace(arm, kind="PF"), BadInput, "other orbits have period doublings"),
+    ):
+        with pytest.raises(refusal, match=sentence):
+            lift(point)
 
 
 def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
@@ -342,15 +355,22 @@ def test_pitchfork_line_of_the_arms_is_that_of_symmetric_breathers():
     assert line.first("PF-GR")["gamma"] == pytest.approx(0.071775, abs=1e-6)
 
 
-def test_grazing_line_meets_the_pitchfork_line_where_that_one_says():
-    line = boundary(
-        arms(0.04, 0.8)[0].first("GR"), ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1)}
-    )
-    assert line["gamma"].min() == 0.0
-    assert line.first("GR-PF")["gamma"] == pytest.approx(0.0717745352, abs=1e-9)
-    for point in line.points[1:-1:6]:
-        orbit = orbit_at(point.ground.problem)
-        assert abs(orbit.admissibility().neighbours) < 1e-9
+@pytest.mark.parametrize(("shot", "label"), [(False, "GR-PF1"), (True, "GR-GR1")])
+def test_grazing_line_ends_where_pitchfork_and_grazing_of_the_symmetric_breather_meet(shot, label):
+    """Beyond it only the traced crest would touch its wall and the other one be inside it."""
+    arm = shot_arm(0.04, 0.8) if shot else arms(0.04, 0.8)[0]
+    within = {"gamma": (0.02 if shot else 0.0, 0.2), "a": (0, 1)}
+    line = boundary(arm.first("GR"), ("gamma", "a"), within=within)
+    assert (line.special[-1].label, line.stop) == (label, Stop.EVENT)
+    assert line["gamma"].min() == within["gamma"][0]
+    end, forks = line[-1], boundary(pitchfork_point(0.04, 0.8), ("gamma", "a"))
+    meeting = forks.first("PF-GR")
+    assert meeting["gamma"] == pytest.approx(0.0717745352, abs=1e-9)
+    assert (end["gamma"], end["a"]) == pytest.approx((meeting["gamma"], meeting["a"]), abs=1e-11)
+    for point in line[1:-1]:
+        margins = orbit_at(point.ground.problem).admissibility()
+        assert margins.margin > -1e-9
+        assert abs(margins.neighbours) < 1e-9
 
 
 @pytest.mark.slow
@@ -503,11 +523,13 @@ def test_on_a_ring_the_papers_threshold_is_met_exactly():
         switch(point, events=[neimark_sacker(threshold=1.0)], within={"a": (0, 1.2)})
 
 
-def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold():
-    arm = asymmetric(0.82, 0.03, 0.8, lattice=Ring(9)).problem
-    event = trace(arm, "gamma", towards="down", within={"gamma": (0.01, 0.03)}).first("NS")
+@pytest.mark.parametrize("shot", [False, True])
+def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold(shot):
+    arm = asymmetric(0.82, 0.03, 0.8, lattice=Ring(9))
+    start = shooting(arm) if shot else arm.problem
+    event = trace(start, "gamma", towards="down", within={"gamma": (0.01, 0.03)}).first("NS")
     line = boundary(event, ("a", "gamma"), events=(), within={"a": (0.815, 0.825)})
-    assert len(line) > 2
+    assert [line["a"].min(), line["a"].max()] == [0.815, 0.825]
     for point in line:
         mu = point.ground.solution.multipliers()
         wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
@@ -529,11 +551,21 @@ def test_ends_of_branches_are_honest():
 
 
 def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
-    lifted = lift(trace(symmetric(0.6, 0.04, 0.8), "a").first("PF"))
-    for amplitude, why in ((2.0, "amplitude of the forcing"), (2.5, "must follow the one on")):
-        with pytest.raises(NotConverged, match=rf"no orbit at the amplitude {amplitude:g}.*{why}"):
+    """With what is left; some solutions of the equations have their impacts in another order."""
+    chain = lift(trace(symmetric(0.6, 0.04, 0.8), "a").first("PF"))
+    start = shooting(symmetric(0.66, 0.04, 0.8, lattice=Ring(8)))
+    shot = lift(trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
+    for lifted, amplitude, why in (
+        (chain, 2.0, "no orbit at the amplitude 2.*amplitude of the forcing"),
+        (chain, 2.5, "no orbit at the amplitude 2.5.*must follow the one on"),
+        (shot, -3.0, "branches off at the amplitude -3 .*ring of 8"),
+        (shot, -4.0, "is no orbit of .* ring of 8.* out of order"),
+        (shot, 30.0, "amplitude 30"),
+    ):
+        with pytest.raises(NotConverged, match=why) as error:
             lifted.arm(amplitude)
-    assert orbit_at(beside(lifted, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
+        assert amplitude != -3.0 or error.value.residual > 1
+    assert orbit_at(beside(chain, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -11,12 +11,10 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Problem
-from contbreather.errors import NotConverged
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_at
-from contbreather.orbits.section import Section
 from contbreather.stability.half_period import HalfMap
 
 BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
@@ -70,41 +68,12 @@ def test_columns_are_those_of_the_kind_of_orbit_and_each_can_be_read(name: str) 
     np.testing.assert_array_equal(branch["gamma"], problem.params["gamma"])
 
 
-def test_an_arm_that_is_left_too_far_out_is_refused() -> None:
-    """The equations have solutions there, but the impacts come in another order."""
-    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
-    point = cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF")
-    for amplitude in (-4.0, -5.0):
-        with pytest.raises(NotConverged, match=r"is no orbit of .* ring of 8.* out of order"):
-            lift(point).arm(amplitude)
-
-
-def test_an_amplitude_at_which_no_orbit_is_found_is_refused_with_what_is_left() -> None:
-    start = shooting(cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(8)))
-    lifted = lift(cb.trace(start, "a", towards="up", within={"a": (0.0, 0.9)}).first("PF"))
-    with pytest.raises(
-        NotConverged, match=r"branches off at the amplitude -3 .*ring of 8"
-    ) as error:
-        lifted.arm(-3.0)
-    assert error.value.residual > 1
-
-
 @pytest.mark.parametrize("k", [-0.01, 1.01, 2.0])
 def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
     problem = shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8)
     assert cb.trace(problem.at(k=1.0), "a", within={"a": (0.45, 0.55)})["k"].tolist()[0] == 1.0
     with pytest.raises(cb.BadInput, match=rf"the start has k={k:g}, outside \(0, 1\)"):
         cb.trace(problem.at(k=k), "a", within={"a": (0.45, 0.55)})
-
-
-def test_two_impacts_are_one_on_each_wall_in_a_period_of_the_forcing() -> None:
-    one = cb.symmetric(0.5, 0.05, 0.8).unfolded().section
-    assert one.two_impacts
-    assert not one.doubled().two_impacts
-    assert not Section(((0, -1), (0, 1))).two_impacts
-    assert not Section(((0, 1), (0, 1), (0, -1), (0, -1))).two_impacts
-    assert not Section(((0, 1), (2, -1))).two_impacts
-    assert not Section(((0, 1), (0, -1)), 3, -1).two_impacts
 
 
 FIXED = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, spring=0.05, damping=0.02)

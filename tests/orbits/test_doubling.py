@@ -18,26 +18,6 @@ def first_doubling(gamma, k, a, **given):
     return trace(start, "a", towards="up", within={"a": (0, 0.999)}).first("PD")
 
 
-@pytest.mark.slow
-def test_single_oscillator_doubles_and_doubles_again():
-    point = first_doubling(0.0, 0.8, 0.9, lattice=Ring(1))
-    places = [point["a"]]
-    for n in range(2):
-        (branch,) = switch(point, within={"a": (0.9, 1.0)})
-        assert branch[0]["a"] == pytest.approx(point["a"], abs=1e-14)
-        point = branch.first("PD")
-        places.append(point["a"])
-        orbit = point.solution
-        assert orbit.section.turns == 2 ** (n + 1)
-        error, half = repeats(orbit, 1)
-        assert error < 1e-11  # it is just losing its stability
-        assert half > 0.02  # and not an orbit of half the period
-        assert np.abs(orbit.multipliers() + 1).min() < 1e-9
-    assert places == pytest.approx([0.925512006293, 0.979973549455, 0.989632843762], abs=1e-11)
-    ratio = (places[1] - places[0]) / (places[2] - places[1])
-    assert ratio == pytest.approx(5.638, abs=1e-3)  # on its way to 4.669
-
-
 def test_a_doubled_breather_of_the_infinite_chain_is_repeated_by_a_ring():
     point = first_doubling(0.002, 0.95, 0.8)
     (branch,) = switch(point, within={"a": (0, 0.999)})

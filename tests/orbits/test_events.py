@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
@@ -16,7 +15,8 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.green_function import symmetric_again
-from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
+from contbreather.orbits.orbit import orbit_at
+from contbreather.stability import G, dense_half_map, neimark_sacker
 
 CHAIN = cb.InfiniteChain()
 
@@ -80,10 +80,12 @@ def test_where_tests_of_many_points_are_not_known_each_is_asked(lattice: Any, fr
 
 @pytest.mark.parametrize("gamma", [0.0, 0.04, 0.1, 0.2])
 @pytest.mark.parametrize("k", [0.4, 0.8])
-def test_fold_is_the_closed_form_14(gamma: float, k: float) -> None:
-    q, chi = (1 - k) / (1 + k), CHAIN.chi(gamma)
+@pytest.mark.parametrize("lattice", [CHAIN, cb.Ring(6)])
+def test_fold_is_the_closed_form_14(gamma: float, k: float, lattice: Any) -> None:
+    q, chi = (1 - k) / (1 + k), lattice.chi(gamma)
     low = q / math.hypot(chi, q)
-    branch = cb.trace(cb.symmetric(1.2 * low, gamma, k), "a", within={"a": (0, 1.5 * low)})
+    start = cb.symmetric(1.2 * low, gamma, k, lattice=lattice)
+    branch = cb.trace(start, "a", within={"a": (0, 1.5 * low)})
     fold = branch.first("LP")
     assert fold["a"] == pytest.approx(low, rel=1e-13)
     assert fold["p"] == pytest.approx(chi / (chi**2 + q**2), rel=1e-10)
@@ -116,16 +118,6 @@ def test_pitchfork_is_the_closed_form(gamma: float, k: float, lattice: Any) -> N
     assert point["a"] == pytest.approx(p * math.sqrt(q**2 + 4 * sigma**2), rel=1e-12)
 
 
-def test_known_pitchforks() -> None:
-    branch = cb.trace(cb.symmetric(0.6, 0.04, 0.8), "a")
-    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-12)
-    across = cb.trace(cb.symmetric(0.8, 0.06, 0.8), "gamma")
-    assert across.first("PF")["gamma"] == pytest.approx(0.0486486224, abs=1e-10)
-    alone = cb.trace(cb.symmetric(0.5, 0.0, 0.8), "a").first("PF")
-    q = 0.2 / 1.8
-    assert alone["a"] == pytest.approx(2 * math.sqrt(4 + (math.pi * q) ** 2) / (math.pi**2 - 4))
-
-
 @pytest.mark.parametrize(
     ("a", "k", "gamma", "tolerance"),
     [(0.2, 0.8, 0.0969709, 5e-8), (0.5, 0.8, 0.1144314, 5e-8), (0.2, 0.4, 0.1763913, 5e-8)],
@@ -145,11 +137,6 @@ def test_neimark_sacker_points_of_the_infinite_chain(
     # third way: the angle equation of the arc, with b explicit, solved for this a
     roots = neimark_sacker(breather.gamma, k)
     assert min(abs(root.b - breather.b) for root in roots) < 1e-9
-
-
-def test_angle_of_the_theory_notes() -> None:
-    branch = cb.trace(cb.symmetric(0.2, 0.08, 0.8), "gamma")
-    assert branch.first("NS").detail["nu"] == pytest.approx(0.5581, abs=5e-5)
 
 
 @pytest.mark.parametrize("largest", [0.003, 0.02, 0.1, 0.7])
@@ -220,12 +207,6 @@ def by_the_rule(sites: int, gamma: float, end: float, **more: Any) -> cb.Branch:
     )
 
 
-@pytest.mark.parametrize(("sites", "gamma"), [(200, 0.0824), (400, 0.0916), (800, 0.0969)])
-def test_the_paper_rule_moves_with_the_ring(sites: int, gamma: float) -> None:
-    branch = by_the_rule(sites, 0.07, 0.1, steps=cb.Steps(first=0.002, largest=0.004))
-    assert branch.first("NS")["gamma"] == pytest.approx(gamma, abs=1e-4)
-
-
 def test_ring_rule_agrees_with_all_multipliers() -> None:
     point = by_the_rule(200, 0.08, 0.09).first("NS")
     largest = abs(point.solution.multipliers(sites=200)).max()
@@ -267,18 +248,6 @@ def test_counts_along_a_branch_change_only_at_its_events() -> None:
     assert (count[upper & (a > pitchfork["a"] + 1e-6)] == 1).all()
     lower = (p < fold["p"] - 1e-6) & (branch["arclength"] > 0.0)  # which begins at VI: no count
     assert (count[lower] >= 1).all()
-
-
-def test_neimark_sacker_by_bisection_of_the_winding_number() -> None:
-    """The located point against plain bisection on the count, which knows no locus."""
-
-    def side(gamma: float) -> float:
-        b = cb.symmetric(0.5, gamma, 0.8).b
-        return unstable_count(gamma, 0.8, b).count - 1.0
-
-    gamma = brentq(side, 0.10, 0.12, xtol=1e-11)
-    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "gamma").first("NS")
-    assert point["gamma"] == pytest.approx(gamma, abs=1e-9)
 
 
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
@@ -410,3 +379,79 @@ def test_at_elastic_impacts_no_pair_leaves_along_the_curve_of_pitchforks(spring)
     line = cb.boundary(fork, ("gamma", "a"), within={"gamma": (0, 0.24)})
     assert [point.kind for point in line.special] == ["EP", "PF-GR"]
     assert line.doubtful == ()
+
+
+# --- asked for by name ----------------------------------------------------------------------------
+
+
+def on_ring(orbit: cb.Orbit) -> cb.Orbit:
+    return orbit_at(cb.shooting(orbit, sites=20))
+
+
+@pytest.mark.parametrize(
+    ("make", "kind", "words"),
+    [
+        (cb.pitchfork, "PF", "only a symmetric orbit, known by half its period, has a pitchfork"),
+        (
+            cb.period_doubling,
+            "PD",
+            "a symmetric orbit breaks its symmetry (PF) before it can double its period",
+        ),
+        (cb.neimark_sacker, "NS", "a complex pair is looked for in the map of an orbit"),
+        (cb.grazing, "GR", "only what moves between walls can graze them"),
+    ],
+)
+def test_what_is_no_orbit_has_none_of_them(make: Any, kind: str, words: str) -> None:
+    line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0}, label="a line")
+    with pytest.raises(cb.BadInput) as refused:
+        cb.trace(line, "mu", events=[make()])
+    assert str(refused.value) == f"no {kind} of this problem (a line, no events): {words}."
+
+
+def test_grazing_and_pitchfork_are_followed_from_where_they_were_asked_for() -> None:
+    """Of the symmetric breather and of the one that was shot: the same curves."""
+    lines = []
+    for start in (
+        cb.symmetric(0.66, 0.04, 0.8, lattice=cb.Ring(20)),
+        on_ring(cb.symmetric(0.66, 0.04, 0.8)),
+    ):
+        branch = cb.trace(
+            start, "a", towards="up", events=[cb.pitchfork(), cb.grazing()], within={"a": (0.6, 1)}
+        )
+        window = {"gamma": (0.03, 0.05), "a": (0.0, 1.5)}
+        lines += [
+            cb.boundary(branch.first(kind), ("gamma", "a"), within=window) for kind in ("PF", "GR")
+        ]
+    for one, other in ((lines[0], lines[2]), (lines[1], lines[3])):
+        for end in (0, -1):
+            assert one[end]["gamma"] == pytest.approx(other[end]["gamma"], abs=1e-12)
+            assert one[end]["a"] == pytest.approx(other[end]["a"], abs=1e-10)
+
+
+@pytest.mark.parametrize("arm", [False, True])
+@pytest.mark.parametrize("shot", [False, True])
+def test_another_threshold_has_its_own_point_and_column(arm: bool, shot: bool) -> None:
+    orbit = asymmetric(0.8, 0.04, 0.8) if arm else cb.symmetric(0.66, 0.04, 0.8)
+    orbit = on_ring(orbit) if shot else orbit.on(cb.Ring(20))
+    event = cb.neimark_sacker(threshold=1.0048)
+    branch = cb.trace(orbit, "a", events=[event], within={"a": (0.66, 0.9)})
+    point = branch.first("NS")
+    size = np.abs(point.solution.multipliers())
+    assert np.abs(size - 1.0048).min() < 1e-9
+    last = branch[-1]
+    assert last["unstable"] == last.solution.stability(threshold=1.0048).unstable
+
+
+def test_thresholds_and_other_lattices_are_for_those_that_have_them() -> None:
+    chain, arm = cb.symmetric(0.66, 0.04, 0.8), asymmetric(0.8, 0.04, 0.8)
+    for orbit in (chain, arm):
+        with pytest.raises(cb.BadInput, match=r"infinite chain has none.* on=Ring\(N\)"):
+            cb.trace(orbit, "a", events=[cb.neimark_sacker(threshold=1.01)])
+    with pytest.raises(cb.BadInput, match="of symmetric breathers of chain and ring only"):
+        cb.trace(arm, "a", events=[cb.neimark_sacker(on=cb.Ring(20))])
+
+
+def test_a_map_is_asked_for_its_own_doubling() -> None:
+    logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    branch = cb.trace(logistic, "r", events=[cb.period_doubling()], within={"r": (2.0, 3.4)})
+    assert branch.first("PD")["r"] == pytest.approx(3.0, abs=1e-10)

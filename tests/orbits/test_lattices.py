@@ -25,7 +25,7 @@ from contbreather.orbits.clearance import highest_neighbour
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
 from contbreather.orbits.symmetries import images_of
-from tests.orbits.field import Field, FieldOf, farthest
+from tests.orbits.field import Field, FieldOf
 
 # --- random lattices against an integrator ---------------------------------------------------
 
@@ -82,23 +82,6 @@ def test_most_random_orbits_are_admissible() -> None:
     assert sum(random_orbit(seed).admissibility().ok for seed in SEEDS) >= 7
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_multipliers_are_those_of_the_integrated_map(seed: int) -> None:
-    orbit = random_orbit(seed)
-    dense, own = orbit.section.sign * FieldOf(orbit).multipliers(), orbit.multipliers(half=True)
-    assert own.size == dense.size == 2 * orbit.lattice.sites
-    assert farthest(own, dense) < 1e-6
-
-
-def test_product_of_multipliers_tells_impacts_and_losses() -> None:
-    """Liouville: each impact k^2, damping exp(-mu T) for every mode."""
-    for seed in SEEDS:
-        orbit = random_orbit(seed)
-        lost = math.exp(-orbit.damping * orbit.period * orbit.lattice.sites)
-        wanted = orbit.k ** (2 * len(orbit.hits)) * lost
-        assert np.prod(orbit.multipliers()) == pytest.approx(wanted, rel=1e-9)
-
-
 # --- closed forms -----------------------------------------------------------------------------
 
 
@@ -112,50 +95,6 @@ def test_open_chain_and_damped_ring_have_their_known_pitchforks() -> None:
     assert special(end, 0.5)["PF1"] == pytest.approx(0.744359, abs=5e-7)
     ring = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), damping=0.02)
     assert special(ring, 0.5)["PF1"] == pytest.approx(0.78391045, abs=5e-9)
-
-
-def test_two_impacting_sites_of_a_ring_have_two_pitchforks() -> None:
-    b = cb.symmetric(0.6, 0.03, 0.8, lattice=cb.Ring(12))
-    two = cb.shooting(
-        {"t1": b.phi, "t2": b.phi}, lattice=cb.Ring(12), sequence=[(0, 1), (6, 1)],
-        symmetric=True, a=0.6, gamma=0.03, k=0.8,
-    )  # fmt: skip
-    branch = cb.trace(two, "a", within={"a": (0.55, 0.78)})
-    found = [point["a"] for point in branch.special if point.kind == "PF"]
-    assert found == pytest.approx([0.753654, 0.754378], abs=5e-7)
-
-
-def means(s: float, gamma: float) -> tuple[float, float, float]:
-    """chi, sigma and ``<cot(pi w/2)/w>`` of the infinite chain with springs, by quadrature."""
-    theta = 2 * math.pi * (np.arange(400) + 0.5) / 400
-    w = np.sqrt(s + 4 * gamma * np.sin(theta / 2) ** 2)
-    half = math.pi * w / 2
-    return (
-        float(np.mean(np.tan(half) / w)),
-        float(np.mean(w / np.sin(2 * half))),
-        float(np.mean(1 / (np.tan(half) * w))),
-    )
-
-
-def test_springs_move_fold_and_grazing_to_their_closed_forms() -> None:
-    s, gamma, k = 0.2, 0.05, 0.8
-    chi, _, _ = means(s, gamma)
-    q = (1 - k) / (1 + k)
-    found = special(cb.symmetric(0.5, gamma, k, lattice=cb.Ring(60), spring=s))
-    assert found["LP1"] == pytest.approx((1 - s) * q / math.hypot(chi, q), abs=1e-12)
-    assert found["LP1"] == pytest.approx(0.0414595837, abs=5e-11)
-    assert found["GR1"] == pytest.approx(0.7072318369, abs=5e-10)
-    assert not any(label.startswith("PF") for label in found)
-
-
-def test_springs_move_the_pitchfork_to_its_closed_form() -> None:
-    s, gamma, k = 0.02, 0.02, 0.6
-    chi, sigma, cot = means(s, gamma)
-    q = (1 - k) / (1 + k)
-    p = 1 / (chi - 2 * sigma - q * q / cot)
-    a = (1 - s) * math.hypot(1 - p * chi, p * q)
-    found = special(cb.symmetric(0.6, gamma, k, lattice=cb.Ring(60), spring=s), 0.5)
-    assert found["PF1"] == pytest.approx(a, abs=1e-10)
 
 
 def test_ring_by_its_matrix_is_the_ring() -> None:

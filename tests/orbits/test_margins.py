@@ -12,10 +12,12 @@ import pytest
 import contbreather as cb
 from contbreather.kernels import Kernel
 from contbreather.lattice.conditions import Conditions
+from contbreather.orbits import centre_margin
 from contbreather.orbits.clearance import highest_neighbour, least_margin, neighbour_peak
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import closest_other, other_contacts
-from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
+from contbreather.orbits.section import Section
 
 from .by_hand import orbit_from
 
@@ -25,6 +27,14 @@ def two_sites() -> Orbit:
     found = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12)).unfolded()
     on = Conditions(0.5, 0.02, 0.8)
     return orbit_of(on, found.section, found.times, found.impulses, (0.0, 0.0)).solved()
+
+
+def guessed(bonds: int) -> Orbit:
+    """Of two sites; margins do not ask whether it solves anything."""
+    b = cb.symmetric(0.5, 0.2, 0.8, root=1)
+    times = [b.phi, b.phi + 0.01, b.phi + math.pi, b.phi + math.pi + 0.01]
+    section = Section(((0, 1), (bonds, -1), (0, -1), (bonds, 1)))
+    return orbit_of(b.conditions, section, times, [-2 * b.p, 2 * b.p, 2 * b.p, -2 * b.p])
 
 
 def resonant() -> Orbit:
@@ -43,7 +53,10 @@ ORBITS = [
     cb.symmetric(0.5, 0.05, 0.8, spring=0.2),
     *(cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(sites)) for sites in (1, 2, 5)),
     cb.orbits.symmetric_roots(1.2, 0.1, 0.03)[0],  # beyond its limits
+    cb.symmetric(0.99, 0.0, 0.02, root=1).unfolded(),  # pushed back onto the wall it just left
     asymmetric(0.87, 0.04, 0.8),
+    asymmetric(1.1, 0.1, 0.5, inadmissible=True).on(cb.Ring(7)),
+    *map(guessed, (1, 2, 6)),
     asymmetric(0.8, 0.04, 0.8).doubled(),
     cb.symmetric(0.5, 0.08, 0.0).unfolded(),
     two_sites(),
@@ -151,3 +164,63 @@ def test_two_impacts_of_a_site_at_one_wall_in_the_wrong_order_have_no_margin_lef
         wrong = Orbit(replace(orbit.representation, impacts=moved))
         assert wrong.admissibility().centre <= -late
         assert least_margin(wrong.motion) <= -late
+
+
+# --- of orbits with two impacts ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "lattice", [cb.InfiniteChain(), cb.Ring(1), cb.Ring(2), cb.Ring(5), cb.Ring(40)]
+)
+def test_of_a_symmetric_breather_they_are_its_own(lattice):
+    rng = np.random.default_rng(5)
+    seen = set()
+    for _ in range(12):
+        gamma, k, a = rng.uniform(0, 0.24), rng.choice([0.0, 0.05, 0.5, 0.9]), rng.uniform(0.5, 1.2)
+        forcing = cb.Fourier(cos={1: -1.0, 3: rng.uniform(-1, 1)})
+        for b in cb.orbits.symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice)[:2]:
+            told, wanted = [(b.unfolded(), 1e-12)], b.admissibility()
+            if lattice.sites:
+                shot = (cb.shooting(b, symmetric=half, inadmissible=True) for half in (True, False))
+                told += [(orbit_at(one), 1e-11) for one in shot]
+            for orbit, close in told:
+                found = orbit.admissibility()
+                seen.add(found.ok)
+                assert found.ok == wanted.ok
+                assert found.neighbours == pytest.approx(wanted.neighbours, abs=close)
+                assert found.centre == pytest.approx(wanted.centre, abs=100 * close)
+                assert found.far == pytest.approx(wanted.far, abs=1e-12)
+    assert seen == {True, False}
+
+
+def test_far_field_carries_the_offset():
+    orbit = asymmetric(0.82, 0.04, 0.8)
+    far = 1 - 0.82 - abs(orbit.c)
+    assert orbit.admissibility().far == pytest.approx(far, abs=1e-14)
+    when = orbit.admissibility().places["far"][1]
+    assert abs(orbit.displacement(300, when)) == pytest.approx(1 - far, abs=1e-14)
+    assert orbit.on(cb.Ring(12)).admissibility().far == 1.0
+    # without coupling nothing lifts the other sites
+    assert asymmetric(0.82, 0.0, 0.8).admissibility().far == pytest.approx(1 - 0.82, abs=1e-14)
+
+
+def test_an_impact_that_loses_its_velocity_is_a_limit():
+    good = asymmetric(0.82, 0.04, 0.8)
+    first, second = good.impacts
+    margins = []
+    for speed in (1.0, 0.1, 0.001):
+        slow = first._replace(impulse=speed * first.impulse)
+        weak = Orbit(replace(good.representation, impacts=(slow, second)))
+        margins.append(centre_margin(weak))
+    assert margins[0] > 0.5
+    assert margins[2] < 0.01
+
+
+def test_margins_are_continuous_along_an_arm():
+    start = cb.symmetric(0.7, 0.04, 0.8)
+    point = cb.trace(start, "a", towards="up", within={"a": (0.7, 0.8)}).first("PF")
+    arm = cb.switch(point, steps=cb.Steps(largest=0.01))[0]
+    margins = np.array([point.solution.admissibility().margin for point in arm])
+    assert np.abs(np.diff(margins)).max() < 0.02
+    assert margins[0] > 0.1
+    assert abs(margins[-1]) < 1e-12

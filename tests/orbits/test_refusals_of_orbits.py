@@ -15,7 +15,7 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.orbits.orbit import orbit_at, orbit_of
 
 HERE: dict[str, Any] = {"a": 0.5, "gamma": 0.02, "k": 0.8}
-BREATHER, ONE = cb.symmetric(**HERE), ((0, 1),)
+BREATHER, ONE, TWO = cb.symmetric(**HERE), ((0, 1),), ((0, 1), (0, -1))
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +106,23 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
         for site in (1.7, "a", True, -1)
     ),
     (BREATHER.state(6), {"t": "0"}, "t = '0': the time of a state, a finite number, was expected"),
+    (BREATHER.state(6), {"t": math.nan}, "t = nan: the time of a state"),
+    (([2.0] * 6, [0.0] * 6), {}, r"u\[0\] = 2 .*outside the walls"),
+    *(
+        ({"t1": -3.2, "t2": 0.4, **times}, {"a": 0.82, "sites": 20, "sequence": TWO, **more}, words)
+        for times, more, words in (
+            ({"t2": -4.0}, {}, r"impacts of site 0 out of order: t1 = -3\.2 does not"),
+            ({"t2": 4.0}, {}, r"t2 = 4 does not come before t1 \+ a section = 3\.083"),
+            ({"t3": 1.0}, {}, r"not known \['t3'\]"),
+            ({"t2": math.nan}, {}, "finite numbers"),
+            ({"t1": 1j}, {}, "impact times .*1j.* finite numbers"),
+            ({}, {"a": math.nan}, "a = nan: the amplitude"),
+            ({}, {"a": -0.8}, "a = -0.8: the amplitude"),
+            ({}, {"gamma": 0.0}, "take sites=1"),
+            ({}, {"gamma": 0.3}, r"gamma = 0\.3"),
+            ({}, {"k": 1.2}, r"k = 1\.2"),
+        )
+    ),
 ]
 
 
@@ -116,38 +133,37 @@ def test_what_makes_no_orbit_is_refused(seed: Any, more: dict, sentence: str, wh
         cb.shooting(whole if seed == "whole" else seed, **{**given, **more})
 
 
+ON, COUPLED = {**HERE, "lattice": Ring(6)}, "has gamma = 0.02; an orbit of the single oscillator, "
+WHOLE = "sites are whole numbers"
 QUESTIONS: list[tuple[Callable[..., Any], str]] = [
-    (lambda b, o, w: o.displacement(0.5, 0.0), "n = 0.5: sites are whole numbers"),
+    (lambda b, o, w: o.displacement(0.5, 0.0), f"n = 0.5: {WHOLE}"),
+    (lambda b, o, w: b.displacement([[0, 1], [2]], 0.0), WHOLE),
     (lambda b, o, w: o.velocity(0, math.nan), "finite real numbers were expected"),
+    (lambda b, o, w: b.state(6, t=[0.0, 1.0]), r"t = \[0\.0, 1\.0\]: a time, a finite number"),
     (lambda b, o, w: w.phi, "phi belongs to symmetric orbits with one impact in half a period"),
     (lambda b, o, w: w.multipliers(half=True), "not known by half its period: it has no half"),
-    (
-        lambda b, o, w: o.stability(threshold=0.9),
-        r"threshold = 0\.9: .*, so a finite threshold above 1 is",
-    ),
-    (
-        lambda b, o, w: o.stability(threshold=math.inf),
-        r"threshold = inf: .*, so a finite threshold above 1 is",
-    ),
     (lambda b, o, w: b.multipliers(), r"continuous spectrum; ask for multipliers\(sites=N\)"),
+    *(
+        (
+            lambda b, o, w, given=given: o.stability(threshold=given),
+            rf"threshold = {given}: .*, so a finite threshold above 1 is",
+        )
+        for given in (0.9, math.inf)
+    ),
     # many sites
-    (
-        lambda b, o, w: cb.multibreather(3, lattice=Ring(6), **HERE),
-        "3: a list of sites is expected, or a dict of sites and orbits",
-    ),
-    (lambda b, o, w: cb.multibreather([], lattice=Ring(6), **HERE), "name at least one site"),
-    (lambda b, o, w: cb.multibreather([2, 2], lattice=Ring(6), **HERE), "name at least one site"),
-    (
-        lambda b, o, w: cb.multibreather({0: "middle"}, lattice=Ring(6), **HERE),
-        "site 0: 'middle' was given; 'upper', 'lower' or an orbit of the single oscillator",
-    ),
-    (
-        lambda b, o, w: cb.multibreather({0: b}, lattice=Ring(6), **HERE),
-        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is expected",
-    ),
-    (
-        lambda b, o, w: cb.multibreather({0: o}, lattice=Ring(6), **HERE),
-        "has gamma = 0.02; an orbit of the single oscillator, without coupling, is expected",
+    *(
+        (lambda b, o, w, of=of: cb.multibreather(of(b, o), **ON), words)
+        for of, words in (
+            (lambda b, o: 3, "3: a list of sites is expected, or a dict of sites and orbits"),
+            (lambda b, o: [[0, 1], [2]], "a list of sites is expected, or a dict"),
+            (lambda b, o: [], "name at least one site"),
+            (lambda b, o: [2, 2], "name at least one site"),
+            (lambda b, o: [9], "no such site"),
+            (lambda b, o: {0: "middle"}, "site 0: 'middle' was given; 'upper', 'lower' or an orb"),
+            (lambda b, o: {0: 1.5}, "'upper', 'lower' or an orbit"),
+            (lambda b, o: {0: b}, f"{COUPLED}without coupling, is expected"),
+            (lambda b, o: {0: o}, f"{COUPLED}without coupling, is expected"),
+        )
     ),
     *(
         (
@@ -157,10 +173,7 @@ QUESTIONS: list[tuple[Callable[..., Any], str]] = [
         for most in (0, 5, 1.5, True, "2")
     ),
     *(
-        (
-            lambda b, o, w, given=given: o.on(given),
-            r"InfiniteChain\(\) or Ring\(20\), say, is expected",
-        )
+        (lambda b, o, w, given=given: o.on(given), r"InfiniteChain\(\) or Ring\(20\), say, is")
         for given in (None, 7, "ring", Ring, np.ones(2))
     ),
     (lambda b, o, w: b.on(InfiniteChain(0.2)), "springs to the ground belong to the motion"),
@@ -168,17 +181,16 @@ QUESTIONS: list[tuple[Callable[..., Any], str]] = [
         lambda b, o, w: cb.symmetric(**HERE, lattice=cb.OpenChain(9), site=6).on(cb.OpenChain(4)),
         r"impact \(6, 1\): no such site on the open chain with free ends, 4 sites",
     ),
-    (lambda b, o, w: b.state(6, t=[0.0, 1.0]), r"t = \[0\.0, 1\.0\]: a time, a finite number"),
-    (lambda b, o, w: b.displacement([[0, 1], [2]], 0.0), "sites are whole numbers"),
-    (
-        lambda b, o, w: cb.symmetric(**HERE, lattice=Ring(6), damping=np.ones(2)),
-        r"damping = array\(\[1\., 1\.\]\): .* 0 <= damping <= 1e4",
-    ),
-    (lambda b, o, w: cb.symmetric(**HERE, site=[]), r"site = \[\].*site 0 impacts"),
-    (lambda b, o, w: cb.symmetric(**HERE, spring=np.ones(2)), "0 <= spring < 1"),
-    (
-        lambda b, o, w: cb.multibreather([[0, 1], [2]], lattice=Ring(6), **HERE),
-        "a list of sites is expected, or a dict",
+    *(
+        (lambda b, o, w, more=more: cb.symmetric(**HERE, **more), words)
+        for more, words in (
+            (
+                {"lattice": Ring(6), "damping": np.ones(2)},
+                r"damping = array\(\[1\., 1\.\]\): .* 0 <= damping <= 1e4",
+            ),
+            ({"site": []}, r"site = \[\].*site 0 impacts"),
+            ({"spring": np.ones(2)}, "0 <= spring < 1"),
+        )
     ),
     (lambda b, o, w: orbit_of(None, o.section, [0.0], [-1.0]), "Conditions was expected, got None"),
     (
@@ -240,23 +252,6 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
         cb.shooting(b, lattice=open_chain, sequence=((2, 1), (2, -1)))
 
 
-def test_an_orbit_written_with_twice_its_period_is_known_as_the_simpler_one(whole: Any) -> None:
-    b = cb.symmetric(**HERE)
-    times = {f"t{j + 1}": b.phi + j * math.pi for j in range(4)}
-    sequence = ((0, 1), (0, -1)) * 2
-    twice = cb.shooting(times, sites=6, sequence=sequence, period=4 * math.pi, **HERE)
-    point = cb.trace(twice, "a", within={"a": (0.49, 0.51)}, events=())[0]
-    simple = point.curve.problem.simpler(point)
-    assert simple is not None
-    assert orbit_at(simple).period == pytest.approx(2 * math.pi)
-    assert orbit_at(simple).times == pytest.approx(point.solution.times[:2], abs=1e-9)
-    within = {"a": (0.49, 0.51)}
-    single = cb.trace(cb.shooting(whole), "a", within=within, events=())[0]
-    assert orbit_at(single.curve.problem.simpler(single)).symmetric
-    half = cb.trace(cb.shooting(cb.symmetric(**HERE), sites=6), "a", within=within, events=())[0]
-    assert half.curve.problem.simpler(half) is None
-
-
 def test_momentum_and_phase_of_a_shot_orbit_are_those_of_the_breather(half: Any) -> None:
     ring = cb.symmetric(**HERE, lattice=Ring(6))
     assert half.p == pytest.approx(ring.p, abs=1e-10)
@@ -296,17 +291,6 @@ def test_the_catalogue_counts_each_class_of_choices_once() -> None:
     assert grown.stable(threshold=1.14)
 
 
-def test_elsewhere_an_orbit_takes_its_own_lattice(half: Any) -> None:
-    assert half.on(Ring(6)) is half or half.on(Ring(6)).times == pytest.approx(half.times)
-    assert np.array_equal(half.state(7), half.on(Ring(7)).state())
-    far = half.on(Ring(12))
-    assert far.lattice == Ring(12)
-    assert far.p == pytest.approx(cb.symmetric(**HERE, lattice=Ring(12)).p, abs=1e-9)
-    back = cb.symmetric(**HERE).on(Ring(6))
-    assert back.p == pytest.approx(half.p, abs=1e-10)
-    assert isinstance(cb.symmetric(**HERE).lattice, InfiniteChain)
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -326,6 +310,16 @@ def test_elsewhere_an_orbit_takes_its_own_lattice(half: Any) -> None:
         ({"k": 0.8, "a": 0.5}, r"zones need exactly one of k, gamma and a fixed, got"),
         ({"k": []}, r"zones need a value of k, or several; got none"),
         ({"k": 0.8, "within": {"k": (0.1, 0.2)}}, r"no window for 'k': the plane is that of"),
+        *(
+            ({"k": 0.8, **more}, "name a lattice")
+            for more in ({"damping": 0.1}, {"spring": 0.1}, {"site": 1}, {"walls": (-2, 2)})
+        ),
+        (
+            {"k": 0.8, "lattice": Ring(6), "damping": 0.1, "past_folds": True},
+            "past_folds: lower breathers",
+        ),
+        ({"k": 0.8, "lattice": cb.OpenChain(3), "site": 3}, "no such site"),
+        ({"k": 0.8, "lattice": cb.OpenChain(3), "walls": (-1, 2)}, "the walls are not symmetric"),
     ],
 )
 def test_zones_of_what_cannot_be_are_refused(given: dict[str, Any], words: str) -> None:

@@ -27,7 +27,9 @@ TWO = ((0, 1), (0, -1))
         (TWO, 1, 1, 2 * math.pi, 2 * math.pi, True, True),
         (TWO, 2, 1, 4 * math.pi, 4 * math.pi, True, False),
         (((0, -1), (0, 1)), 1, 1, 2 * math.pi, 2 * math.pi, True, False),
+        (((0, 1), (0, 1), (0, -1), (0, -1)), 1, 1, 2 * math.pi, 2 * math.pi, True, False),
         (((0, 1),), 1, -1, math.pi, 2 * math.pi, True, False),
+        (TWO, 3, -1, 3 * math.pi, 6 * math.pi, True, False),
         (((0, 1),), 3, -1, 3 * math.pi, 6 * math.pi, True, False),
         (((0, 1), (3, -1)), 1, 1, 2 * math.pi, 2 * math.pi, False, False),
         (((0, 1), (3, 1), (0, -1)), 1, -1, math.pi, 2 * math.pi, False, False),
@@ -157,6 +159,15 @@ def test_an_orbit_written_several_times_is_known_as_once(parts: int) -> None:
     assert half.symmetric
     assert half.times == pytest.approx(long.times[:1], abs=1e-7)
     assert len(list(images_of(long))) == 2 * parts - 1
+
+    def by_problem(orbit: cb.Orbit) -> Any:
+        point = cb.trace(orbit, "a", within={"a": (0.49, 0.51)}, events=())[0]
+        return point.curve.problem.simpler(point)
+
+    assert not orbit_at(by_problem(long)).symmetric
+    assert orbit_at(by_problem(long)).period == pytest.approx(2 * math.pi)
+    assert orbit_at(by_problem(simple)).symmetric
+    assert by_problem(half) is None
 
 
 def test_orbits_under_walls_that_differ_have_no_mirror_image() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -60,10 +59,6 @@ def test_breather_that_is_found_is_admissible_and_inside_of_the_window(free: str
 # --- where is looked ------------------------------------------------------------------------------
 
 
-def looked(free: str, within: tuple[float, float], **given: Any) -> list[float]:
-    return list(start_search._places(free, within, given))
-
-
 def test_where_nothing_is_said_all_values_are_looked_at() -> None:
     known = {name: window_of(name) for name in ("a", "gamma", "k", "damping", "spring")}
     assert known == {
@@ -76,66 +71,41 @@ def test_where_nothing_is_said_all_values_are_looked_at() -> None:
     assert window_of("c3") == (-math.inf, math.inf)
 
 
-def test_what_is_given_is_tried_first_then_the_window_from_end_to_end() -> None:
-    found = looked("k", (0.0, 1.0), a=0.5, gamma=0.1, k=0.3)
-    assert found[0] == 0.3
-    assert sorted(found[1:]) == pytest.approx(np.linspace(0.0, 1.0, 41))
-    assert max(np.diff(sorted(found[:22]))) <= 0.0501  # half of them are spread over all
-    assert looked("k", (0.4, 1.0), k=0.3)[0] >= 0.4
-    assert looked("gamma", (0.0, 0.2)) == looked("gamma", (0.0, 0.2), a=0.3, k=0.5)
-    assert len(looked("gamma", (0.0, 0.2))) == 41
-    for name in ("damping", "spring"):
-        found = looked(name, (0.0, math.inf))
-        assert found[0] == 0.0
-        assert (min(found), max(found)) == (0.0, 10.0)
-    assert (min(looked("c3", (-math.inf, math.inf))), max(looked("c3", (-3.0, 5.0)))) == (-10, 5)
+NEAR, RING = {"gamma": 0.1, "k": 0.8}, {"lattice": cb.Ring(5), "gamma": 0.02, "k": 0.8}
 
 
 @pytest.mark.parametrize(
-    ("within", "more", "high"),
+    ("free", "within", "given", "found"),
     [
-        ((0.0, 5.0), {}, 1.0),
-        ((0.0, 0.7), {}, 0.7),
-        ((0.8, 5.0), {}, 1.6),
-        ((0.0, 5.0), {"walls": (-2.0, 3.0)}, 3.0),
-        ((0.0, 5.0), {"walls": {0: (-2.0, None)}}, 1.0),
-        ((0.0, 5.0), {"walls": {1: (-1.0, 4.0)}, "site": 1}, 4.0),
-        ((0.0, 5.0), {"walls": {1: (-1.0, 4.0)}}, 1.0),
+        ("k", (0.0, 1.0), {"a": 0.5, "gamma": 0.1, "k": 0.3}, 0.3),
+        ("k", (0.4, 1.0), {"a": 0.5, "gamma": 0.1, "k": 0.3}, 0.415),
+        ("gamma", (0.0, 0.2), {"a": 0.3, "k": 0.5, "gamma": 0.15}, 0.15),
+        ("gamma", (0.0, 0.2), {"a": 0.3, "k": 0.5}, 0.005),
+        ("damping", (0.0, math.inf), {"a": 0.5, **RING}, 0.0),
+        ("spring", (0.0, math.inf), {"a": 0.5, **RING}, 0.0),
+        ("a", (0.0, 5.0), {"a": 0.5, **NEAR}, 0.5),
+        # above its fold, also where there is none at what is given
+        ("a", (0.0, 5.0), NEAR, 1.5 * smallest_amplitude(0.1, 0.8)),
+        ("a", (0.0, 5.0), {"a": 0.85, **NEAR}, 1.5 * smallest_amplitude(0.1, 0.8)),
+        ("a", (0.3, 0.7), NEAR, 0.31),
+        ("a", (0.79, 5.0), NEAR, 0.79),
+        # up to the wall, and where no closed form of the fold is known
+        ("a", (2.2, 5.0), {"walls": (-3.0, 3.0), **RING}, 2.255),
+        ("a", (0.2, 5.0), {**RING, "lattice": cb.OpenChain(3)}, 0.22),
     ],
 )
-def test_amplitudes_are_looked_for_next_to_the_fold_and_up_to_the_wall(within, more, high) -> None:
-    fold = smallest_amplitude(0.1, 0.8)
-    found = looked("a", within, gamma=0.1, k=0.8, **more)
-    near = [x for x in (1.5 * fold, 1.1 * fold, 1.01 * fold) if within[0] <= x <= within[1]]
-    assert found[: len(near)] == pytest.approx(near)
-    rest = sorted(found[len(near) :])
-    assert rest == pytest.approx([x for x in np.linspace(within[0], high, 41) if x > 0.0])
-    given = looked("a", within, gamma=0.1, k=0.8, a=0.85, **more)
-    assert (given[0] == 0.85) == (within[0] <= 0.85 <= within[1])
-    # a lattice by its stiffness has no closed form for its fold
-    other = looked("a", within, gamma=0.1, k=0.8, lattice=cb.OpenChain(3), **more)
-    assert sorted(other) == rest
+def test_what_is_given_is_tried_first_then_the_window_all_over(free, within, given, found) -> None:
+    assert getattr(find_symmetric(free, within, **given), free) == pytest.approx(found)
 
 
-def test_a_first_point_is_looked_for_in_the_middle_then_all_over_the_window() -> None:
-    found = list(start_search._combed("gamma", None, (0.0, 0.2)))
-    assert found[0] == 0.1
-    assert sorted(np.round(np.array(found) / 0.2, 12)) == [
-        0.02, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 0.98,
-    ]  # fmt: skip
-    for name, high in (("a", 1.0), ("c3", 10.0)):
-        assert next(start_search._combed(name, None, (0.0, math.inf))) == 0.5 * high
-    assert next(start_search._combed("c3", None, (-math.inf, 4.0))) == -3.0
-    assert list(start_search._combed("spring", None, (0.0, math.inf)))[:2] == [0.0, 0.5]
-    assert list(start_search._combed("spring", None, (0.0, 3.0)))[:2] == [0.0, 1.5]
-    for name in ("a", "damping"):  # all beyond where one would look otherwise
-        assert min(start_search._combed(name, None, (2.0, 3.0))) > 2.0
-        assert max(start_search._combed(name, None, (2.0, 3.0))) < 3.0
-    for end in (0.0, 0.2, 0.07):
-        assert list(start_search._combed("gamma", end, (0.0, 0.2))) == [end]
+def test_a_first_point_is_looked_for_in_the_middle_or_where_that_is_said() -> None:
+    plane = {"pair": ("gamma", "a"), "within": {"gamma": (0.0, 0.2)}, "k": 0.8}
+    assert find_event("LP", **plane)["gamma"] == 0.1
+    for end in (0.0, 0.07, 0.2):
+        assert find_event("LP", **plane, gamma=end)["gamma"] == end
     for beyond in (-1e-9, 0.2 + 1e-9):
         with pytest.raises(cb.BadInput, match=r"outside of the window 0 to 0\.2"):
-            list(start_search._combed("gamma", beyond, (0.0, 0.2)))
+            find_event("LP", **plane, gamma=beyond)
 
 
 def test_solutions_are_chosen_by_number_from_one() -> None:

@@ -12,7 +12,6 @@ import pytest
 
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import _is_impact, _is_mirrored
 from contbreather.orbits.initial_guesses import Motion
@@ -52,14 +51,6 @@ def test_contacts_that_are_impacts_and_crests_that_are_mirrored() -> None:
     assert not _is_mirrored(B, 1, t)  # of half an orbit nothing comes twice
     whole = B.unfolded()
     assert [_is_mirrored(late(whole, by), 1, t) for by in (0.0, 1e-12, 1e-6)] == [1, 1, 0]
-
-
-def test_a_lift_is_made_next_to_nothing_but_its_pitchfork() -> None:
-    found = cb.trace(B, "a", within={"a": (0.6, 0.8)}).first("PF")
-    assert lift(found).tangents
-    near = cb.trace(B, "a", within={"a": (0.7, found["a"] - 1e-4)})[-1]
-    with pytest.raises(cb.NotConverged, match="is not a PF"):
-        lift(replace(near, kind="PF"))
 
 
 def test_sites_feel_each_other_from_a_coupling_on() -> None:

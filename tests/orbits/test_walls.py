@@ -10,18 +10,18 @@ import pytest
 import contbreather as cb
 from contbreather.orbits import saddle_node
 
+from ..campaigns.existence import plain
 from ..effort import effort
+from .by_hand import distance
 
+PLACE = ("gamma", "a", "p", "phi")
 WELLS = cb.Fourier(cos={1: -1, 3: -0.23}, sin={3: 2.62})
 TIED = cb.Fourier(cos={1: -1, 3: 1.82})  # at gamma = 0 two crests of every site graze at once
 
 
-def reach(breather: cb.Orbit, sites: int = 10, times: int = 4000) -> float:
+def reach(breather: cb.Orbit) -> float:
     """Largest |u| wherever there is no impact, by brute force: over times and sites."""
-    s = math.pi * np.arange(1, times) / times
-    own = np.abs(breather.displacement(np.zeros(s.size, int), breather.phi + s)).max()
-    others = breather.displacement(np.arange(1, sites)[:, None], breather.phi + s[None, :])
-    return max(float(own), float(np.abs(others).max()))
+    return 1.0 + plain(breather, 4000)
 
 
 def random_forcing(seed: int) -> cb.Fourier:
@@ -29,17 +29,6 @@ def random_forcing(seed: int) -> cb.Fourier:
     orders = [(3,), (5,), (3, 5)][rng.integers(3)]
     cos = {1: -1.0} | {m: float(rng.normal(0, 3)) for m in orders}
     return cb.Fourier(cos=cos, sin={m: float(rng.normal(0, 3)) for m in orders})
-
-
-def distance(lines: tuple[cb.Branch, ...], point: cb.continuation.Point) -> float:
-    names = ("gamma", "a", "p", "phi")
-    here = np.array([point[name] for name in names])
-    found = [math.inf]
-    for line in lines:
-        gap = here - np.stack([line[name] for name in names], axis=-1)
-        gap[:, 3] = (gap[:, 3] + math.pi) % (2 * math.pi) - math.pi
-        found.append(float(np.linalg.norm(gap, axis=-1).min()))
-    return min(found)
 
 
 # --- zones of any forcing ---------------------------------------------------------------------
@@ -72,7 +61,7 @@ def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
     diagram = cb.zones(k=0.8, forcing=WELLS, within=within, past_folds=True)
     (corner,) = (point for point in diagram.special if point.kind == "GR-GR")
     arcs = [line for line in diagram["GR"] if corner in (line[0], line[-1])]
-    touching = [line for line in diagram["GR"] if distance((line,), corner) < 1e-9]
+    touching = [line for line in diagram["GR"] if distance((line,), corner, *PLACE) < 1e-9]
     assert len(arcs) == 1
     assert len(touching) == 2  # one arc ends there, another begins
     breather = corner.solution
@@ -92,7 +81,7 @@ def test_breathers_that_are_all_but_mirror_images_have_a_curve_each() -> None:
     for root in cb.orbits.symmetric_roots(0.6, 0.15, 0.94, forcing=TIED):
         point = cb.trace(root, "a", towards="up").special[-1]
         if root.admissibility().ok and point.kind == "GR" and point["p"] > 1e-6:
-            assert distance(diagram["GR"], point) < 0.01
+            assert distance(diagram["GR"], point, *PLACE) < 0.01
             seen.append(point)
     apart = [
         (abs(one["p"] - two["p"]), abs(one["phi"] - two["phi"])) for one in seen for two in seen
@@ -110,17 +99,6 @@ def test_the_far_field_alone_is_never_what_grazes_first() -> None:
 
 
 # --- folds ------------------------------------------------------------------------------------
-
-
-def test_one_harmonic_is_one_harmonic_however_it_is_written() -> None:
-    within = {"gamma": (0.0, 0.05)}
-    forcings = (cb.Harmonic(), cb.Fourier(cos={1: -1}), cb.Fourier(cos={1: -1, 3: 0.0}))
-    plain, *others = (cb.zones(k=0.8, forcing=f, within=within) for f in forcings)
-    assert not plain.past_folds
-    for other in others:
-        assert [len(line) for _, line in other] == [len(line) for _, line in plain]
-        for (_, one), (_, two) in zip(plain, other, strict=True):
-            np.testing.assert_allclose(one["a"], two["a"], rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -151,15 +129,8 @@ def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.orbits.Zones) -
     from contbreather.paper.threshold import neimark_sacker_line
 
     whole = neimark_sacker_line(0.8, sites=30, points=25)
-    nodes = [np.column_stack([line["gamma"], line["a"]]) for line in ring["NS"]]
-    for here in np.column_stack([whole.gamma, whole.a]):
-        gaps = []
-        for line in nodes:
-            start, chord = line[:-1], np.diff(line, axis=0)
-            along = np.sum((here - start) * chord, axis=1) / np.sum(chord**2, axis=1)
-            foot = start + np.clip(along, 0, 1)[:, None] * chord
-            gaps.append(np.linalg.norm(here - foot, axis=1).min())
-        assert min(gaps) < 1e-4
+    for gamma, a in zip(whole.gamma, whole.a, strict=True):
+        assert distance(ring["NS"], {"gamma": gamma, "a": a}, "gamma", "a") < 1e-4
 
 
 def test_the_pieces_of_that_line_join_end_to_end(ring: cb.orbits.Zones) -> None:

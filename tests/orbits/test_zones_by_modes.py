@@ -94,15 +94,3 @@ def test_upper_breathers_of_a_ring_are_the_same_by_modes() -> None:
     for lattice, spring in ((cb.Ring(6), None), (cb.Ring(6), 0.0)):
         found = cb.orbits.symmetric_roots(0.5, 0.1, 0.6, lattice=lattice, spring=spring)
         assert [family_of(orbit) for orbit in found] == ["upper", "lower"]
-
-
-def test_what_zones_cannot_be_of_is_refused() -> None:
-    for given in ({"damping": 0.1}, {"spring": 0.1}, {"site": 1}, {"walls": (-2, 2)}):
-        with pytest.raises(cb.BadInput, match="name a lattice"):
-            cb.zones(k=0.8, **given)
-    with pytest.raises(cb.BadInput, match="past_folds: lower breathers"):
-        cb.zones(k=0.8, lattice=cb.Ring(6), damping=0.1, past_folds=True)
-    with pytest.raises(cb.BadInput, match="no such site"):
-        cb.zones(k=0.8, lattice=cb.OpenChain(3), site=3)
-    with pytest.raises(cb.BadInput, match="the walls are not symmetric"):
-        cb.zones(k=0.8, lattice=cb.OpenChain(3), walls=(-1, 2))

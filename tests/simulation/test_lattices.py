@@ -32,7 +32,7 @@ from contbreather.simulation import (
     variation,
     verdict,
 )
-from tests.simulation.independent import dense, with_events
+from tests.orbits.field import Field, dense
 
 PI = math.pi
 
@@ -104,28 +104,35 @@ def test_any_motion_is_that_of_a_general_solver_with_events(lattice, on):
     rng = np.random.default_rng(3)
     u, v = rng.uniform(-0.7, 0.7, lattice.sites), rng.normal(0.0, 1.0, lattice.sites)
     run = simulate((u, v), a=0.7, gamma=0.2, k=0.7, lattice=lattice, periods=0.8, t0=1.0, **on)
-    wanted = with_events((u, v), run.conditions, 1.6 * PI, t0=1.0)
-    assert len(wanted[2]) >= min(3, 2 * lattice.sites)
-    assert run.impacts["site"].tolist() == [hit[1] for hit in wanted[2]]
-    assert np.allclose(run.impacts["time"], [hit[0] for hit in wanted[2]], rtol=0, atol=1e-10)
-    assert np.allclose(run.impacts["before"], [hit[2] for hit in wanted[2]], rtol=0, atol=1e-10)
-    assert np.allclose(run.final, wanted[:2], rtol=0, atol=1e-10)
+    end, hits, _ = Field(lattice, run.conditions).run(np.append(u, v), 1.0, 1.0 + 1.6 * PI)
+    assert len(hits) >= min(3, 2 * lattice.sites)
+    found = run.impacts[["site", "time", "wall", "before"]].tolist()
+    assert np.allclose(found, hits, rtol=0, atol=1e-10)
+    assert np.allclose(np.concatenate(run.final), end, rtol=0, atol=1e-10)
 
 
-@pytest.mark.parametrize(("k", "size"), [(0.8, 1.0), (0.15, 1.0), (0.0, 0.3)])
-def test_a_ring_written_as_a_matrix_moves_like_the_ring_rests_included(k, size):
-    rng = np.random.default_rng(1)
-    state = rng.uniform(-0.9, 0.9, 40), size * rng.normal(size=40)
-    ring = simulate(state, a=1.6, gamma=0.05, k=k, periods=2)
-    lattice = cb.Lattice(dense(cb.Ring(40)))
-    same = simulate(state, a=1.6, gamma=0.05, k=k, periods=2, lattice=lattice)
-    assert len(ring.impacts) == len(same.impacts) > 100
-    assert len(ring.rests) == len(same.rests)
-    assert (len(ring.rests) > 0) == (k < 0.5)
-    assert np.abs(np.subtract(ring.final, same.final)).max() < 1e-9
-    late = {"t0": 0.1, "a": 1.6, "gamma": 0.05, "k": k, "periods": 1}
-    maps = [variation(simulate(state, lattice=one, **late)) for one in (None, lattice)]
-    assert np.abs(maps[0] - maps[1]).max() <= 1e-6 * np.abs(maps[0]).max()
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("k", "size", "damping"),
+    [(1.0, 1.0, 0.05), (0.8, 1.0, 0.0), (0.4, 1.0, 0.05), (0.05, 1.0, 0.05), (0.0, 0.3, 0.0)],
+)
+def test_a_ring_written_as_a_matrix_moves_like_the_ring_rests_included(k, size, damping, seed):
+    """Long rings expand anew only what an impact can reach; lattices by their matrix all sites."""
+    rng = np.random.default_rng(seed)
+    state = rng.uniform(-0.9, 0.9, 60), size * rng.normal(size=60)
+    on = {"a": 1.2, "gamma": 0.2, "k": k, "damping": damping, "periods": 0.75}
+    lattice = cb.Lattice(dense(cb.Ring(60)))
+    runs = [simulate(state, **on, lattice=one) for one in (None, lattice)]
+    assert len(runs[0].impacts) == len(runs[1].impacts) > 60
+    assert len(runs[0].rests) == len(runs[1].rests)
+    assert (len(runs[0].rests) > 0) == (k < 0.1)
+    hits = [np.sort(run.impacts, order=["site", "time"]) for run in runs]
+    assert np.allclose(hits[0]["time"], hits[1]["time"], rtol=0, atol=1e-9)
+    assert np.abs(np.subtract(runs[0].final, runs[1].final)).max() < 1e-9
+    if seed == 0:
+        late = (simulate(state, t0=0.1, **on, lattice=one) for one in (None, lattice))
+        one, other = map(variation, late)
+        assert np.abs(one - other).max() <= 1e-6 * np.abs(one).max()
 
 
 def test_a_site_at_rest_is_let_go_when_spring_and_drive_of_its_own_pull_it_off():

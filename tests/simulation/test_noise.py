@@ -12,8 +12,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 import contbreather as cb
-from contbreather import simulation
-from contbreather.simulation import Axis, Kind, Sample, State, judge
+from contbreather.simulation import Kind, State, judge
 
 ON: dict[str, Any] = {"a": 0.5, "gamma": 0.05, "k": 0.8, "damping": 0.02}
 START = cb.symmetric(0.5, 0.05, 0.8).state(8)
@@ -111,32 +110,6 @@ def test_a_breather_under_noise_hits_regularly_and_others_now_and_then() -> None
     rng = np.random.default_rng(0)
     broad = State(*(x + rng.normal(size=x.shape) for x in run.strobe))
     assert judge(replace(run, strobe=broad)).kind is Kind.DELOCALISED
-
-
-def test_what_noise_cannot_be_is_refused() -> None:
-    for noise, seed in ((-1.0, 0), (math.nan, 0), (0.1, -1)):
-        with pytest.raises(cb.BadInput):
-            cb.simulate(START, periods=1, noise=noise, seed=seed, **ON)
-    with pytest.raises(cb.BadInput, match="not recorded densely under noise"):
-        cb.simulate(START, periods=1, noise=0.1, sample=Sample(), **ON)
-
-
-@pytest.mark.parametrize(
-    "made",
-    [
-        lambda on, _: simulation.verdict(START, **on),
-        lambda on, _: simulation.verdict(START, m=6, **on),
-        lambda on, path: simulation.record(path / "run", START, periods=1, **on),
-        lambda on, _: simulation.sweep(START, "k", [0.7, 0.8], periods=1, **on),
-        lambda on, _: simulation.attraction(START, Axis("u", 0, [0.1]), Axis("v", 0, [0.2]), **on),
-        lambda on, _: simulation.lyapunov(START, periods=1, **on),
-        lambda on, _: simulation.simulate_smooth(START, periods=1, m=6, **on),
-    ],
-)
-def test_noise_is_for_simulate_alone(made: Any, tmp_path: Path) -> None:
-    with pytest.raises(cb.BadInput, match=r"noise = 0.1: noise is for simulate\(\) alone"):
-        made({"noise": 0.1, **ON}, tmp_path)
-    assert not any(tmp_path.iterdir())
 
 
 # --- impacts everywhere ---------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,14 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"a": math.inf}, "^a = inf: the amplitude .* a finite number >= 0"),
         ("simulate", {"t0": math.nan}, "^t0 = nan"),
         ("simulate", {"sample": (0, 1)}, "a Sample was expected"),
+        *(("simulate", {"noise": noise}, "^noise = ") for noise in (-1.0, math.nan)),
+        ("simulate", {"noise": 0.1, "seed": -1}, "^seed = -1"),
+        ("simulate", {"noise": 0.1, "sample": Sample()}, "not recorded densely under noise"),
+        *(
+            (call, {"noise": 0.1}, r"noise = 0.1: noise is for simulate\(\) alone")
+            for call in ("smooth", "record", "verdict", "sweep", "attraction", "lyapunov")
+        ),
+        ("verdict", {"noise": 0.1, "m": 6}, r"noise = 0.1: noise is for simulate\(\) alone"),
         ("smooth", {"m": 0}, "^m = 0: the hardness of the wall .* 0.5 <= m <= 1e4"),
         ("smooth", {"m": 0.1}, "^m = 0.1"),
         ("smooth", {"m": math.nan}, "^m = nan"),
@@ -160,6 +169,7 @@ def test_what_cannot_be_worked_with_is_refused_in_a_sentence(call, changed, sent
     answer, given = CALLS[call]
     with pytest.raises(BadInput, match=sentence):
         answer(**{**given, **changed})
+    assert not Path("unused").exists()
 
 
 def test_what_is_missing_is_said_by_the_name_of_simulate() -> None:

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from contbreather.lattice import Fourier, Harmonic, Ring
-from contbreather.lattice.finite import Lattice
 from contbreather.orbits import symmetric
 from contbreather.simulation import (
     RunStop,
@@ -20,7 +19,7 @@ from contbreather.simulation import (
     simulate,
     variation,
 )
-from tests.simulation.independent import dense
+from tests.orbits.field import dense
 
 PI = math.pi
 
@@ -99,32 +98,6 @@ def test_other_forcing_moves_its_own_breather():
     assert np.abs(run.final.u - state[0]).max() < 1e-13
     other = simulate(state, a=0.4, gamma=0.1, k=0.7, periods=1, forcing=Harmonic())
     assert np.abs(other.final.u - state[0]).max() > 1e-2
-
-
-def test_run_may_start_at_any_time():
-    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(20))
-    t0 = 17.3
-    run = simulate(own.state(20, t0), a=0.5, gamma=0.08, k=0.8, periods=2, t0=t0)
-    assert np.abs(run.final.u - run.strobe.u[0]).max() < 1e-12
-    assert run.times[0] == t0
-    assert run.end == pytest.approx(t0 + 4 * PI, abs=1e-13)
-    since = run.at_site(0, 1)["time"] - own.phi
-    assert np.abs(np.sin(since)).max() < 1e-13
-    assert np.all(np.diff(run.impacts["time"]) > 0)
-
-
-def test_dense_samples_are_the_closed_form():
-    own = symmetric(0.5, 0.08, 0.8, lattice=Ring(20))
-    sample = Sample(sites=(0, 1, -1, 10), per_period=50)
-    run = simulate(own.state(20), a=0.5, gamma=0.08, k=0.8, periods=2, sample=sample)
-    assert run.record.sites == (0, 1, 19, 10)
-    assert run.record.u.shape == (100, 4)
-    for i, n in enumerate((0, 1, -1, 10)):
-        assert np.allclose(run.record.u[:, i], own.displacement(n, run.record.times), atol=1e-13)
-        assert np.allclose(run.record.v[:, i], own.velocity(n, run.record.times), atol=1e-12)
-
-
-# --- the half map ---------------------------------------------------------------------------------
 
 
 # --- any motion at all ----------------------------------------------------------------------------
@@ -257,24 +230,6 @@ def test_impact_at_the_seam_of_two_steps_is_found_once():
         t0 = own.phi + 1.5 * PI + shift
         run = simulate(own.state(6, t0), a=0.5, gamma=0.08, k=0.8, t0=t0, periods=0.45)
         assert run.impacts["wall"].tolist() == [1]
-
-
-@pytest.mark.parametrize("k", [0.05, 0.4, 1.0])
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_corrected_surroundings_of_an_impact_are_the_whole_ring_expanded_anew(seed, k):
-    """Long rings expand anew only what an impact can reach; lattices by their matrix all sites."""
-    rng = np.random.default_rng(seed)
-    state = rng.uniform(-0.9, 0.9, 60), rng.normal(size=60)
-    conditions = {"a": 1.2, "gamma": 0.2, "k": k, "damping": 0.05, "periods": 0.75}
-    local = simulate(state, **conditions)
-    assert len(local.impacts) > 60
-    assert (len(local.rests) > 0) == (k == 0.05)
-    whole = simulate(state, lattice=Lattice(dense(Ring(60))), **conditions)
-    assert len(local.impacts) == len(whole.impacts)
-    order = [np.lexsort((run.impacts["time"], run.impacts["site"])) for run in (local, whole)]
-    times = [run.impacts["time"][i] for run, i in zip((local, whole), order, strict=True)]
-    assert np.allclose(*times, rtol=0, atol=1e-9)
-    assert np.allclose(local.final.u, whole.final.u, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("beyond", [-1e-9, 1e-9])

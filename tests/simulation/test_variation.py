@@ -120,13 +120,6 @@ def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
         assert seen.kind is kind, str(seen)
 
 
-def test_pitchfork_of_the_undamped_ring_is_that_of_the_closure():
-    """gamma = 0.04, k = 0.8: a = 0.777632425944 on all but the shortest rings."""
-    start = breather(16, a=0.7, gamma=0.04, k=0.8)
-    branch = trace(start, "a", within={"a": (0.7, 0.8)}, towards="up")
-    assert branch.first("PF")["a"] == pytest.approx(0.777632425944, abs=1e-10)
-
-
 def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():
     found = lyapunov(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.0, periods=50, settle=10, count=2)
     assert found.exponents[1] == -np.inf

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
-from contbreather.lattice import InfiniteChain
+from contbreather.lattice import InfiniteChain, Ring
 
 
 def b_of(a: float, gamma: float, k: float) -> float:
@@ -52,6 +52,18 @@ def paper_matrix(sites: int, gamma: float, k: float, b: float) -> np.ndarray:
     return flight(sites, gamma, np.pi) @ impact(sites, 0, k, b)
 
 
+def even_half_map(sites: int, spring: float, gamma: float, k: float, b: float) -> np.ndarray:
+    """QS of a ring in the modes that the impact sees."""
+    _, weight, w = Ring(sites).nodes(gamma)
+    w = np.sqrt(w * w + spring)
+    size, share = w.size, np.sqrt(weight)
+    cosine, pull = np.diag(np.cos(np.pi * w)), np.diag(-w * np.sin(np.pi * w))
+    Q = np.block([[cosine, np.diag(np.pi * np.sinc(w))], [pull, cosine]])
+    E = np.zeros((2 * size, 2))
+    E[:size, 0] = E[size:, 1] = share
+    return Q @ (np.eye(2 * size) + E @ np.array([[-k - 1, 0], [b, -k - 1]]) @ E.T)
+
+
 def exact_G(gamma: float, nu: complex, sites: int | None) -> np.ndarray:
     """G in its matrix form, averaged over modes with 30 digits."""
     with mp.workdps(30):
@@ -85,7 +97,7 @@ def apart(x: np.ndarray, y: np.ndarray) -> float:
     assert x.shape == y.shape
     cost = np.abs(np.asarray(x)[:, None] - np.asarray(y)) / np.maximum(1.0, np.abs(y))
     rows, columns = linear_sum_assignment(cost)
-    return float(cost[rows, columns].max())
+    return float(cost[rows, columns].max(initial=0.0))
 
 
 def slope(of: Callable[[float], Any], h: float) -> Any:

@@ -22,7 +22,8 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import verdict
-from tests.stability.by_hand import flight, impact, pitchfork_b
+from tests.campaigns.band_ends import by_modes
+from tests.stability.by_hand import apart, flight, impact, pitchfork_b
 
 
 def dense(sites, gamma, k, kicks, periods):
@@ -36,15 +37,6 @@ def dense(sites, gamma, k, kicks, periods):
 
 def on_ring(sites, gamma, k, kicks, periods=1):
     return ring_map(Ring(sites), gamma, k, tuple(Saltation(*one) for one in kicks), TURN * periods)
-
-
-def paired(one, other):
-    """Largest distance between two spectra, matched greedily."""
-    other, worst = list(other), 0.0
-    for mu in sorted(one, key=abs, reverse=True):
-        nearest = min(range(len(other)), key=lambda i: abs(other[i] - mu))
-        worst = max(worst, abs(other.pop(nearest) - mu))
-    return worst
 
 
 TURN, LONG = 2.0 * np.pi, 101
@@ -63,7 +55,7 @@ def test_multipliers_are_the_eigenvalues_of_flights_and_saltations(sites, gamma,
     mu = on_ring(sites, gamma, k, kicks, periods).multipliers()
     assert mu.size == 2 * sites
     # a double eigenvalue (a zero mode) is known to the root of rounding
-    assert paired(mu, np.linalg.eigvals(dense(sites, gamma, k, kicks, periods))) < 1e-6
+    assert apart(mu, np.linalg.eigvals(dense(sites, gamma, k, kicks, periods))) < 1e-6
     assert abs(np.prod(mu) - k ** (2 * len(kicks))) < 1e-12
 
 
@@ -96,31 +88,9 @@ def test_reduced_determinant_is_that_of_the_whole_matrix():
 @pytest.mark.parametrize("distance", [0, 1, 4])
 def test_mean_propagators_are_means_over_the_modes(gamma, distance):
     """Through the determinant of two impacts, next to the circle and far from it."""
-    times, k, b = np.array([0.0, 2.4]), 0.7, (0.4, -1.3)
-    map = OrbitMap(gamma, k, [(0, times[0], b[0]), (distance, times[1], b[1])])
-    theta, weight, w = Ring(4000).nodes(gamma)
-
-    def of_modes(s):
-        return np.array([np.cos(w * s), s * np.sinc(w * s / np.pi), -w * np.sin(w * s)])
-
-    def block(s, apart, mu):
-        """What the one does to the other, as ``[[turn, reach], [pull, turn]]``."""
-        late = s + 2 * np.pi * (s <= 0)
-        mode = 1 - 2 * np.cos(2 * np.pi * w) / mu + mu**-2
-        now, before = of_modes(late), of_modes(late - 2 * np.pi)
-        turn, reach, pull = (now - before / mu) / mode @ (weight * np.cos(apart * theta))
-        # a late one meets what grew by mu
-        return np.array([[turn, reach], [pull, turn]]) / (mu if s <= 0 else 1.0)
-
-    for kappa in (0.0 - 0.1j, 0.2 - 0.3j, 0.5 - 0.6j, -0.3 - 0.1j, 0.2 - 0.7j):
-        mu = np.exp(2j * np.pi * kappa)
-        whole = np.eye(4, dtype=complex)
-        for i in range(2):
-            for j in range(2):
-                X = block(times[i] - times[j], distance if i != j else 0, mu)
-                jump = np.array([[-1 - k, 0.0], [b[j], -1 - k]])
-                whole[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] -= X @ jump
-        assert map.D(kappa) == pytest.approx(np.linalg.det(whole), rel=1e-11)
+    map = OrbitMap(gamma, 0.7, [(0, 0.0, 0.4), (distance, 2.4, -1.3)])
+    kappa = np.array([0.0 - 0.1j, 0.2 - 0.3j, 0.5 - 0.6j, -0.3 - 0.1j, 0.2 - 0.7j])
+    assert map.D(kappa) == pytest.approx(by_modes(map, kappa), rel=1e-11)
 
 
 MAPS = [
@@ -248,7 +218,7 @@ def test_winding_number_newton_and_a_long_ring_agree(several):
         ring = on_ring(LONG, gamma, k, kicks, periods).over_period
         far, wanted = found[np.abs(found) > 1.6], ring[np.abs(ring) > 1.6]
         assert far.size == wanted.size
-        assert paired(far, wanted) < 1e-7 * np.abs(far).max(initial=1)
+        assert apart(far, wanted) < 1e-7
         outside += far.size
     assert outside >= 5
 
@@ -271,7 +241,7 @@ def test_multipliers_come_largest_first_and_in_pairs():
     half = unstable_multipliers(0.11, 0.8, -0.28657)
     assert mu.size == 2
     assert mu[0] == mu[1].conjugate()
-    assert paired(mu, half**2) < 1e-11
+    assert apart(mu, half**2) < 1e-11
 
 
 def test_a_multiplier_of_minus_one_is_a_zero_of_its_scalar():

@@ -13,7 +13,7 @@ from contbreather import stability
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import counting, unstable_count, unstable_multipliers
-from contbreather.stability.chain_map import OrbitMap, _zeros
+from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.characteristic import D, D_gradient
 from contbreather.stability.counting import closest_approach
 from contbreather.stability.modal_map import ring_map
@@ -137,14 +137,6 @@ def test_next_to_no_coupling_there_is_a_band_to_approach() -> None:
 
 def test_a_stable_orbit_has_no_multiplier_outside() -> None:
     assert OrbitMap(0.04, 0.8, ORBIT).unstable_multipliers().size == 0
-
-
-def test_zeros_are_looked_for_from_somewhere() -> None:
-    none = _zeros(lambda kappa: kappa - 0.3 + 0.2j, np.empty(0, dtype=complex))
-    assert none.size == 0
-    found = _zeros(lambda kappa: kappa - 0.3 + 0.02j, np.array([0.29 - 0.03j]))
-    mu = np.exp(2j * math.pi * (0.3 - 0.02j))
-    assert sorted(found, key=lambda z: z.imag) == pytest.approx([mu.conj(), mu], abs=1e-9)
 
 
 def test_newton_is_held_to_the_winding_number(monkeypatch) -> None:

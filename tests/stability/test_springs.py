@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice import InfiniteChain
 from contbreather.lattice.free_flight import free_flight
 from contbreather.stability import (
     D,
@@ -24,7 +24,7 @@ from contbreather.stability import (
     window,
 )
 from tests.lattice.by_hand import response
-from tests.stability.by_hand import slope
+from tests.stability.by_hand import even_half_map, slope
 
 NAMES = ("chi", "eta", "sigma", "psi", "tau")
 SPRUNG = [(0.2, 0.05), (0.05, 0.2), (0.6, 0.09), (0.9, 0.02), (1e-3, 0.1)]
@@ -95,23 +95,11 @@ def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) ->
             assert answer == pytest.approx(slope(of, 1e-4), rel=2e-5, abs=1e-7)
 
 
-def even_half_map(sites: int, spring: float, gamma: float, k: float, b: float) -> np.ndarray:
-    """QS of a ring in the modes that the impact sees."""
-    _, weight, w = Ring(sites).nodes(gamma)
-    w = np.sqrt(w * w + spring)
-    size, share = w.size, np.sqrt(weight)
-    cosine, sine = np.diag(np.cos(np.pi * w)), np.sin(np.pi * w)
-    Q = np.block([[cosine, np.diag(sine / w)], [np.diag(-w * sine), cosine]])
-    E = np.zeros((2 * size, 2))
-    E[:size, 0] = E[size:, 1] = share
-    return Q @ (np.eye(2 * size) + E @ np.array([[-k - 1, 0], [b, -k - 1]]) @ E.T)
-
-
 def test_isolated_multipliers_are_those_of_a_long_ring() -> None:
     rng = np.random.default_rng(11)
     seen = set()
-    for _ in range(24):
-        spring = rng.uniform(0.01, 0.7)
+    for i in range(32):
+        spring = rng.uniform(0.01, 0.7) * (i % 3 > 0)
         gamma, k, b = rng.uniform(0.01, 0.24) * (1 - spring), rng.uniform(0, 1), rng.uniform(-3, 4)
         chain = InfiniteChain(spring)
         count, mu = unstable_count(gamma, k, b, chain), unstable_multipliers(gamma, k, b, chain)

@@ -26,19 +26,14 @@ SUBROUTINE FUNC(NDIM,U,ICP,PAR,IJAC,F,DFDU,DFDP)
   DOUBLE PRECISION, INTENT(IN) :: U(NDIM), PAR(*)
   DOUBLE PRECISION, INTENT(OUT) :: F(NDIM)
   DOUBLE PRECISION, INTENT(INOUT) :: DFDU(NDIM,NDIM), DFDP(NDIM,*)
-  DOUBLE PRECISION :: a, g, q, chi
-  a = PAR(1); g = PAR(2); q = (1 - PAR(3))/(1 + PAR(3))
-{chi}
-  F(1) = U(1)*chi + a*COS(U(2)) - 1
-  F(2) = -a*SIN(U(2)) - U(1)*q
+{equations}
 END SUBROUTINE
 SUBROUTINE STPNT(NDIM,U,PAR,T)
   IMPLICIT NONE
   INTEGER, INTENT(IN) :: NDIM
   DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
   DOUBLE PRECISION, INTENT(IN) :: T
-  PAR(1:3) = (/ 1D0, {gamma}, {k} /)
-  U = (/ {p}, {phi} /)
+{start}
 END SUBROUTINE
 SUBROUTINE BCND
 END SUBROUTINE
@@ -49,6 +44,17 @@ END SUBROUTINE
 SUBROUTINE PVLS
 END SUBROUTINE
 """
+
+CLOSURE = """\
+  DOUBLE PRECISION :: a, g, q, chi
+  a = PAR(1); g = PAR(2); q = (1 - PAR(3))/(1 + PAR(3))
+{chi}
+  F(1) = U(1)*chi + a*COS(U(2)) - 1
+  F(2) = -a*SIN(U(2)) - U(1)*q"""
+
+START = """\
+  PAR(1:3) = (/ 1D0, {gamma}, {k} /)
+  U = (/ {p}, {phi} /)"""
 
 CONSTANTS = """\
 unames = {{1: 'p', 2: 'phi'}}
@@ -79,23 +85,21 @@ def fortran(value: float) -> str:
     return f"{value:.17e}".replace("e", "D")
 
 
-def write(folder: Path) -> None:
+def files() -> dict[str, str]:
     horner = [f"  chi = {fortran(closure.CHI_SERIES[-1])}"]
     horner += [f"  chi = chi*g + {fortran(c)}" for c in reversed(closure.CHI_SERIES[:-1])]
     horner += [f"  chi = chi + {fortran(4 / closure.math.pi)}/SQRT(1 - 4*g)"]
     p, phi = closure.start()
-    text = EQUATIONS.format(
-        chi="\n".join(horner),
-        gamma=fortran(closure.GAMMA),
-        k=fortran(closure.K),
-        p=fortran(p),
-        phi=fortran(phi),
-    )
-    (folder / "breather.f90").write_text(text, encoding="ascii")
+    numbers = {"gamma": closure.GAMMA, "k": closure.K, "p": p, "phi": phi}
+    start = START.format(**{name: fortran(value) for name, value in numbers.items()})
     step = closure.branch_length(closure.GAMMA, closure.K) / closure.POINTS
-    (folder / "c.breather").write_text(CONSTANTS.format(step=step), encoding="ascii")
-    session = SESSION.format(end=closure.GAMMA_END, step=closure.FOLD_STEP)
-    (folder / "session.auto").write_text(session, encoding="ascii")
+    return {
+        "breather.f90": EQUATIONS.format(
+            equations=CLOSURE.format(chi="\n".join(horner)), start=start
+        ),
+        "c.breather": CONSTANTS.format(step=step),
+        "session.auto": SESSION.format(end=closure.GAMMA_END, step=closure.FOLD_STEP),
+    }
 
 
 def program() -> tuple[str, dict[str, str], str]:
@@ -109,18 +113,29 @@ def program() -> tuple[str, dict[str, str], str]:
     return "auto-07p", path, out.strip()
 
 
-def session() -> dict[str, Any]:
-    """Compile, branch, fold, fold curve; times a point are those that AUTO itself prints."""
+def ran(files: dict[str, str]) -> tuple[str, float, str]:
+    """What AUTO is called, how long its session takes, and what that prints."""
     if shutil.which("gfortran") is None:
         raise Absent("no gfortran here (Debian: apt install auto-07p gfortran)")
     run, env, version = program()
-    with tempfile.TemporaryDirectory() as name:
-        write(Path(name))
-        seconds, out = process([run, "session.auto"], cwd=Path(name), env=env)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in files.items():
+            Path(folder, name).write_text(text, encoding="ascii")
+        seconds, out = process([run, "session.auto"], cwd=Path(folder), env=env)
+    return f"AUTO-07p {version}", seconds, out
+
+
+def result(out: str) -> Any:
+    return json.loads(re.findall(r"^RESULT (.*)$", out, flags=re.MULTILINE)[0])
+
+
+def session() -> dict[str, Any]:
+    """Compile, branch, fold, fold curve; times a point are those that AUTO itself prints."""
+    name, seconds, out = ran(files())
     printed = [float(value) for value in re.findall(r"Total Time\s+(\S+)", out)]
-    data = json.loads(re.findall(r"^RESULT (.*)$", out, flags=re.MULTILINE)[0])
+    data = result(out)
     return {
-        "name": f"AUTO-07p {version}",
+        "name": name,
         "branch_points": data["points"],
         "branch_seconds": printed[0],
         "fold": data["lp"],

@@ -2,45 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import re
-import shutil
-import tempfile
+import io
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..measure import Absent, process
-from .auto07p import fortran, program
-
-EQUATIONS = """\
-SUBROUTINE FUNC(NDIM,U,ICP,PAR,IJAC,F,DFDU,DFDP)
-  IMPLICIT NONE
-  INTEGER, INTENT(IN) :: NDIM, ICP(*), IJAC
-  DOUBLE PRECISION, INTENT(IN) :: U(NDIM), PAR(*)
-  DOUBLE PRECISION, INTENT(OUT) :: F(NDIM)
-  DOUBLE PRECISION, INTENT(INOUT) :: DFDU(NDIM,NDIM), DFDP(NDIM,*)
-  INTEGER :: i
-{equations}
-END SUBROUTINE
-SUBROUTINE STPNT(NDIM,U,PAR,T)
-  IMPLICIT NONE
-  INTEGER, INTENT(IN) :: NDIM
-  DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
-  DOUBLE PRECISION, INTENT(IN) :: T
-{params}
-END SUBROUTINE
-SUBROUTINE BCND
-END SUBROUTINE
-SUBROUTINE ICND
-END SUBROUTINE
-SUBROUTINE FOPT
-END SUBROUTINE
-SUBROUTINE PVLS
-END SUBROUTINE
-"""
+from .auto07p import EQUATIONS, fortran, ran, result
 
 CONSTANTS = """\
 dat='cycle'
@@ -96,9 +64,6 @@ class System:
 
 def session(system: System, t: Any, x: Any, intervals: int, points: int) -> dict[str, Any]:
     """Compile and walk; times a point."""
-    if shutil.which("gfortran") is None:
-        raise Absent("no gfortran here (Debian: apt install auto-07p gfortran)")
-    run, env, version = program()
     params = [f"  PAR({i})={fortran(v)}" for i, v in enumerate(system.params.values(), 1)]
     names = ", ".join(f"{i}: '{name}'" for i, name in enumerate(system.params, 1))
     low, high = system.window
@@ -115,18 +80,15 @@ def session(system: System, t: Any, x: Any, intervals: int, points: int) -> dict
         )  # fmt: skip
         curves = "curves"
     text += SAY.format(free=system.free, second=second, curves=curves)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        whole = EQUATIONS.format(equations=system.equations, params="\n".join(params))
-        (folder / "cycle.f90").write_text(whole, encoding="ascii")
-        (folder / "c.cycle").write_text(constants, encoding="ascii")
-        (folder / "session.auto").write_text(text, encoding="ascii")
-        np.savetxt(folder / "cycle.dat", np.vstack([t, x]).T, fmt="%.16e")
-        _, out = process([run, "session.auto"], cwd=folder, env=env)
-    found = json.loads(re.findall(r"^RESULT (.*)$", out, re.MULTILINE)[0])
-    special, ends, (many, along), clock = found
+    equations, table = f"  INTEGER :: i\n{system.equations}", io.StringIO()
+    np.savetxt(table, np.vstack([t, x]).T, fmt="%.16e")
+    name, _, out = ran({
+        "cycle.f90": EQUATIONS.format(equations=equations, start="\n".join(params)),
+        "c.cycle": constants, "session.auto": text, "cycle.dat": table.getvalue(),
+    })  # fmt: skip
+    special, ends, (many, along), clock = result(out)
     return {
-        "name": f"AUTO-07p {version}", "special": special, "ends": ends,
+        "name": name, "special": special, "ends": ends,
         "branch": (clock[1] - clock[0]) / many,
         "curve": (clock[-1] - clock[-2]) / sum(along) if along else None,
     }  # fmt: skip
