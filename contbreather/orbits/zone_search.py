@@ -58,7 +58,7 @@ NEXT = (0.999, 1.001)  # next to a fold, as parts of its amplitude
 PHASE = 0.1  # weight of phi in these distances: of breathers alike in p it differs a lot
 VANISHED = 1e-9  # the impact has lost its velocity: no event of an impacting breather
 BEYOND = 1.02  # how far, relative to where the far field grazes, amplitudes are looked at
-BESIDE = 3e-3  # how far from a meeting a curve is looked for that the comb missed
+BESIDE = (-3e-3, -3e-4, 3e-4, 3e-3)  # of a meeting a curve is looked for that the comb missed
 
 
 @dataclass
@@ -111,7 +111,7 @@ class Search:
         # between them, where one that leads from meeting to meeting has to pass
         ends = [p for branches in self.curves.values() for b in branches for p in b.special]
         met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._known(p)]
-        beside = [x + step for x in met for step in (-BESIDE, BESIDE)]
+        beside = [x + step for x in met for step in BESIDE]
         between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
         for x in (*beside, *between):
