@@ -25,10 +25,10 @@ from contbreather.cli.process import (
     abandon,
     computing,
     end,
-    kept,
+    interruptible,
     prepare,
     trouble,
-    watched,
+    until_interrupted,
 )
 from contbreather.errors import BadInput, Interrupted, NotConverged
 
@@ -218,7 +218,7 @@ def leaving(monkeypatch) -> None:
 
 @pytest.mark.apart
 def test_until_something_is_computed_a_process_of_its_own_ends_at_once(spoken, leaving) -> None:
-    with watched(alone=True), pytest.raises(Left, match="130"):
+    with interruptible(alone=True), pytest.raises(Left, match="130"):
         signal.raise_signal(signal.SIGINT)
     assert spoken == ["contbreather: interrupted\n"]
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
@@ -227,14 +227,14 @@ def test_until_something_is_computed_a_process_of_its_own_ends_at_once(spoken, l
 @pytest.mark.apart
 def test_in_somebody_elses_process_it_is_an_exception_from_the_start(spoken, leaving) -> None:
     before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), watched(alone=False):
+    with pytest.raises(KeyboardInterrupt), interruptible(alone=False):
         signal.raise_signal(signal.SIGINT)
     assert spoken == []
     assert signal.getsignal(signal.SIGINT) is before
 
 
 def interrupted_after_computing(*then: Callable[[], Any], alone: bool = True) -> None:
-    with watched(alone=alone):
+    with interruptible(alone=alone):
         with computing():
             pass
         signal.raise_signal(signal.SIGINT)
@@ -272,7 +272,7 @@ def test_a_new_command_line_knows_nothing_of_the_last_one(spoken, leaving) -> No
         with pytest.raises(KeyboardInterrupt):
             interrupted_after_computing(alone=False)
     assert len(spoken) == 2
-    with watched(alone=False):
+    with interruptible(alone=False):
         pass
 
 
@@ -342,10 +342,10 @@ def test_what_a_computation_gives_is_kept_with_whether_it_was_cut_short() -> Non
     def nothing() -> Any:
         raise Interrupted()
 
-    assert kept(lambda: "all of it") == ("all of it", False)
-    assert kept(cut) == ("half of it", True)
+    assert until_interrupted(lambda: "all of it") == ("all of it", False)
+    assert until_interrupted(cut) == ("half of it", True)
     with pytest.raises(Interrupted):
-        kept(nothing)
+        until_interrupted(nothing)
     end(False)
     with pytest.raises(CutShort):
         end(True)

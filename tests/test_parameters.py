@@ -87,7 +87,7 @@ WHOSE = {
     "multibreathers": {"most": 3},
     "FixedPoint": {"period": 1},
     "trace": {"towards": "both"},
-    "continuation.walk": {"towards": "up"},
+    "continuation.iterate": {"towards": "up"},
     "boundary": {"towards": "both"},
     "Steps": {"first": 0.01, "largest": None, "smallest": 1e-9, "growth": 1.5, "most": 2000},
     "paper.figure2": {"sites": 400, "points": 100, "threshold": 1.005},

@@ -21,7 +21,7 @@ import xarray
 import contbreather as cb
 from contbreather.orbits.atlas import Slice
 from contbreather.orbits.start_search import window_of
-from contbreather.studies import Report, cluster, plan, read, tasks
+from contbreather.studies import Report, cluster, dry_run, read, tasks
 from contbreather.studies import run as conduct
 from contbreather.studies.tasks import Worker, tasks_of
 
@@ -223,7 +223,7 @@ def test_one_member_of_a_scan_is_a_start_and_what_comes_of_it_stays(
     assert 0.04 in line["gamma"]
     whole = parts.with_name("whole.toml")
     whole.write_text(PARTS.replace("s/gamma=0.040", "s"))
-    asked = plan(whole, folder=report.folder)
+    asked = dry_run(whole, folder=report.folder)
     assert [task.name for task in asked.left] == ["line/gamma=0.02"]
 
 

@@ -120,7 +120,7 @@ class Circle:
         series = [(weights * powers).entries() for weights in _weights()]
         return cls(gamma, k, b, tuple(arb_poly(list(coefficients)) for coefficients in series))
 
-    def aliases(self, nu: Ball) -> tuple[Ball, Ball, Ball]:
+    def lattice_sums(self, nu: Ball) -> tuple[Ball, Ball, Ball]:
         """R, B and C: the sums over all aliases but nu itself."""
         square, error = nu * nu, spread(CUT)
         R, B, C = (total(square) for total in self.sums)
@@ -133,7 +133,7 @@ class Circle:
     def value(self, nu: Ball, h: Ball, *, band: bool) -> Rectangle:
         """F where ``h`` is given by its modulus: ``-i h`` on the band, ``h`` beyond."""
         c, d = 1 + self.k, (1 - self.k) / 2
-        R, B, C = self.aliases(nu)
+        R, B, C = self.lattice_sums(nu)
         beta, turn = self.b - c * c * C, c * R
         real, imag = d * d - turn * turn + B * beta, 2 * d * turn
         re = (2 * c * nu * turn + beta + c * c * nu * nu * B) / arb.pi()  # -Re L/pi

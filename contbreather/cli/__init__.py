@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather import __version__
 from contbreather.cli.process import STATUS as INTERRUPTED
-from contbreather.cli.process import CutShort, abandon, heard, prepare, trouble, watched
+from contbreather.cli.process import CutShort, abandon, heard, interruptible, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # the parser takes a lone hyphen for an option
     tokens = [STDOUT if token == "-" else token for token in typed if token != VERBOSE]
     try:
-        with watched(alone=arguments is None), heard(VERBOSE in typed):
+        with interruptible(alone=arguments is None), heard(VERBOSE in typed):
             status = _about() if typed == ["--version", VERBOSE] else _run(tokens)
             sys.stdout.flush()
     except BadInput as error:

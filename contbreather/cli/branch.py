@@ -23,7 +23,7 @@ from contbreather.cli.output import (
     check_ends,
     lines_of,
 )
-from contbreather.cli.process import kept
+from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
 from contbreather.parameters import NEEDED
 
@@ -57,7 +57,9 @@ def branch(
     steps, start = sizes.steps(), along.start(where, root)
     axes.check(into.output, start.problem)
     options: dict[str, Any] = {"within": start.within, "towards": towards, "save": into.save}
-    traced, cut = kept(cb.continuation.trace, start.problem, start.free, steps=steps, **options)
+    traced, cut = until_interrupted(
+        cb.continuation.trace, start.problem, start.free, steps=steps, **options
+    )
     leave(traced, "branch", start.entry(), into, cut, axes)
 
 
@@ -102,7 +104,7 @@ def boundary(
     seed = cb.orbits.find_event(kind.upper(), pair, **options)
     locus = seed.event.locus if seed.event else None
     axes.check(into.output, seed.curve.problem, *(locus(seed).extra if locus else ()))
-    curve, cut = kept(
+    curve, cut = until_interrupted(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
     leave(curve, "curve", {"curve": kind.upper(), "pair": pair, **on.entry()}, into, cut, axes)

@@ -11,7 +11,7 @@ from unicodedata import normalize
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.output import OWN, note
+from contbreather.cli.output import OWN, inform
 from contbreather.errors import BadInput
 from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, window_of
 
@@ -99,7 +99,7 @@ class LatticeOptions:
 
     def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
         """The forcing; letters that are free and have no value begin at 1."""
-        letters = once("--set", map(_assignment, self.set))
+        letters = unique("--set", map(_assignment, self.set))
         if self.forcing.replace(" ", "") == HARMONIC and not letters:
             return cb.Harmonic()
         for name in free:
@@ -247,7 +247,7 @@ def letter(name: str) -> str:
     return normalize("NFKC", name.strip())
 
 
-def once(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
+def unique(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
     """Names with what was given of each."""
     values: dict[str, T] = {}
     for name, value in pairs:
@@ -278,7 +278,7 @@ def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
     if not inside[0] < inside[1]:
         raise BadInput(f"the window {typed} contains no breather: {name} is {meaning}")
     if max(abs(inside[0] - window[0]), abs(inside[1] - window[1])) > ROUND:
-        note(
+        inform(
             f"of the window {typed} of {name} only {inside[0]:g} to {inside[1]:g} is looked at: "
             f"{name} is {meaning}"
         )

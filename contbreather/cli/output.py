@@ -49,7 +49,7 @@ def say(*lines: object, aside: bool = False) -> None:
         shown.print(line, markup=False, width=ENDLESS if free else None)
 
 
-def note(line: str) -> None:
+def inform(line: str) -> None:
     """Say on standard error what a person should know; programs go on undisturbed."""
     print(f"contbreather: {line}", file=sys.stderr)
 

@@ -9,8 +9,8 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from contbreather.cli.options import Whole, Workers
-from contbreather.cli.output import Output, note, say, to_json
-from contbreather.cli.process import computing, end, kept
+from contbreather.cli.output import Output, inform, say, to_json
+from contbreather.cli.process import computing, end, until_interrupted
 from contbreather.errors import BadInput, NotConverged
 
 if TYPE_CHECKING:
@@ -127,15 +127,15 @@ def run(
     if cluster is not None and workers is not None:
         raise BadInput(f"--workers {workers} and --cluster {cluster}: give one of the two")
     if dry_run:
-        planned = studies.plan(study, folder=folder, again=again)
+        planned = studies.dry_run(study, folder=folder, again=again)
         if json:
             to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.parts()})
         else:
             say(planned)
         return
-    tell = None if sys.stderr.isatty() else note
+    tell = None if sys.stderr.isatty() else inform
     with nullcontext(workers) if cluster is None else studies.cluster(cluster) as executor:
-        report, cut = kept(
+        report, cut = until_interrupted(
             studies.run, study, folder=folder, executor=executor, again=again, tell=tell
         )
     if json:

@@ -101,7 +101,7 @@ def _tell(line: str) -> None:
 
 
 @contextlib.contextmanager
-def watched(*, alone: bool) -> Iterator[None]:
+def interruptible(*, alone: bool) -> Iterator[None]:
     """Take over Ctrl-C for one command line; for good where the process has nothing else to do.
 
     Raises
@@ -137,7 +137,7 @@ def computing() -> Iterator[None]:
         _watch.act = _watch.rest
 
 
-def kept(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:
+def until_interrupted(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:
     """What a computation gives, and whether Ctrl-C has cut it short.
 
     Raises

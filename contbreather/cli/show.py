@@ -20,7 +20,7 @@ from contbreather.cli.output import (
     point_entry,
     table_of,
 )
-from contbreather.cli.process import kept
+from contbreather.cli.process import until_interrupted
 from contbreather.cli.run_summary import judged, summary_of
 from contbreather.errors import BadInput
 from contbreather.files import identity
@@ -102,7 +102,9 @@ def extend(
     others = dict(cb.Run(place)) if in_place else {}
     file = Checkpoint(into.save or place, key)
     inner = Inner(file, lambda longer: {**others, key: longer})
-    longer, cut = kept(cb.extend, branch, end=end, within=within, steps=steps, save=inner)
+    longer, cut = until_interrupted(
+        cb.extend, branch, end=end, within=within, steps=steps, save=inner
+    )
     file.finish({**others, key: longer})
     leave(longer, "branch", {"free": branch.free}, into, cut)
 
@@ -154,7 +156,7 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     if not hasattr(value, "shape") or not value.shape:
         return f"{value:.9g}" if isinstance(value, float) else str(value)
     words = []
-    for name, slot in point.ground.curve.slots.items():
+    for name, slot in point.base_point.curve.slots.items():
         entries = value[slot] if isinstance(slot, slice) else value[slot : slot + 1]
         if entries.size == 1:
             words.append(f"{name} {entries[0]:.9g}")
@@ -234,7 +236,7 @@ def _model(branch: cb.Branch) -> dict[str, Any]:
     """What the breathers of a branch live on; nothing of a problem of one's own."""
     from contbreather.orbits.orbit_problem import OrbitProblem
 
-    problem: Any = branch[0].ground.curve.problem
+    problem: Any = branch[0].base_point.curve.problem
     if not isinstance(problem, OrbitProblem):
         return {}
     (site, _), *_ = problem.section.impacts

@@ -17,7 +17,7 @@ from contbreather.cli.options import ModelOptions, ModelParameters, Whole
 from contbreather.cli.output import (
     SavedRun,
     Table,
-    note,
+    inform,
     printed,
     say,
     sentences,
@@ -221,7 +221,7 @@ def simulate(
     options.check(where, into)
     summary = options.simulate(where)
     if summary.interrupted:
-        note("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
+        inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
     summary = judged(summary)
     aside = printed(into.csv, options.impacts, options.final)

@@ -18,7 +18,7 @@ from contbreather.cli.output import (
     ends,
     point_entry,
 )
-from contbreather.cli.process import kept
+from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput, NotConverged
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def switch(
     for kind in at[:-1]:
         parent = cb.switch(_first(kind, parent), within=within)[0]
     point = _first(at[-1], parent)
-    arms, cut = kept(cb.switch, point, within=within, save=into.save)
+    arms, cut = until_interrupted(cb.switch, point, within=within, save=into.save)
 
     def content() -> dict[str, Any]:
         about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
@@ -208,7 +208,7 @@ def diagram(
     into.check(where.read)
     start = along.start(where)
     options: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
-    tree, cut = kept(cb.diagram, start.shot, start.free, **options, save=into.save)
+    tree, cut = until_interrupted(cb.diagram, start.shot, start.free, **options, save=into.save)
     into.leave(
         lambda: {**start.entry(), **diagram_entry(tree)},
         _diagram_lines(tree, depth),

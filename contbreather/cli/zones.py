@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.cli.options import Workers, ZoneOptions, letter, once
+from contbreather.cli.options import Workers, ZoneOptions, letter, unique
 from contbreather.cli.output import Output, SavedOutput, Table, table_of
-from contbreather.cli.process import kept
+from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def zones(
     into.check(plane.read)
     on = plane.on()
     options = {"ks" if name == "k" else name: values, **plane.options(on)}
-    diagrams, cut = kept(_computed, options, into.save)
+    diagrams, cut = until_interrupted(_computed, options, into.save)
     if not any(branches for diagram in diagrams for branches in diagram.curves.values()):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
@@ -127,7 +127,7 @@ def _lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
         sizes = ", ".join(f"{kind} {sum(map(len, c))}" for kind, c in plane.curves.items() if c)
         cut = "; interrupted, curves may be missing" if plane.interrupted else ""
         yield f"Points on the curves at {plane.fixed[0]} = {plane.fixed[1]:g}: {sizes}{cut}."
-        for told in plane.told():
+        for told in plane.sentences():
             yield f"{told}." if "damping" in plane.model else f"{told}; --past-folds draws them."
 
 
@@ -173,7 +173,7 @@ def atlas(
     into.check(plane.read, save=save)
     typed = {"k": k, "gamma": gamma, "a": a}
     fixed = {n: values_by(f"--{n}", ",".join(texts)) for n, texts in typed.items() if texts}
-    further = once("--over", map(_assigned, over))
+    further = unique("--over", map(_assigned, over))
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     plane = replace(plane, set=(*plane.set, *begin))
     on = plane.on()
@@ -181,7 +181,7 @@ def atlas(
     for name in further:
         if name in options:
             raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
-    dataset, cut = kept(cb.atlas, **{**options, **further})
+    dataset, cut = until_interrupted(cb.atlas, **{**options, **further})
     lost = {name: options[name] for name in ("damping", "spring") if options[name]}
     written = [] if save is None else [str(save_atlas(save, dataset))]
     into.leave(

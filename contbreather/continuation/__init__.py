@@ -5,19 +5,19 @@ from __future__ import annotations
 from .boundary import boundary
 from .branch import Branch, Stop, refined, with_columns
 from .equilibria import branch_point, cusp, fold, hopf
-from .point import Event, Locus, Point, user
+from .point import DefiningSystem, Event, Point, user
 from .problem import Problem
 from .resume import extend
 from .run import Run, load, save
 from .settings import Steps
-from .switching import Lift
-from .trace import trace, walk
+from .switching import SwitchingProblem
+from .trace import iterate, trace
 
 __all__ = [
     "Branch",
     "Event",
-    "Lift",
-    "Locus",
+    "SwitchingProblem",
+    "DefiningSystem",
     "Point",
     "Problem",
     "Run",
@@ -34,6 +34,6 @@ __all__ = [
     "save",
     "trace",
     "user",
-    "walk",
+    "iterate",
     "with_columns",
 ]

@@ -21,7 +21,7 @@ from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
 from .defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
 from .newton import Undefined
-from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
+from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
 from .problem import Problem
 from .settings import (
     Settings,
@@ -100,7 +100,7 @@ def boundary(
     """
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     named_pair(pair)
-    ground, event = _having(point.ground, _traceable(point), pair)
+    ground, event = _having(point.base_point, _traceable(point), pair)
     longer = boundary_problem(ground, event, pair, events, inadmissible=inadmissible)
     steps = steps_of(steps, Steps(most=_MOST))
     settings = Settings(windows(within), all_of(events), steps, inadmissible)
@@ -133,12 +133,12 @@ class BoundaryProblem(ExtendedProblem):
     asked: tuple[Event, ...] | None = field(kw_only=True)
     inadmissible: bool = field(kw_only=True)
 
-    def wider(self, names: tuple[str, ...]) -> Problem:
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """Where the base problem has another parameter, free in place of the first."""
         curve, (free,), event = Curve(self, ()), names, self.residual.event
         assert event is not None
         pair = free, curve.varied[-1]
-        ground, event = _having(Point(curve, curve.start).ground, event, pair)
+        ground, event = _having(Point(curve, curve.start).base_point, event, pair)
         if free not in ground.curve.problem.params:
             return self
         return boundary_problem(ground, event, pair, self.asked, inadmissible=self.inadmissible)
@@ -211,7 +211,7 @@ def _named(ground: Point, event: Event) -> str:
     return ground.kind if same and ground.kind else event.kind
 
 
-def _check_derivative(longer: Problem, locus: Locus, free: str) -> None:
+def _check_derivative(longer: Problem, locus: DefiningSystem, free: str) -> None:
     if locus.derivative is None:
         return
     curve = Curve(longer, (free,))
@@ -282,21 +282,21 @@ def meeting(kind: str, event: Event) -> CodimensionTwo:
 
 
 def _value_beneath(event: Event, point: Point) -> float | int:
-    return event.value(point.ground)
+    return event.value(point.base_point)
 
 
-def _locus_beneath(event: Event, point: Point) -> Locus:
+def _locus_beneath(event: Event, point: Point) -> DefiningSystem:
     together = point.curve.problem.residual
     assert event.locus is not None
     assert isinstance(together, Extended)
-    return lifted(event.locus(point.ground), together, f" of {event.kind}")
+    return lifted(event.locus(point.base_point), together, f" of {event.kind}")
 
 
 def _examine_beneath(kind: str, event: Event, point: Point) -> Examined:
     assert event.examine is not None
     suffix = f" of {event.kind}"
     detail = {name.removesuffix(suffix): value for name, value in point.detail.items()}
-    verdict = event.examine(replace(point.ground, detail=detail))
+    verdict = event.examine(replace(point.base_point, detail=detail))
     if isinstance(verdict, str):
         return verdict
     # its normal form is that of a branch, what is said of it is not
@@ -307,4 +307,4 @@ def _examine_beneath(kind: str, event: Event, point: Point) -> Examined:
 def _examine_crossing(point: Point) -> str:
     """Whether branches cross for the original problem, too."""
     reason = "the boundary is singular here, but the branches it is on do not cross"
-    return "" if branches_cross(point.ground) else reason
+    return "" if branches_cross(point.base_point) else reason

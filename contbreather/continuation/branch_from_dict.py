@@ -177,7 +177,7 @@ class _Stored:
         event = event.of(problem)
         ground = Point(curve, curve.start)
         if origin is not None:
-            ground = replace(ground, kind=origin.ground.kind, event=event)
+            ground = replace(ground, kind=origin.base_point.kind, event=event)
         inadmissible = settings.inadmissible
         make = partial(boundary_problem, ground, event, (free, released), inadmissible=inadmissible)
         longer = make(settings.events)

@@ -18,7 +18,7 @@ from .curve import Curve
 from .defining_systems import Singular, signed_smallest
 from .linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
 from .newton import Solution, Undefined
-from .point import Event, Locus, Point
+from .point import DefiningSystem, Event, Point
 from .sparse import Factors, Matrix, above, beside, is_large, is_sparse, solve
 
 Array = NDArray[np.float64]
@@ -163,7 +163,7 @@ class Crossings:
 
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
 
-    def __call__(self, point: Point) -> Locus:
+    def __call__(self, point: Point) -> DefiningSystem:
         # all along a curve of branch points the derivative in the unknowns is singular
         return replace(_branch_point_locus(point), meets={"LP": (), **self.meets})
 
@@ -195,7 +195,7 @@ def crossed(ground: Point) -> dict[str, str]:
     return {"degenerate": CROSSED} if branches_cross(ground) else {}
 
 
-def _branch_point_locus(point: Point) -> Locus:
+def _branch_point_locus(point: Point) -> DefiningSystem:
     """``H + split b = 0`` and rank n - 1 of ``A = (H_x, H_p d)``, where the direction d of the two
     parameters leaves the curve of branch points.
 
@@ -206,7 +206,7 @@ def _branch_point_locus(point: Point) -> Locus:
     """
     rank = _LostRank(*_held_together(point))
     stays = Event("BP", _refuse_to_part, ends="branch")
-    return Locus(
+    return DefiningSystem(
         {"split": 0.0}, rank.conditions, rank.derivative, events=(stays,), unfolding=rank.unfolding
     )
 
@@ -291,7 +291,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
 def _refuse_to_part(point: Point) -> float:
     """No test: the curve is analytic, so that branches either cross all along it or nowhere else
     but at its start."""
-    ground = point.ground
+    ground = point.base_point
     split = abs(point["split"])
     if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
         values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)

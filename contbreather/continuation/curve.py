@@ -229,7 +229,7 @@ class Curve:
         """The first entries of z, a copy: equations that write to it do not move the point."""
         return z[: self.size].copy()
 
-    def once(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
+    def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
         """What was made of one of the latest z, known by identity, or is made of it now: all
         events ask about the same point in turn."""
         recent = self._known.get(what, [])
@@ -243,7 +243,7 @@ class Curve:
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
         be written to."""
-        matrix: Matrix = self.once("jacobian", z, self._derivatives)
+        matrix: Matrix = self.cached("jacobian", z, self._derivatives)
         if self.size < _MANY or self.hint or is_sparse(matrix):
             return matrix
         of_user = self.problem.derivatives is None and self.problem.beneath is None
@@ -261,7 +261,7 @@ class Curve:
         def make(z: Array) -> Dense | Factors:
             return factors_of(self.jacobian(z), row)
 
-        factors: Dense | Factors = self.once("factors", z, make)
+        factors: Dense | Factors = self.cached("factors", z, make)
         fits = not isinstance(factors, Dense) or np.array_equal(factors.whole[-1], row)
         return factors if fits else make(z)
 
@@ -280,7 +280,7 @@ class Curve:
             dense = matrix.toarray() if is_sparse(matrix) else matrix
             return np.linalg.eigvals(dense).astype(complex)
 
-        values: NDArray[np.complex128] = self.once("spectrum", z, eigenvalues)
+        values: NDArray[np.complex128] = self.cached("spectrum", z, eigenvalues)
         return values
 
     def _derivatives(self, z: Array, width: int | None = None) -> Matrix:
@@ -454,7 +454,7 @@ class Curve:
         wanted = derivatives.differences(lambda t: self._raw(z + t[0] * way), np.zeros(1))
         return float((matrix @ way)[row]), float(wanted[row, 0])
 
-    def recalled(self, z: Array) -> Array:
+    def cached_place(self, z: Array) -> Array:
         """The same z where the derivative is known already, to be found again by identity."""
         for place, _ in self._known.get("jacobian", ()):
             if place.tobytes() == z.tobytes():

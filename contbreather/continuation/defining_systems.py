@@ -27,7 +27,7 @@ from .compiled_steps import Loops
 from .curve import Curve, Params
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
 from .newton import Undefined
-from .point import Event, Locus, Point
+from .point import DefiningSystem, Event, Point
 from .problem import Problem
 from .sparse import Matrix, above, beside, is_large, shifted, solve
 
@@ -131,7 +131,9 @@ def oriented_overlap(matrix: Matrix) -> float:
 
 def overlap(shift: float, point: Point) -> float:
     """The test of a double eigenvalue where one of ``F_x + shift`` is zero all along a curve."""
-    return oriented_overlap(shifted(point.ground.jacobian()[:, : point.ground.curve.size], shift))
+    return oriented_overlap(
+        shifted(point.base_point.jacobian()[:, : point.base_point.curve.size], shift)
+    )
 
 
 def null_vector(matrix: Array, scales: Array) -> Array:
@@ -145,10 +147,10 @@ def null_vector(matrix: Array, scales: Array) -> Array:
 #     | F_x                 0            F_p    |
 #     | (F_x v)_x    F_x + shift      (F_x v)_p |
 #     | 0                 2 v^T          0      |
-def null_locus(null: Array, shift: float = 0.0) -> Locus:
+def null_locus(null: Array, shift: float = 0.0) -> DefiningSystem:
     """``(F_x + shift) v = 0, |v| = 1``."""
     vector = _NullVector(shift)
-    return Locus({"null": null}, vector.conditions, vector.derivative, loops=vector.loops)
+    return DefiningSystem({"null": null}, vector.conditions, vector.derivative, loops=vector.loops)
 
 
 @dataclass(frozen=True)
@@ -181,14 +183,14 @@ def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
     def make(z: Array) -> LeastSingular:
         return least_singular(curve.balanced(curve.jacobian(z)[:, : curve.size]))
 
-    weak: LeastSingular = curve.once("weak", z, make)
+    weak: LeastSingular = curve.cached("weak", z, make)
     return weak
 
 
-def rank_locus() -> Locus:
+def rank_locus() -> DefiningSystem:
     """The least singular value of a large derivative is zero: one equation and no unknown. It is
     the scalar of a bordered system whose borders are the null vectors of each place."""
-    return Locus({}, _least, _slope_of_least)
+    return DefiningSystem({}, _least, _slope_of_least)
 
 
 def _least(curve: Curve, z: Array, extra: Array) -> Array:
@@ -264,14 +266,14 @@ def pair_locus(
     shift: float,
     b: tuple[float, float],
     c: tuple[float, float],
-) -> Locus:
+) -> DefiningSystem:
     """``(M^2 + b M + c) v = 0`` in the plane of a pair, with ``M = F_x + shift``; b and c are
     linear in one more unknown, each a constant and a slope."""
     # at a Hopf point M = F_x, b = 0, c = omega^2 (D. Roose and V. Hlavacek, SIAM J. Appl. Math. 45,
     # 879, 1985); of a map M = F_x + 1, b = -2 cos(angle), c = 1
     start, reference = _frame(*plane)
     vector = _PairVector(reference, shift, b, c)
-    return Locus({"null": start, name: value}, vector.conditions, vector.derivative)
+    return DefiningSystem({"null": start, name: value}, vector.conditions, vector.derivative)
 
 
 @dataclass(frozen=True)
@@ -328,7 +330,7 @@ class Extended:
     free, and perhaps another one that is to be free in the longer problem.
     """
 
-    def __init__(self, base: Curve, locus: Locus, event: Event | None = None) -> None:
+    def __init__(self, base: Curve, locus: DefiningSystem, event: Event | None = None) -> None:
         self.locus = locus
         self.event = event
         self.problem = base.problem
@@ -348,7 +350,7 @@ class Extended:
             values = {name: x[slot] for name, slot in self.problem.slots.items()}
             base = self.problem.at(**values, **params, **{self.released: float(x[-1])})
             curve = self._curves[free] = Curve(base, (self.released, *free))
-        return curve, curve.recalled(z)
+        return curve, curve.cached_place(z)
 
     def __call__(self, x: Array, params: Params) -> Array:
         curve, z = self.beneath(x, params, self.free)
@@ -418,7 +420,7 @@ class ExtendedProblem(Problem):
 
 def extended(
     base: Curve,
-    locus: Locus,
+    locus: DefiningSystem,
     event: Event | None = None,
     make: Callable[..., ExtendedProblem] = ExtendedProblem,
 ) -> ExtendedProblem:
@@ -448,7 +450,7 @@ def event_of(problem: Problem) -> Event | None:
     return problem.residual.event if isinstance(problem, ExtendedProblem) else None
 
 
-def lifted(locus: Locus, together: Extended, suffix: str) -> Locus:
+def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSystem:
     """The locus of an event of the shorter problem as one on the longer, its unknowns renamed."""
     above = _Above(locus, together)
     names = {f"{name}{suffix}": value for name, value in locus.extra.items()}
@@ -466,7 +468,7 @@ def lifted(locus: Locus, together: Extended, suffix: str) -> Locus:
 class _Above:
     """Conditions of the shorter problem, asked of a curve of the longer."""
 
-    locus: Locus
+    locus: DefiningSystem
     together: Extended
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:

@@ -22,7 +22,7 @@ from . import defining_systems as systems
 from .boundary import meeting
 from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN
-from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
+from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
 from .problem import Problem
 from .sparse import Matrix, is_sparse
 
@@ -112,7 +112,7 @@ def _fold_test(point: Point) -> float:
     return systems.signed_smallest(branch_points.balanced(point)[:, : point.curve.size])
 
 
-def _fold_locus(point: Point) -> Locus:
+def _fold_locus(point: Point) -> DefiningSystem:
     curve, matrix = point.curve, branch_points.balanced(point)[:, : point.curve.size]
     if is_sparse(matrix):
         null = systems.least_in_unknowns(curve, point.z).right * curve.scales[: curve.size]
@@ -140,12 +140,12 @@ def _examine_fold(point: Point) -> str:
 
 
 def _cusp_test(point: Point) -> float:
-    return _quadratic(point.ground, np.atleast_1d(point["null"]))
+    return _quadratic(point.base_point, np.atleast_1d(point["null"]))
 
 
 def _cusp_beside(reference: Array, point: Point) -> float:
     """The same with the null vector that is no unknown here, on the side of another."""
-    ground = point.ground
+    ground = point.base_point
     weak = systems.least_in_unknowns(ground.curve, ground.z)
     null = weak.right * ground.curve.scales[: ground.curve.size]
     return _quadratic(ground, math.copysign(1.0, null @ reference) * null)
@@ -179,7 +179,7 @@ def cusp() -> Event:
 
 
 def _examine_cusp(point: Point) -> Examined:
-    ground = point.ground
+    ground = point.base_point
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
     # where two folds are mirror images both vanish, and location is good to 1e-6 only
     if abs(cubic.value) <= 1e-5 * cubic.size:
@@ -215,20 +215,24 @@ def _off_axis(point: Point, values: Values, rounding: float = 0.0) -> float:
 
 def _large(point: Point) -> bool:
     """Whether only a few of the eigenvalues are known."""
-    return is_sparse(point.ground.curve.jacobian(point.ground.z))
+    return is_sparse(point.base_point.curve.jacobian(point.base_point.z))
 
 
 def _near(point: Point) -> spectrum.NearestEigenvalues:
-    return spectrum.near_axis(point.ground.curve, point.ground.z)
+    return spectrum.near_axis(point.base_point.curve, point.base_point.z)
 
 
 def _eigenvalues(point: Point) -> Values:
     """Of the flow; of a large one those that are known."""
-    return _near(point).values if _large(point) else point.ground.curve.spectrum(point.ground.z)
+    return (
+        _near(point).values
+        if _large(point)
+        else point.base_point.curve.spectrum(point.base_point.z)
+    )
 
 
 def _flow(point: Point) -> Matrix:
-    return spectrum.flow(point.ground.curve, point.ground.z)
+    return spectrum.flow(point.base_point.curve, point.base_point.z)
 
 
 def _rounding(point: Point) -> float:
@@ -245,7 +249,7 @@ def _small(point: Point) -> float:
 
 def unstable(point: Point) -> int:
     """The number of eigenvalues to the right of the imaginary axis, by more than rounding."""
-    values = point.ground.curve.spectrum(point.ground.z)
+    values = point.base_point.curve.spectrum(point.base_point.z)
     return int(np.count_nonzero(values.real > _rounding(point)))
 
 
@@ -266,7 +270,7 @@ def _unstable_pairs(point: Point) -> int:
     return int(np.count_nonzero(_eigenvalues(point).real > _rounding(point))) // 2
 
 
-def _hopf_locus(point: Point) -> Locus:
+def _hopf_locus(point: Point) -> DefiningSystem:
     """``(F_x^2 + omega^2) v = 0`` in the plane of the pair."""
     ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     if _large(point):
@@ -334,7 +338,7 @@ def _examine_takens(point: Point) -> Examined:
 def _examine_double_zero(point: Point) -> Examined:
     """A double zero with one eigenvector, whatever the normal form: there a curve of Hopf points
     ends, and one of branch points meets it. Both coefficients, and why it is another if it is."""
-    ground = point.ground
+    ground = point.base_point
     try:
         a, b = normal_forms.takens_bogdanov(point)
     except OUT_OF_DOMAIN as error:
@@ -347,7 +351,7 @@ def _examine_double_zero(point: Point) -> Examined:
 
 def _examine_zero_hopf(point: Point) -> Examined:
     """One eigenvalue zero in a fold, one pair on the axis and away from zero, no other on it."""
-    if branch_points.branches_cross(point.ground):
+    if branch_points.branches_cross(point.base_point):
         return "a branch point, not a fold"
     return _examine_zero_and_pair(point)
 

@@ -20,7 +20,7 @@ from .branch_points import Crossings, crossing
 from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined
-from .point import Examined, Level, Locus, Point
+from .point import DefiningSystem, Examined, Level, Point
 from .samples import ASIDE, Samples, count_at, counts_apart, measure
 
 Place = tuple[float, float, Point]  # bracket and point
@@ -69,7 +69,7 @@ def locate(samples: Samples) -> Iterator[Point]:
             yield from _in_bracket(samples, left, right)
         except Undefined as error:
             middle = 0.5 * (left + right)
-            samples.settle(middle, left, right)
+            samples.remember_event(middle, left, right)
             reason = f"{samples.event.kind} seen but not located: {error}"
             yield special(samples, samples.segment.provisional(middle), left, right, reason)
 
@@ -89,7 +89,7 @@ def _in_bracket(samples: Samples, left: float, right: float) -> Iterator[Point]:
         if samples.jumps:
             samples.settle_jump(low, high)
         else:
-            samples.settle(0.5 * (low + high), left, right)
+            samples.remember_event(0.5 * (low + high), left, right)
         yield special(samples, point, low, high)
 
 
@@ -157,7 +157,7 @@ def _at_crossing(samples: Samples, u: float, size: float) -> Place:
         branch_point = crossing(segment.curve, segment.provisional(u).z)
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
-    place, point = segment.settled(branch_point.solution, branch_point.tangents)
+    place, point = segment.corrected(branch_point.solution, branch_point.tangents)
     if abs(measure(samples.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
@@ -206,7 +206,7 @@ def _solved(samples: Samples, u: float, left: float, right: float) -> Place | No
         solution, detail = _newton(event.locus, samples.place(u), segment.tolerance)
         if not solution.converged:
             return None
-        place, point = segment.settled(solution, detail.get("tangents", ()))
+        place, point = segment.corrected(solution, detail.get("tangents", ()))
         if not left - ASIDE <= place <= right + ASIDE:
             return None
         low, high = place - ASIDE, place + ASIDE
@@ -220,7 +220,7 @@ def _solved(samples: Samples, u: float, left: float, right: float) -> Place | No
 
 
 def _newton(
-    locus_at: Callable[[Point], Locus], guess: Point, tolerance: float
+    locus_at: Callable[[Point], DefiningSystem], guess: Point, tolerance: float
 ) -> tuple[Solution, Mapping[str, Any]]:
     """Solve ``H(x, p) = 0`` and ``g(x, p, y) = 0`` for x, the extra unknowns y and p at once."""
     if isinstance(locus_at, Crossings):

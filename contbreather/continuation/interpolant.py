@@ -83,7 +83,7 @@ class StepInterpolant:
     def _across(self) -> Array:
         return self.curve.normalised(self.last.z - self.first.z)
 
-    def settled(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
+    def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
         the tangent is solved for."""
         u = float(self._row.dot(solution.z - self.first.z))

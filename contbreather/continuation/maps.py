@@ -24,11 +24,11 @@ from .boundary import meeting
 from .branch_points import branches_cross, crossed, crossing_event
 from .curve import Params
 from .equilibria import cusp, fold
-from .point import CodimensionTwo, Event, Examined, Locus, Point, UnstableDimension
+from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
 from .problem import Problem
 from .settings import all_of
 from .sparse import is_sparse
-from .switching import Lift
+from .switching import SwitchingProblem
 
 Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
@@ -255,7 +255,7 @@ class CycleProblem(Problem):
     def simpler(self, point: Point) -> Problem | None:
         return shorter(point)
 
-    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return _doubled if kind == "PD" else None
 
 
@@ -276,7 +276,7 @@ def _flip_matrix(point: Point) -> Array:
     return units(point) + np.eye(point.curve.size)
 
 
-def _flip_locus(point: Point) -> Locus:
+def _flip_locus(point: Point) -> DefiningSystem:
     # (A + 1) v = 0 with A = F_x + 1
     null = systems.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
     on_flip = (_GENERALISED_FLIP, _R2_ON_FLIP)
@@ -292,16 +292,16 @@ def _examine_flip(point: Point) -> Examined:
     return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
-def _doubled(point: Point) -> Lift:
+def _doubled(point: Point) -> SwitchingProblem:
     """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
     twice = with_period(point.problem, 2 * point.curve.problem.period)
-    return Lift(twice, point.curve.free[0], both=False)
+    return SwitchingProblem(twice, point.curve.free[0], both=False)
 
 
 def _off_circle(everywhere: tuple[float, ...], point: Point) -> float:
     """The smallest ``mu_i mu_j - 1`` of all multipliers but those that the curve has
     `everywhere`, with the sign of the product of all of them."""
-    matrix = units(point.ground)
+    matrix = units(point.base_point)
     values = np.linalg.eigvals(matrix).astype(complex)
     first, second = systems.pairs(systems.without(values, *everywhere))
     if not first.size:
@@ -313,7 +313,7 @@ def _off_circle(everywhere: tuple[float, ...], point: Point) -> float:
 
 
 def _multipliers(point: Point) -> NDArray[np.complex128]:
-    return np.linalg.eigvals(units(point.ground)).astype(complex)
+    return np.linalg.eigvals(units(point.base_point)).astype(complex)
 
 
 def _circle_pair(point: Point) -> tuple[float, Array, Array]:
@@ -326,7 +326,7 @@ def _circle_pair(point: Point) -> tuple[float, Array, Array]:
     return mu.real / abs(mu), first, second
 
 
-def _rotation_locus(point: Point) -> Locus:
+def _rotation_locus(point: Point) -> DefiningSystem:
     """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
     cosine, first, second = _circle_pair(point)
     # A^2 - 2 cos(angle) A + 1 = (A - mu) (A - conj(mu)) with |mu| = 1
@@ -345,7 +345,7 @@ def _examine_rotation(point: Point) -> Examined:
             return f"both multipliers are {sign}: the resonance {name}"
     if not pair.imag.any():
         return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
-    ground = point.ground
+    ground = point.base_point
     angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
     return {"angle": angle} | normal_forms.criticality(
         "d", lambda: normal_forms.rotation(point, angle), stable_if_negative=True
@@ -355,14 +355,14 @@ def _examine_rotation(point: Point) -> Examined:
 # --- what their curves in two parameters meet -------------------------------------------------
 
 
-def _fold_locus(point: Point) -> Locus:
+def _fold_locus(point: Point) -> DefiningSystem:
     assert _PLAIN_FOLD.locus is not None
     return replace(_PLAIN_FOLD.locus(point), events=(cusp(), _R1_ON_FOLD), meets=MEETINGS["LP"])
 
 
 def _examine_double(sign: int, point: Point) -> Examined:
     """Two multipliers there, with one eigenvector."""
-    matrix = units(point.ground)
+    matrix = units(point.base_point)
     size = max(1.0, float(np.linalg.norm(matrix, 2)))
     critical = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
     if critical.sum() != 2:
@@ -374,13 +374,13 @@ def _examine_double(sign: int, point: Point) -> Examined:
 
 def _examine_double_one(point: Point) -> Examined:
     """Where it has to be distinguished from that: whether branches cross as well."""
-    return _examine_double(1, point) or crossed(point.ground)
+    return _examine_double(1, point) or crossed(point.base_point)
 
 
 def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
     """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
     ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
-    if fold and branches_cross(point.ground):
+    if fold and branches_cross(point.base_point):
         return "a branch point, not a fold"
     values = _multipliers(point)
     on = values[abs(abs(values) - 1) < 1e-4]
@@ -394,7 +394,7 @@ def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
 
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
-    ground = point.ground
+    ground = point.base_point
     # <p, q> = 0 at R2, where -1 is double; F_x, which c is solved with, is singular at a fold-flip
     poles = systems.overlap(2.0, point) if ground.curve.size > 1 else 1.0
     c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
@@ -409,7 +409,7 @@ def _rotation_coefficient(point: Point) -> float:
     """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
     is another."""
     # d has a pole where 1 is a multiplier, det(A - 1) = 0: the test is their product
-    ground, cosine = point.ground, point["cosine"]
+    ground, cosine = point.base_point, point["cosine"]
     if not -1 < cosine < 1:
         return math.nan
     d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, math.acos(cosine)))

@@ -94,7 +94,7 @@ class Point(HtmlRepr):
         if name in self.detail:
             return self.detail[name]
         if name in problem.record:
-            return problem.record[name](self.ground)
+            return problem.record[name](self.base_point)
         array = problem.normed(name)
         if array is not None:
             return float(np.linalg.norm(self[array]))
@@ -133,7 +133,7 @@ class Point(HtmlRepr):
         return self.tangent
 
     @property
-    def plain(self) -> bool:
+    def ordinary(self) -> bool:
         """Whether there is no more to know of it than where it is."""
         more = self.kind or self.label or self.detail or self.event or self.parent or self.bracket
         return not more and self.located and self.tangent is not None
@@ -162,7 +162,7 @@ class Point(HtmlRepr):
         return self.curve.problem.at(**self.values)
 
     @property
-    def ground(self) -> Point:
+    def base_point(self) -> Point:
         """On a boundary: this point as one of the original problem, without tangent."""
         longer, beneath = self.curve, self.curve.problem.beneath
         if beneath is None:
@@ -172,18 +172,18 @@ class Point(HtmlRepr):
             return beneath(z[: longer.size], longer.params(z), longer.free)
 
         # once: all events ask for it in turn, and know its orbit by the array
-        curve, z = longer.once("ground", self.z, under)
+        curve, z = longer.cached("ground", self.z, under)
         others = (getattr(self, name) for name in _OTHERS)  # `replace` takes three times as long
         return Point(curve, z, None, *others)
 
     @property
     def solution(self) -> Any:
         """What this point is to the user of its problem, an `Orbit` for instance."""
-        ground = self.ground
+        ground = self.base_point
         interpret = ground.curve.problem.interpret
         if interpret is None:
             raise BadInput("this problem says no more of a point than its values")
-        return ground.curve.once("solution", ground.z, lambda z: interpret(ground))
+        return ground.curve.cached("solution", ground.z, lambda z: interpret(ground))
 
     def __getattr__(self, name: str) -> Any:
         """What the solution answers the point answers too: ``point.state(sites=20)`` of an orbit.
@@ -224,7 +224,7 @@ _OTHERS = tuple(entry.name for entry in fields(Point))[3:]  # than its curve, pl
 
 
 @dataclass(frozen=True)
-class Locus:
+class DefiningSystem:
     """Where an event happens, as equations: what `boundary` adds to the problem's own.
 
     Parameters
@@ -267,9 +267,9 @@ class Locus:
 class Always:
     """The locus of an event that is the same wherever its curve sets out."""
 
-    locus: Locus
+    locus: DefiningSystem
 
-    def __call__(self, point: Point) -> Locus:
+    def __call__(self, point: Point) -> DefiningSystem:
         return self.locus
 
 
@@ -298,9 +298,9 @@ class Event:
         ``many(points)``, arrays with the test and the count (None without one) at all points of a
         `Points`; or None where it cannot say these at once. It serves speed alone.
     locus : callable, optional
-        ``locus(point) -> Locus`` at a point close to the event, its curve with both parameters
-        free where a boundary sets out. Needed to trace the event in two parameters, and to locate
-        one whose test jumps beyond what bisection gives.
+        ``locus(point) -> DefiningSystem`` at a point close to the event, its curve with both
+        parameters free where a boundary sets out. Needed to trace the event in two parameters, and
+        to locate one whose test jumps beyond what bisection gives.
     examine : callable, optional
         ``examine(point)`` returns a str, the reason why a located point is not what the kind says,
         empty if it is; or a dict of what else to know of it, coefficients of its normal form for
@@ -319,7 +319,7 @@ class Event:
     _: KW_ONLY
     count: Callable[[Point], int | float] | None = None
     many: Callable[[Any], Many | None] | None = None
-    locus: Callable[[Point], Locus] | None = None
+    locus: Callable[[Point], DefiningSystem] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
 
@@ -472,7 +472,7 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
         raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was expected")
     value = number("value", value, -1e300, 1e300, "the level to stop at")
     level = Level(name, value)
-    locus, ends = Always(Locus({}, level.conditions)), flag("terminal", terminal)
+    locus, ends = Always(DefiningSystem({}, level.conditions)), flag("terminal", terminal)
     return LevelEvent("UZ", level, locus=locus, ends="branch" if ends else "")
 
 

@@ -52,7 +52,7 @@ class Points(Sequence[Point]):
         curve, none = points[0].curve, np.full(points[0].z.size, np.nan)
         z, tangents, arclength, residual = zip(*map(_ROW, points), strict=True)
         tangent = np.stack([none if row is None else row for row in tangents])
-        marked = {i: p for i, p in enumerate(points) if p.curve is not curve or not p.plain}
+        marked = {i: p for i, p in enumerate(points) if p.curve is not curve or not p.ordinary}
         numbers = np.array(arclength), np.array(residual)
         return Points(curve, np.stack(z), tangent, *numbers, marked)
 

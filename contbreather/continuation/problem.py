@@ -150,8 +150,8 @@ class Problem:
         return None
 
     def lift(self, kind: str) -> Callable[[Any], Any] | None:
-        """Where other curves leave events of a kind, what makes a `Lift` of such a point: the
-        problem that has them. `switch` follows them."""
+        """Where other curves leave events of a kind, what makes the `SwitchingProblem` of such a
+        point, which has them. `switch` follows them."""
         return None
 
     def finer(self, point: Any, along: Any) -> tuple[Problem, Any] | None:
@@ -169,7 +169,7 @@ class Problem:
         far as that leads there: a file has points of a branch that was walked anew."""
         return self
 
-    def wider(self, names: tuple[str, ...]) -> Problem:
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """The problem from its present start with parameters that it lacks, as far as it can have
         them: `trace` and `boundary` ask for what is to be free."""
         return self
@@ -262,7 +262,7 @@ class Problem:
     def having(self, *names: str) -> Problem:
         """The problem with these parameters among its own, as far as it can have them."""
         absent = tuple(name for name in names if isinstance(name, str) and name not in self.names)
-        return self.wider(absent) if absent else self
+        return self.with_parameters(absent) if absent else self
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise `BadInput` at the first name that this problem does not have."""

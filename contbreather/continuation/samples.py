@@ -66,7 +66,7 @@ def measure_many(event: Event, points: Points) -> Many | None:
 
 def count_at(event: Event, point: Point) -> int | float:
     """The number beside a test, asked once at each end of a step."""
-    count: int | float = point.curve.once(
+    count: int | float = point.curve.cached(
         f"count {id(event)}", point.z, lambda z: event.count and event.count(point)
     )
     return count
@@ -171,7 +171,7 @@ class Samples:
         a, b = self.values[left], self.values[right]
         return a != 0 and (b == 0 or (a < 0) != (b < 0))
 
-    def settle(self, u: float, left: float, right: float) -> None:
+    def remember_event(self, u: float, left: float, right: float) -> None:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
         # between these the sign is rounding
         low, high = max(u - ASIDE, left), min(u + ASIDE, right)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .curve import Curve
 from .newton import Undefined
-from .point import Locus
+from .point import DefiningSystem
 from .sparse import Factors, Matrix, any_vector, factorised, scaled, shifted
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ class NearestEigenvalues:
 
 def near_axis(curve: Curve, z: Array) -> NearestEigenvalues:
     """The eigenvalues of a sparse derivative in the unknowns next to the imaginary axis."""
-    nearest: NearestEigenvalues = curve.once("near axis", z, lambda z: _near(flow(curve, z)))
+    nearest: NearestEigenvalues = curve.cached("near axis", z, lambda z: _near(flow(curve, z)))
     return nearest
 
 
@@ -191,14 +191,14 @@ def square_of_pair(curve: Curve, z: Array) -> float:
     return float((least[0] * least[1]).real)
 
 
-def pair_locus(square: float) -> Locus:
+def pair_locus(square: float) -> DefiningSystem:
     """Trace and determinant of the derivative within the plane of a pair are 0 and omega2: two
     equations and one unknown, smooth where the pair meets at zero."""
-    return Locus({"omega2": square}, _conditions, _slopes)
+    return DefiningSystem({"omega2": square}, _conditions, _slopes)
 
 
 def _plane(curve: Curve, z: Array, square: float) -> InvariantPlane:
-    planes: dict[float, InvariantPlane] = curve.once("planes", z, lambda z: {})
+    planes: dict[float, InvariantPlane] = curve.cached("planes", z, lambda z: {})
     if square not in planes:
         planes[square] = plane_at(flow(curve, z), square)
     return planes[square]

@@ -171,7 +171,7 @@ class Bound:
         """z, or the place next to it that is not beyond either end."""
         value = self.value(z)
         inside = min(max(value, self.low), self.high)
-        return z if inside == value else self.moved(z, inside)
+        return z if inside == value else self.with_value(z, inside)
 
     def row(self, z: Array) -> Array:
         """The derivative of the value."""
@@ -185,7 +185,7 @@ class Bound:
         along = tangent[self.slot]
         return float(along if isinstance(self.slot, int) else along @ z[self.slot] / self.value(z))
 
-    def moved(self, z: Array, value: float) -> Array:
+    def with_value(self, z: Array, value: float) -> Array:
         """z with exactly this value."""
         z = z.copy()
         if isinstance(self.slot, int):

@@ -293,11 +293,11 @@ class Stepper:
         start, end = bound.value(point.z), bound.value(predicted)
         # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
-        guess = bound.moved(point.z + min(fraction, 1.0) * (predicted - point.z), value)
+        guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
             solution = self._on_bound(guess, bound.row(guess), point.direction)
             # Newton's linear condition holds to rounding; make it exact
-            z = bound.moved(solution.z, value)
+            z = bound.with_value(solution.z, value)
             if self.curve.length(z - solution.z) <= EXACT * (1 + self.curve.length(z)):
                 break
             guess = z
@@ -316,7 +316,7 @@ class Stepper:
             low, high = (middle, high) if side == before else (low, middle)
         try:
             branch_point = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
-            place, point = segment.settled(branch_point.solution, branch_point.tangents)
+            place, point = segment.corrected(branch_point.solution, branch_point.tangents)
         except Undefined:
             return None
         return point if -_OUTSIDE < place < 1 + _OUTSIDE else None

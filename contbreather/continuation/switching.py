@@ -47,7 +47,7 @@ class Seed(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Lift:
+class SwitchingProblem:
     """A problem in which other curves leave a point, its start and its parameters those of the
     point.
 
@@ -74,7 +74,7 @@ class Lift:
     >>> import numpy as np
     >>> pitchfork = Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0] ** 2)]),
     ...                     {"x": 0.0}, {"mu": 0.0})
-    >>> round(Lift(pitchfork, "mu").arm(0.1).params["mu"], 12)
+    >>> round(SwitchingProblem(pitchfork, "mu").arm(0.1).params["mu"], 12)
     0.01
     """
 
@@ -277,7 +277,7 @@ def switch(
     return Branches(arms)
 
 
-def lift_of(point: Point) -> Callable[[Point], Lift] | None:
+def lift_of(point: Point) -> Callable[[Point], SwitchingProblem] | None:
     """What knows the curves that leave a point, if any do."""
     if point.event is None:
         return None
@@ -285,8 +285,8 @@ def lift_of(point: Point) -> Callable[[Point], Lift] | None:
     return point.curve.problem.lift(point.kind) or crossing
 
 
-def _crossed(point: Point) -> Lift:
-    return Lift(point.problem, point.curve.free[0])
+def _crossed(point: Point) -> SwitchingProblem:
+    return SwitchingProblem(point.problem, point.curve.free[0])
 
 
 def seeds_at(point: Point) -> tuple[Seed, ...]:
@@ -300,11 +300,11 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
         raise NothingToSwitch(f"{point!r}{why}", point)
     try:
         lifted = lift(point)
-        if isinstance(lifted, Lift):
+        if isinstance(lifted, SwitchingProblem):
             return lifted.seeds() if lift is not _crossed else across(point)
     except OUT_OF_DOMAIN as error:
         raise NothingToSwitch(f"{point!r}: {error}", point) from error
-    raise BadInput(f"the lift of {point!r} is {lifted!r}; a Lift was expected")
+    raise BadInput(f"the lift of {point!r} is {lifted!r}; a SwitchingProblem was expected")
 
 
 def _nothing(point: Point) -> str:

@@ -138,8 +138,8 @@ def trace(
     origin = start if isinstance(start, Point) else None
     steps = steps_of(steps)
     settings = Settings(windows(within), events, steps, inadmissible)
-    if isinstance(start, Point) and free in start.ground.curve.free[:1]:
-        start = start.ground
+    if isinstance(start, Point) and free in start.base_point.curve.free[:1]:
+        start = start.base_point
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
     sides = ("down", "up") if towards == "both" and along is None else (towards,)
@@ -161,7 +161,7 @@ def trace(
             look = partial(start.finer, along=along)
             for one_way in [first, first.turned()] if len(sides) == 2 else [first]:
                 walks.append(one_way)
-                finer = one_way.walk(shown, kept, so_far, look)
+                finer = one_way.follow(shown, kept, so_far, look)
                 if finer is not None or one_way.end.stop is Stop.CLOSED:
                     break
         whole = replace(_whole(walks), settings=settings, origin=origin)
@@ -186,7 +186,7 @@ def _so_far(walks: Sequence[ContinuationIterator]) -> Branch | None:
     return _whole(walked) if walked else None
 
 
-def walk(
+def iterate(
     start: Problem | Startable,
     free: str,
     *,
@@ -206,7 +206,7 @@ def walk(
     --------
     >>> import numpy as np, itertools
     >>> line = Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0})
-    >>> [round(point["mu"], 3) for point in itertools.islice(walk(line, "mu"), 2)]
+    >>> [round(point["mu"], 3) for point in itertools.islice(iterate(line, "mu"), 2)]
     [0.0, 0.007]
     """
     problem, wanted = active_events(
@@ -280,7 +280,7 @@ class ContinuationIterator:
             other._begin(back, -stepper.side)
         return other
 
-    def walk(
+    def follow(
         self,
         shown: Counter,
         kept: Checkpoint,

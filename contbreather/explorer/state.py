@@ -53,7 +53,7 @@ class Chosen:
     def free(self) -> tuple[str, ...]:
         """The parameters that can vary."""
         if self.point is not None:
-            return tuple(self.point.ground.curve.problem.params)
+            return tuple(self.point.base_point.curve.problem.params)
         return tuple(self.orbit.problem.params)
 
     @property

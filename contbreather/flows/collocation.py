@@ -102,7 +102,7 @@ class Collocation:
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class TrajectorySegment:
     """One flow over its duration: states where its intervals begin, and the slopes inside.
 
     Attributes
@@ -174,15 +174,15 @@ class Flight:
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
         return j, (s - self.knots[j]) / self.steps[j]
 
-    def on(self, knots: Array) -> Flight:
+    def on(self, knots: Array) -> TrajectorySegment:
         """The same flight on another mesh, by interpolation: a start for it."""
         steps = np.diff(knots)
         inner = knots[:-1, None] + steps[:, None] * self.scheme.nodes
         rates = self.rates(inner.ravel()).reshape(len(self.states), *inner.shape)
         states, slopes = self.at(knots[:-1]), rates * steps[:, None]
-        return Flight(self.scheme, knots, self.start, self.duration, states, slopes)
+        return TrajectorySegment(self.scheme, knots, self.start, self.duration, states, slopes)
 
-    def halved(self) -> Flight:
+    def halved(self) -> TrajectorySegment:
         """The same flight on twice as many intervals."""
         between = 0.5 * (self.knots[1:] + self.knots[:-1])
         knots = np.insert(self.knots, range(1, self.knots.size), between)
@@ -234,7 +234,7 @@ class Flight:
             low, high = (length, high) if long else (low, length)
         return high
 
-    def adapted(self, sizes: Array) -> Flight:
+    def adapted(self, sizes: Array) -> TrajectorySegment:
         """The same flight on a mesh with equal shares, as far as interpolation tells."""
         even, flight = np.linspace(0.0, 1.0, self.knots.size), self
         for _ in range(_ADAPTIONS):
@@ -264,7 +264,9 @@ class Slopes:
     inside: Array  # (intervals, points n, n + 2 + parameters)
     inverse: Array  # (intervals, points n, points n)
 
-    def beside(self, flight: Flight, other: Flight, moved: Sequence[float]) -> Array:
+    def beside(
+        self, flight: TrajectorySegment, other: TrajectorySegment, moved: Sequence[float]
+    ) -> Array:
         """To first order the slopes inside of another flight than one near by, for parameters that
         moved."""
         n = len(flight.states)
@@ -279,11 +281,11 @@ class Slopes:
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(
     flow: Flow,
-    flight: Flight,
+    flight: TrajectorySegment,
     p: Params,
     unit: float,
     near: tuple[Array, Array | None] | None = None,
-) -> Flight:
+) -> TrajectorySegment:
     """The flight from these states on, solved for the slopes inside.
 
     To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
@@ -302,7 +304,7 @@ def flown(
 
 
 def _newton(
-    flow: Flow, flight: Flight, p: Params, k: Array, inverse: Array | None, unit: float
+    flow: Flow, flight: TrajectorySegment, p: Params, k: Array, inverse: Array | None, unit: float
 ) -> Array:
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
     makes corrections shrink."""
@@ -337,12 +339,12 @@ def _newton(
     )
 
 
-def _constant(flow: Flow, flight: Flight, p: Params) -> Array:
+def _constant(flow: Flow, flight: TrajectorySegment, p: Params) -> Array:
     slopes = values(flow.f, flight.begins, flight.states, p) * flight.lengths
     return np.repeat(slopes[..., None], flight.scheme.points, axis=2)
 
 
-def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
+def _predicted(flow: Flow, flight: TrajectorySegment, p: Params) -> Array:
     """The slopes inside by the classical Runge-Kutta method, from node to node."""
     x, t, lengths = flight.states, flight.begins, flight.lengths
     inside, f = [], flow.f
@@ -357,7 +359,7 @@ def _predicted(flow: Flow, flight: Flight, p: Params) -> Array:
     return np.stack(inside, axis=-1)
 
 
-def derivatives(flow: Flow, flight: Flight, p: Params, names: tuple[str, ...]) -> Slopes:
+def derivatives(flow: Flow, flight: TrajectorySegment, p: Params, names: tuple[str, ...]) -> Slopes:
     """Exact derivatives of a flight, of all intervals at once."""
     n, scheme, count = len(flight.states), flight.scheme, flight.steps.size
     f, df = slopes(flow.f, flight.inner, _reached(flight, flight.slopes), p, names)
@@ -385,7 +387,7 @@ def fitted(
     duration: float,
     motion: Callable[[Array], Array],
     knots: Array | None = None,
-) -> Flight:
+) -> TrajectorySegment:
     """A flight through states known at all times, ``motion(t) -> (n, len(t))``, on a uniform mesh
     unless one is given.
 
@@ -397,15 +399,15 @@ def fitted(
     rises = motion(start + duration * inner.ravel()).reshape(len(states), *inner.shape)
     rises = rises - states[..., None]
     slopes = np.asarray(np.linalg.solve(scheme.matrix, rises[..., None])[..., 0])  # A k = x - x_0
-    return Flight(scheme, knots, start, duration, states, slopes)
+    return TrajectorySegment(scheme, knots, start, duration, states, slopes)
 
 
-def _reached(flight: Flight, k: Array) -> Array:
+def _reached(flight: TrajectorySegment, k: Array) -> Array:
     """The states at all Gauss points for these slopes there."""
     return (flight.states[..., None] + k @ flight.scheme.matrix.T).reshape(len(k), -1)
 
 
-def _by_states(rows: Array, flight: Flight) -> Array:
+def _by_states(rows: Array, flight: TrajectorySegment) -> Array:
     """What stands for each interval in one column, point by point, in the shape of slopes."""
     return rows.reshape(flight.lengths.size, flight.scheme.points, -1).transpose(2, 0, 1)
 

@@ -16,7 +16,7 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
-from .collocation import Collocation, Flight, fitted, flown
+from .collocation import Collocation, TrajectorySegment, fitted, flown
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
@@ -215,10 +215,10 @@ def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
 
 def _resolved(
     scheme: Collocation, parts: Sequence[Flow], params: Params, pieces: Sequence[Stretch]
-) -> list[Flight]:
+) -> list[TrajectorySegment]:
     """A simulation on meshes that follow it, of as many intervals as its equations need."""
 
-    def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[Flight]:
+    def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[TrajectorySegment]:
         return [
             fitted(scheme, a, b - a, motion, knots)
             for (motion, a, b), knots in zip(pieces, meshes, strict=True)
@@ -367,7 +367,7 @@ def _refuse_rest(moved: Array, state: Array, size: float) -> None:
         )
 
 
-def _adapted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
+def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, ...]:
     """The same on meshes that follow them."""
     return tuple(
         flight.adapted(size) for flight, size in zip(flights, sizes_of(flights), strict=True)
@@ -376,7 +376,7 @@ def _adapted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
 
 def _sampled(
     flows: Any, samples: tuple[Any, Any], params: Params, collocation: Collocation
-) -> tuple[list[Flight], tuple[Flow, ...], tuple[str, ...]]:
+) -> tuple[list[TrajectorySegment], tuple[Flow, ...], tuple[str, ...]]:
     """The orbit through samples of one period."""
     from scipy.interpolate import CubicSpline
 
@@ -408,7 +408,7 @@ def _closed(
         extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
         _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
-        equations = equations.once(solved.x, params)
+        equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))
     closed: Any = problem_at(equations, params, events, label).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):

@@ -18,7 +18,7 @@ from ..continuation.curve import Curve
 from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
-from ..continuation.point import CodimensionTwo, Event, Examined, Locus, Point
+from ..continuation.point import CodimensionTwo, DefiningSystem, Event, Examined, Point
 from ..continuation.sparse import Dense, Factors, Matrix, any_vector, factorised, null_vectors
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
@@ -46,7 +46,7 @@ _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at a
 
 def _others(point: Point) -> Values:
     """The multipliers but for the trivial one."""
-    others: Values = point.ground.solution.others
+    others: Values = point.base_point.solution.others
     return others
 
 
@@ -67,10 +67,10 @@ def _examine_flip(point: Point) -> Examined:
     return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
 
 
-def _flip_locus(point: Point) -> Locus:
-    flip = _Flip(equations_of(point.ground))
+def _flip_locus(point: Point) -> DefiningSystem:
+    flip = _Flip(equations_of(point.base_point))
     ends = (_GENERALISED_FLIP, _beside("R2", -1.0, -1.0, ROTATION))
-    return Locus({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
+    return DefiningSystem({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
 
 
 def _inverse_iteration(factors: Any, size: int, **how: bool) -> tuple[float, Array, Array]:
@@ -97,7 +97,7 @@ class _Flip:
     equations: Equations
 
     def _weak(self, curve: Curve, z: Array) -> tuple[float, Array, Array]:
-        triplet: tuple[float, Array, Array] = curve.once(
+        triplet: tuple[float, Array, Array] = curve.cached(
             "flip", z, lambda z: self._least(curve.jacobian(z))
         )
         return triplet
@@ -156,14 +156,14 @@ def _examine_pair(point: Point) -> Examined:
     )
 
 
-def _pair_locus(point: Point) -> Locus:
+def _pair_locus(point: Point) -> DefiningSystem:
     values = _others(point)
     upper = values[values.imag > _REAL]
     if not upper.size:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
     mu = complex(upper[abs(abs(upper) - 1).argmin()])
-    equations = equations_of(point.ground)
-    right, left = null_vectors(closing(equations, point.ground.jacobian(), mu / abs(mu)))
+    equations = equations_of(point.base_point)
+    right, left = null_vectors(closing(equations, point.base_point.jacobian(), mu / abs(mu)))
     rotation = _Rotation(equations, left, right)
     angle = math.atan2(mu.imag, mu.real)
     ends = (
@@ -173,7 +173,7 @@ def _pair_locus(point: Point) -> Locus:
         Event("R4", partial(_angle_from, math.pi / 2, 1.0)),
         Event("CH", _rotation_coefficient, examine=_examine_chenciner),
     )
-    locus = Locus({"angle": angle}, rotation.conditions, rotation.derivative)
+    locus = DefiningSystem({"angle": angle}, rotation.conditions, rotation.derivative)
     return replace(locus, events=ends, meets=MEETINGS["NS"])
 
 
@@ -231,8 +231,8 @@ class _Rotation:
 def _swing(point: Point) -> float:
     """How far the orbit swings the way it did at first, relative to its size, less what counts as
     an equilibrium: beyond one the curve goes on as the same cycles half a turn later."""
-    equations = equations_of(point.ground)
-    first, states = equations.start[0].states, point.ground.x[equations.layout.nodes[0]].T
+    equations = equations_of(point.base_point)
+    first, states = equations.start[0].states, point.base_point.x[equations.layout.nodes[0]].T
     way = first - first.mean(axis=1, keepdims=True)
     swing = (states - states.mean(axis=1, keepdims=True)) * way
     size = np.linalg.norm(way) * np.linalg.norm(first)
@@ -240,7 +240,7 @@ def _swing(point: Point) -> float:
 
 
 def _examine_swing(point: Point) -> Examined:
-    orbit: Cycle = point.ground.solution
+    orbit: Cycle = point.base_point.solution
     states = orbit.flights[0].states
     extent, size = float(np.ptp(states, axis=1).max()), float(abs(states).max())
     first = orbit.equations.start[0].states
@@ -280,7 +280,7 @@ def _examine_pair_beside(mu: float | None, point: Point) -> Examined:
     return "a neutral saddle: no pair on the unit circle" if real else {}
 
 
-def _fold_locus(point: Point) -> Locus:
+def _fold_locus(point: Point) -> DefiningSystem:
     assert _PLAIN.locus is not None
     locus = _PLAIN.locus(point)
     ends = (*locus.events, _beside("R1", 1.0, 1.0, ROTATION))
@@ -322,7 +322,7 @@ def _examine_chenciner(point: Point) -> str:
 
 def _examine(examine: Callable[[Point], Examined] | None, point: Point) -> Examined:
     """No event is believed where the mesh resolves no multiplier."""
-    coarse: str = point.ground.solution.coarse
+    coarse: str = point.base_point.solution.coarse
     return coarse or (examine(point) if examine else {})
 
 

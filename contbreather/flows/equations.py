@@ -19,7 +19,7 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import Flight, Slopes, derivatives, flown
+from .collocation import Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
@@ -53,7 +53,7 @@ class Place:
     key: Any
     x: Array
     params: Params
-    flights: tuple[Flight, ...]
+    flights: tuple[TrajectorySegment, ...]
     names: tuple[str, ...] = ()
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
@@ -73,7 +73,7 @@ class Equations:
     Parameters
     ----------
     flows : tuple of Flow
-    start : tuple of Flight
+    start : tuple of TrajectorySegment
         The orbit at which all began: its meshes, and the first guess of what is between.
     period : callable or None
         ``period(t, x, p)``, of which only `p` is used; None if the cycle is autonomous.
@@ -86,7 +86,7 @@ class Equations:
     """
 
     flows: tuple[Flow, ...]
-    start: tuple[Flight, ...]
+    start: tuple[TrajectorySegment, ...]
     period: Callable[..., Any] | None
     turns: int
     states: tuple[str, ...]
@@ -120,7 +120,7 @@ class Equations:
         ended = tuple(flow.until is not None for flow in self.flows)
         return Layout(counts, ended, self.autonomous, self.phased)
 
-    def unknowns(self, flights: Sequence[Flight]) -> dict[str, Any]:
+    def unknowns(self, flights: Sequence[TrajectorySegment]) -> dict[str, Any]:
         """The unknowns by name, as a problem starts."""
         durations = np.array([flight.duration for flight in flights])
         start: dict[str, Any] = {
@@ -137,7 +137,7 @@ class Equations:
 
     # --- the equations ----------------------------------------------------------------------------
 
-    def flights(self, x: Array, p: Params) -> tuple[Flight, ...]:
+    def flights(self, x: Array, p: Params) -> tuple[TrajectorySegment, ...]:
         """All flows, from the states and times among the unknowns."""
         return self._solved(x, p).flights
 
@@ -167,7 +167,7 @@ class Equations:
         return (near[0], next((place for place in near if place.slopes), None)) if near else None
 
     def _guess(
-        self, i: int, flight: Flight, p: Params, near: Place, known: Place | None
+        self, i: int, flight: TrajectorySegment, p: Params, near: Place, known: Place | None
     ) -> tuple[Array, Array | None]:
         """What the slopes inside of a flow are to first order, and the inverse that finds them."""
         if known is None or not near.params:
@@ -180,14 +180,14 @@ class Equations:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
         return Place("begin", np.concatenate(x), {}, self.start)
 
-    def _flight(self, i: int, x: Array, t: float) -> Flight:
+    def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
         """A flow with its states and times, nothing inside yet."""
         knots = np.concatenate([[0.0], x[self.layout.knots[i][:-1]], [1.0]])
         duration = float(x[self.layout.lengths[i]])
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
         states = x[self.layout.nodes[i]].T
-        flight = Flight(self.start[i].scheme, knots, t, duration, states, np.empty(0))
+        flight = TrajectorySegment(self.start[i].scheme, knots, t, duration, states, np.empty(0))
         if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
         return flight
@@ -212,7 +212,7 @@ class Equations:
             rows.append(np.array([self._over(x, p)]))
         return np.concatenate(rows)
 
-    def _after(self, i: int, flight: Flight, p: Params) -> Array:
+    def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
         """The state in which the next flow begins."""
         reset = self.flows[i].reset
         if reset is None:
@@ -225,7 +225,7 @@ class Equations:
             )
         return after
 
-    def _condition(self, i: int, x: Array, flight: Flight, p: Params) -> float:
+    def _condition(self, i: int, x: Array, flight: TrajectorySegment, p: Params) -> float:
         until = self.flows[i].until
         if until is not None:
             return float(values(until, flight.last, flight.end[:, None], p)[0, 0])
@@ -314,7 +314,7 @@ class Equations:
         if self.phased:
             yield self._of_period(p, names)
 
-    def _spread(self, i: int, flight: Flight, slope: Array) -> Array:
+    def _spread(self, i: int, flight: TrajectorySegment, slope: Array) -> Array:
         """The derivative of something of each interval in its state, its beginning, its length and
         the parameters as one in the unknowns: the state, the knots at both ends, the duration,
         what the beginning of the flow is the sum of, and the parameters."""
@@ -336,7 +336,7 @@ class Equations:
             axis=-1,
         )
 
-    def _carried(self, i: int, flight: Flight, outer: Array, inner: Array) -> Array:
+    def _carried(self, i: int, flight: TrajectorySegment, outer: Array, inner: Array) -> Array:
         """A function of (state, time, parameters) where a flow ends, as one of the unknowns of its
         last interval: the time is the sum of its beginning and its length."""
         n = len(flight.states)
@@ -389,7 +389,9 @@ class Equations:
             knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
             # slopes are per interval: twice the duration and half the steps leave them as they are
             states, slopes = np.hstack([flight.states] * 2), np.hstack([flight.slopes] * 2)
-            twice = Flight(flight.scheme, knots, flight.start, 2 * flight.duration, states, slopes)
+            twice = TrajectorySegment(
+                flight.scheme, knots, flight.start, 2 * flight.duration, states, slopes
+            )
             return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
@@ -397,7 +399,7 @@ class Equations:
         start, sizes = (*flights, *again), self.sizes * 2
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
-    def once(self, x: Array, p: Params) -> Equations:
+    def single_round(self, x: Array, p: Params) -> Equations:
         """As begun at this orbit, a single time around where it goes around several times."""
         flights = self.flights(x, p)
         rounds = next((m for m in range(_ROUNDS, 1, -1) if self._repeats(m, flights, p)), 1)
@@ -412,7 +414,7 @@ class Equations:
             sizes=sizes_of(flights),
         )  # fmt: skip
 
-    def _repeats(self, rounds: int, flights: Sequence[Flight], p: Params) -> bool:
+    def _repeats(self, rounds: int, flights: Sequence[TrajectorySegment], p: Params) -> bool:
         """Whether the orbit is the same at all times and a part of its period later."""
         if self.turns % rounds and not self.autonomous:
             return False
@@ -436,7 +438,7 @@ class Equations:
         )
 
 
-def sizes_of(flights: Sequence[Flight]) -> tuple[Array, ...]:
+def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
     """How much each state of each flow moves, or how large it is."""
     sizes = []
     for flight in flights:

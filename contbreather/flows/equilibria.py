@@ -15,7 +15,7 @@ from ..continuation.interpolant import tangent_at
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
-from ..continuation.switching import Lift
+from ..continuation.switching import SwitchingProblem
 from .collocation import Collocation, fitted
 from .constructors import named_state, problem_at
 from .equations import Equations, sizes_of
@@ -104,11 +104,11 @@ class Equilibrium(Problem):
         refuse_time(self.residual.flow.f, 0.0, self.x, self.params, names)
         return super().having(*names)
 
-    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return _born if kind == "HB" else None
 
 
-class _Born(Lift):
+class _Born(SwitchingProblem):
     """Small cycles beside a Hopf point: they leave it in the plane of its eigenvectors."""
 
     @cached_property
@@ -120,7 +120,7 @@ class _Born(Lift):
         return tangent_at(curve, curve.start, outwards)[0], None
 
 
-def _born(point: Point) -> Lift:
+def _born(point: Point) -> SwitchingProblem:
     """The cycle of a small amplitude beside a Hopf point, and the direction in which they grow."""
     (free,), rest, params = point.curve.free, np.array(point.x), point.params
     residual, names = point.curve.problem.residual, tuple(point.curve.problem.start)
@@ -155,7 +155,7 @@ def _born(point: Point) -> Lift:
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")
 
 
-def _again(point: Point) -> Lift:
+def _again(point: Point) -> SwitchingProblem:
     """The same on a finer mesh."""
     problem, residual = point.curve.problem, point.curve.problem.residual
     twice = replace(residual.collocation, intervals=2 * residual.collocation.intervals)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..continuation.curve import Curve
 from ..continuation.newton import Array
-from ..continuation.point import Event, Examined, Locus, Point
+from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .equations import Equations
 from .flow import slopes, values
 from .orbit import Cycle, equations_of
@@ -41,7 +41,7 @@ def _slowest(orbit: Cycle) -> tuple[float, Array]:
 
 
 def _pace(point: Point) -> float:
-    orbit: Cycle = point.ground.solution
+    orbit: Cycle = point.base_point.solution
     pace, slow = _slowest(orbit)
     ratio, near = _UNKNOWN, _saddle(orbit, slow) if pace < _SLOW else None
     if near is not None:
@@ -53,13 +53,13 @@ def _pace(point: Point) -> float:
 
 def _examine(point: Point) -> Examined:
     """Which equilibrium that is: a relaxation oscillation is slow without one."""
-    orbit: Cycle = point.ground.solution
+    orbit: Cycle = point.base_point.solution
     if orbit.coarse:
         return orbit.coarse
     _, slow = _slowest(orbit)
     near = _saddle(orbit, slow)
     if near is not None:
-        return near.told(orbit)
+        return near.description(orbit)
     sizes = orbit.equations.sizes[0]
     states = orbit.flights[0].at(np.linspace(0.0, 1.0, _LOOKS))
     there = np.linalg.norm((states - slow[:, None]) / sizes[:, None], axis=0) < _CLOSE
@@ -76,7 +76,7 @@ class _Saddle:
     state: Array
     leading: NDArray[np.complex128]
 
-    def told(self, orbit: Cycle) -> dict[str, Any]:
+    def description(self, orbit: Cycle) -> dict[str, Any]:
         # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit
         quantity = float(self.leading.sum().real)
         kind = "saddle-focus" if self.leading.imag.any() else "saddle"
@@ -119,12 +119,12 @@ def _saddle(orbit: Cycle, x: Array) -> _Saddle | None:
     return _Saddle(np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
 
 
-def _long(point: Point) -> Locus:
+def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
-    equations, period = equations_of(point.ground), point.ground.solution.period
+    equations, period = equations_of(point.base_point), point.base_point.solution.period
     held = _Held(equations, period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    return Locus({}, held.condition, held.derivative, meets=nothing)
+    return DefiningSystem({}, held.condition, held.derivative, meets=nothing)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,12 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.sparse import Matrix
-from ..continuation.switching import Lift
+from ..continuation.switching import SwitchingProblem
 from ..continuation.trace import trace
 from ..display import HtmlRepr
 from ..errors import BadInput, NotConverged
 from ..tables import Sheet
-from .collocation import Flight
+from .collocation import TrajectorySegment
 from .equations import Equations
 from .flow import Params
 from .multipliers import closing, of_cycle
@@ -79,7 +79,7 @@ class Cycle(HtmlRepr):
     params: Mapping[str, float]
 
     @cached_property
-    def flights(self) -> tuple[Flight, ...]:
+    def flights(self) -> tuple[TrajectorySegment, ...]:
         return self.equations.flights(self.x, self.params)
 
     @property
@@ -175,7 +175,7 @@ class Cycle(HtmlRepr):
         return f"<Cycle of period {self.period:.10g}, {self.unstable} unstable>"
 
 
-def _top(flight: Flight, i: int, sign: float) -> float:
+def _top(flight: TrajectorySegment, i: int, sign: float) -> float:
     """The largest value of a state on a flight: where its slope vanishes beside the largest of
     many, at the other end of a closed one, too."""
     from scipy.optimize import brentq
@@ -227,7 +227,7 @@ class CycleProblem(Problem):
     lasting = True
     residual: Equations
     # of an arm: where it sets out, with twice the intervals
-    again: Callable[[], Lift] | None = field(default=None, kw_only=True)
+    again: Callable[[], SwitchingProblem] | None = field(default=None, kw_only=True)
 
     @property
     def internals(self) -> frozenset[str]:
@@ -278,19 +278,21 @@ class CycleProblem(Problem):
         refuse_false_period(equations.flows, equations.start, equations.period, self.params, names)
         return super().having(*names)
 
-    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return _doubled if kind == "PD" else None
 
 
-def _doubled(point: Point) -> Lift:
+def _doubled(point: Point) -> SwitchingProblem:
     """The cycle of twice the period. Both its phases set out in opposite directions: one arm."""
     problem = point.curve.problem
     twice = equations_of(point).doubled(np.array(point.x), point.params)
     arm = problem_of(twice, point.params, problem.events, problem.label)
-    return Lift(replace(arm, again=partial(_again, point)), point.curve.free[0], both=False)
+    return SwitchingProblem(
+        replace(arm, again=partial(_again, point)), point.curve.free[0], both=False
+    )
 
 
-def _again(point: Point) -> Lift:
+def _again(point: Point) -> SwitchingProblem:
     """The same where the doubling is on a finer mesh."""
     (free,), problem = point.curve.free, point.problem
     assert isinstance(problem, CycleProblem)

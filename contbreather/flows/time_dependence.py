@@ -11,7 +11,7 @@ import numpy as np
 
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
-from .collocation import Flight
+from .collocation import TrajectorySegment
 from .flow import Clock, Flow, Function, Params, slopes, values
 
 _LOOKS = 16  # states and times at which a function is compared
@@ -24,7 +24,7 @@ _MOMENTS = np.array([0.0, 0.7, 1.9])  # at which a field without a period is com
 
 def refuse_false_period(
     flows: Sequence[Flow],
-    flights: Sequence[Flight],
+    flights: Sequence[TrajectorySegment],
     period: Function | None,
     p: Params,
     names: tuple[str, ...] = (),
@@ -52,7 +52,7 @@ def refuse_false_period(
 
 
 def _unlike(
-    flows: Sequence[Flow], flights: Sequence[Flight], period: Function | None, p: Params
+    flows: Sequence[Flow], flights: Sequence[TrajectorySegment], period: Function | None, p: Params
 ) -> Iterator[str]:
     """The functions that are not the same a period later; without one, at another time."""
     whole = sum(flight.duration for flight in flights)
@@ -73,7 +73,7 @@ def _unlike(
 
 
 def _mirrored(
-    flow: Flow, flight: Flight, t: Any, x: Array, p: Params, later: float, now: Array
+    flow: Flow, flight: TrajectorySegment, t: Any, x: Array, p: Params, later: float, now: Array
 ) -> bool:
     """Half of a symmetric orbit has half of the period, after which f is its mirror image."""
     if flow.reset is None:

@@ -11,8 +11,8 @@ import numpy as np
 from ..continuation.curve import Curve
 from ..continuation.derivatives import RELATIVE, directional
 from ..continuation.newton import Array, Undefined
-from ..continuation.point import Event, Locus, Point
-from .collocation import Flight
+from ..continuation.point import DefiningSystem, Event, Point
+from .collocation import TrajectorySegment
 from .equations import Equations
 from .filippov import Filippov
 from .flow import Clock, Function, Params, slopes, values
@@ -26,18 +26,18 @@ _BRACKET = 60  # halvings that locate the lowest place of a wall
 
 def _slowest(point: Point) -> float:
     """How fast the condition falls that falls slowest where it ends its flow."""
-    orbit: Cycle = point.ground.solution
+    orbit: Cycle = point.base_point.solution
     return float(paces(orbit.equations, orbit.x, orbit.params).min())
 
 
-def _slowest_locus(point: Point) -> Locus:
-    orbit: Cycle = point.ground.solution
+def _slowest_locus(point: Point) -> DefiningSystem:
+    orbit: Cycle = point.base_point.solution
     number = int(paces(orbit.equations, orbit.x, orbit.params).argmin())
     ends = [i for i, flow in enumerate(orbit.equations.flows) if flow.until]
     until = orbit.equations.flows[ends[number]].until
     assert until is not None
     slow = _Reached(orbit.equations, ends[number], until, 1.0, slice(1, 2))  # it does not change
-    return Locus({}, slow.conditions, slow.derivative)
+    return DefiningSystem({}, slow.conditions, slow.derivative)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
     return [int(j) for j in np.flatnonzero(low)]
 
 
-def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, float]:
+def _wall(wall: Function, flight: TrajectorySegment, p: Params, s: float) -> tuple[float, float]:
     """The value of a wall at a time of a flight, and how fast it changes in its duration."""
     at = np.array([s])
     value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p, ())
@@ -151,7 +151,12 @@ def _wall(wall: Function, flight: Flight, p: Params, s: float) -> tuple[float, f
 
 
 def _bottom(
-    wall: Function, flight: Flight, p: Params, s: float, beside: tuple[float, float], ends: bool
+    wall: Function,
+    flight: TrajectorySegment,
+    p: Params,
+    s: float,
+    beside: tuple[float, float],
+    ends: bool,
 ) -> float:
     """Where the wall stops falling, by halving and the secant; `s` where it does not."""
     from scipy.optimize import brentq
@@ -167,20 +172,20 @@ def _bottom(
 
 
 def _clearance(point: Point) -> float:
-    touch = lowest(point.ground.solution)
+    touch = lowest(point.base_point.solution)
     return math.nan if touch is None else touch.clearance
 
 
-def _clearance_locus(point: Point) -> Locus:
-    touch, equations = lowest(point.ground.solution), equations_of(point.ground)
+def _clearance_locus(point: Point) -> DefiningSystem:
+    touch, equations = lowest(point.base_point.solution), equations_of(point.base_point)
     if touch is None:
         raise Undefined("no wall comes close between the ends of a flow")
     flow = equations.flows[touch.flow]
     if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
         corner = _Reached(equations, touch.flow, touch.wall, touch.place, slice(1))
-        return Locus({}, corner.conditions, corner.derivative)
+        return DefiningSystem({}, corner.conditions, corner.derivative)
     touched = _Reached(equations, touch.flow, touch.wall, None, slice(2))
-    return Locus({"touch": touch.place}, touched.conditions, touched.derivative)
+    return DefiningSystem({"touch": touch.place}, touched.conditions, touched.derivative)
 
 
 # --- where a surface is reached ------------------------------------------------------------------
@@ -196,13 +201,13 @@ class _Arrivals:
     def __call__(self, point: Point) -> float:
         return min((margin for margin, _, _ in self._arrivals(point)), default=math.nan)
 
-    def locus(self, point: Point) -> Locus:
+    def locus(self, point: Point) -> DefiningSystem:
         _, i, field = min(self._arrivals(point), key=lambda arrival: arrival[0])
-        tangent = _Reached(equations_of(point.ground), i, field, 1.0, slice(1))
-        return Locus({}, tangent.conditions, tangent.derivative)
+        tangent = _Reached(equations_of(point.base_point), i, field, 1.0, slice(1))
+        return DefiningSystem({}, tangent.conditions, tangent.derivative)
 
     def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:
-        orbit: Cycle = point.ground.solution
+        orbit: Cycle = point.base_point.solution
         numbers = [self.system.flows.index(flow) for flow in orbit.equations.flows]
         fields = [self.system.to_minus.until, self.system.to_plus.until]
         arrivals = []

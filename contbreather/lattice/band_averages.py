@@ -176,7 +176,7 @@ class Lattice:
             total += weight * self._excess(x / width)  # the pole next to the band, exact
         return total
 
-    def means(self, gamma: FloatArray, name: str) -> FloatArray:
+    def averages(self, gamma: FloatArray, name: str) -> FloatArray:
         """`chi`, `eta`, `sigma` or `psi` of the infinite chain at many couplings inside of its
         domain."""
         series, x = self._expansions[name], 4.0 * gamma

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation import Event, Lift, Point, Problem
+from contbreather.continuation import Event, Point, Problem, SwitchingProblem
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import Examined
 from contbreather.errors import BadInput, NotConverged
@@ -28,14 +28,14 @@ ALONG = 1e-3  # by how much they change along an arm there, and not along symmet
 SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
 
 
-class OrbitSwitching(Lift):
+class OrbitSwitching(SwitchingProblem):
     """An orbit at a pitchfork or a period doubling, as a problem that knows the orbits that
     branch off there: of the whole, or of the doubled, period. Along `direction` the first impact
     comes earlier; its negative leads to their mirror images, or to the same orbits a period later.
     """
 
     def arm(self, amplitude: float = 0.01, free: str | None = None) -> Problem:
-        """As `Lift.arm`, for amplitudes at which the solution is a sequence of impacts."""
+        """As there, for amplitudes at which the solution is a sequence of impacts."""
         problem = super().arm(amplitude, free)
         try:
             checked(orbit_at(problem))

@@ -67,7 +67,7 @@ class BreathersAlong:
 
 def breathers_along(points: Points) -> BreathersAlong | None:
     """The breathers of points, None where they are no such breathers."""
-    breathers: BreathersAlong | None = points.curve.once(
+    breathers: BreathersAlong | None = points.curve.cached(
         "breathers", points.z, lambda z: _breathers(points)
     )
     return breathers

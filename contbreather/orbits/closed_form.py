@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from contbreather.continuation import Locus, Point, Problem
+from contbreather.continuation import DefiningSystem, Point, Problem
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.errors import BadInput
 from contbreather.lattice import (
@@ -76,7 +76,7 @@ class ClosedForm(SymmetricBreather):
         motion: SiteMotion = replace(self, gamma=ALIKE).motion
         return motion
 
-    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
+    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
         return closed_slopes.locus(of, point, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
@@ -185,11 +185,11 @@ class SymmetricProblem(OrbitProblem):
     def simpler(self, point: Point) -> None:
         """No orbit has fewer impacts."""
 
-    def wider(self, names: tuple[str, ...]) -> Problem:
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
         """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
         orbit = orbit_at(self)
         if orbit.lattice.sites is not None or "spring" not in names:
-            return super().wider(names)
+            return super().with_parameters(names)
         # a spring of 0 changes no response, but it is one of its parameters
         soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
         return symmetric_problem(soft, self.threshold).having(*names)

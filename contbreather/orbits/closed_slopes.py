@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Locus, Point
+from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Lattice
@@ -32,21 +32,21 @@ from contbreather.stability.arc import arc_table
 Array = NDArray[np.float64]
 
 
-def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
     """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
     breather: SymmetricBreather = point.solution.representation
     if nu is not None:
         endless = of.map(point.solution).lattice.sites is None
         loops = partial(_with_pair, breather.lattice) if endless else None
         slopes = partial(_circle_slopes, of)
-        return Locus({"nu": nu}, of.conditions, slopes, loops=loops, **more)
+        return DefiningSystem({"nu": nu}, of.conditions, slopes, loops=loops, **more)
     if of.nu == 0.0 and "spring" in point.curve.free:
         # with the lower edge of the band, root of the spring, as an unknown: 1/tau grows in
         # proportion to that from no spring on, where the curve in the spring has no tangent
         edge = math.sqrt(breather.lattice.spring)
-        return Locus({"edge": edge}, _pitchfork_at_edge, domain={"edge": (0.0, 1.0)})
+        return DefiningSystem({"edge": edge}, _pitchfork_at_edge, domain={"edge": (0.0, 1.0)})
     scalar = PITCHFORK if of.nu == 0.0 else FOLD
-    return Locus({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
+    return DefiningSystem({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
 
 
 def _breather(curve: Curve, z: Array) -> SymmetricBreather:

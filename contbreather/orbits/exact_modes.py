@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Locus, Point, Problem, fold
+from contbreather.continuation import DefiningSystem, Point, Problem, fold
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Ring
 from contbreather.lattice.conditions import Conditions
@@ -77,7 +77,9 @@ class ExactModes(SectionFlight):
     def weakly(self) -> None:
         """Where there is no coupling, the closest site is meant."""
 
-    def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+    def locus(
+        self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
+    ) -> DefiningSystem:
         return of.locus(by_impacts, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:

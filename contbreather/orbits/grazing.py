@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Event, Locus, Point
+from contbreather.continuation import DefiningSystem, Event, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
@@ -68,10 +68,10 @@ class GrazingSite:
     """What margins of other contacts are divided by, where they vanish at such an end."""
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
 
-    def locus(self, wall: float, t: float, **more: Any) -> Locus:
+    def locus(self, wall: float, t: float, **more: Any) -> DefiningSystem:
         loops = self.loops and partial(self.loops, wall)
         conditions = partial(self._conditions, wall)
-        return Locus({"t": t}, conditions, self._derivative, loops=loops, **more)
+        return DefiningSystem({"t": t}, conditions, self._derivative, loops=loops, **more)
 
     def _terms(self, orbit: Orbit, t: float) -> Terms:
         return orbit.motion.at(self.site, t) if self.motion is None else self.motion(orbit, t)
@@ -100,7 +100,7 @@ def _margins(points: Points) -> Many | None:
     return None if along is None else (along.margins(), None)
 
 
-def _locus(point: Point) -> Locus:
+def _locus(point: Point) -> DefiningSystem:
     orbit = solution_at(point)
     if _vanishing(point):  # with it may be others, that move alike
         return shallow_impact(orbit)
@@ -112,7 +112,7 @@ def _locus(point: Point) -> Locus:
     return _follow(orbit, worst.site, worst.time)
 
 
-def _follow(orbit: Orbit, site: int, t: float) -> Locus:
+def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
     displacement = orbit.motion.at(site, t)[0]
@@ -138,7 +138,7 @@ def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
 
 
 def _vanishing(point: Point) -> dict[str, Any]:
-    orbit = solution_at(point.ground)
+    orbit = solution_at(point.base_point)
     j = orbit.vanishing
     return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
@@ -178,7 +178,7 @@ class _OtherContact:
         other = self.closest(point)
         return {"site": other.site, "time": other.time}
 
-    def locus(self, point: Point) -> Locus:
+    def locus(self, point: Point) -> DefiningSystem:
         where = point.detail
         return _follow(solution_at(point), where["site"], where["time"])
 
@@ -238,7 +238,7 @@ def closest_other(orbit: SiteMotion, site: int, t: float, *, mirrored: bool = Fa
 # --- an impact that vanishes ----------------------------------------------------------------------
 
 
-def shallow_impact(orbit: Orbit) -> Locus:
+def shallow_impact(orbit: Orbit) -> DefiningSystem:
     """An impact whose incoming velocity vanishes, where the equations hold with one of velocity 0.
 
     Raises
@@ -255,7 +255,7 @@ def shallow_impact(orbit: Orbit) -> Locus:
     # of multipliers there are none at velocity 0
     meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "PF", "PD", "NS"), ())
     other = Event("VI-VI", partial(_others_last, j), ends="domain")
-    return Locus({}, partial(_velocity, j), slope, events=(other,), meets=meets)
+    return DefiningSystem({}, partial(_velocity, j), slope, events=(other,), meets=meets)
 
 
 def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
@@ -265,7 +265,7 @@ def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
 
 def _others_last(j: int, point: Point) -> float:
     """Where one impact vanishes, the least velocity of another."""
-    orbit: Orbit = point.ground.solution
+    orbit: Orbit = point.base_point.solution
     walls = [wall for _, wall in orbit.section.impacts]
     # positive towards the wall
     return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
@@ -289,20 +289,20 @@ def _closest(orbit: Orbit) -> tuple[float, int, int]:
 
 
 def _apart(point: Point) -> float:
-    return _closest(solution_at(point.ground))[0] - ONE
+    return _closest(solution_at(point.base_point))[0] - ONE
 
 
 def _which(point: Point) -> dict[str, str]:
-    orbit = solution_at(point.ground)
+    orbit = solution_at(point.base_point)
     _, i, j = _closest(orbit)
     site, wall = orbit.section.impacts[i]
     return {"impacts": f"{i + 1} and {j + 1}, of site {site} at its wall {wall:+d}, become one"}
 
 
-def _together(point: Point) -> Locus:
-    _, *pair = _closest(solution_at(point.ground))
+def _together(point: Point) -> DefiningSystem:
+    _, *pair = _closest(solution_at(point.base_point))
     names = [f"t{j + 1}" for j in pair]
-    return Locus({}, partial(_gap, names), partial(_gap_slope, names))
+    return DefiningSystem({}, partial(_gap, names), partial(_gap_slope, names))
 
 
 def _gap(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:

@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.continuation import Event, Lift, Locus, Point, Problem, branch_point, fold
+from contbreather.continuation import (
+    DefiningSystem,
+    Event,
+    Point,
+    Problem,
+    SwitchingProblem,
+    branch_point,
+    fold,
+)
 from contbreather.continuation.boundary import meeting
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
@@ -263,7 +271,9 @@ class GreensFunction:
     def weakly(self) -> None:
         """Where there is no coupling, the closest site is meant."""
 
-    def locus(self, of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> Locus:
+    def locus(
+        self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
+    ) -> DefiningSystem:
         endless = self.conditions.lattice.sites is None
         return of.locus(by_differences if nu is None or not endless else off_the_edge, nu, **more)
 
@@ -398,7 +408,7 @@ class _Asymmetric(OrbitProblem):
         # u(t) -> -u(t + pi): the impacts change places, the offset its sign
         return (np.array((p, t2 - math.pi, t1 + math.pi, -c)),)
 
-    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return symmetric_again if kind == "PF" else super().lift(kind)
 
 
@@ -407,7 +417,9 @@ def pitchfork_of_arms() -> Event:
 
     Nothing changes sign there but the asymmetry itself: both arms are mirror images.
     """
-    return Event("PF", _unequal, locus=Always(Locus({}, _equal_flights, _equal_flights_slope)))
+    return Event(
+        "PF", _unequal, locus=Always(DefiningSystem({}, _equal_flights, _equal_flights_slope))
+    )
 
 
 def _unequal(point: Point) -> float:
@@ -424,12 +436,12 @@ def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> Floa
     return row
 
 
-def symmetric_again(point: Point) -> Lift:
+def symmetric_again(point: Point) -> SwitchingProblem:
     """The branch of symmetric breathers, in its own problem."""
     breather = simpler_than(solution_at(point))
     if breather is None:
         raise Undefined("the flights are not equal here")
-    return Lift(breather.problem, point.curve.free[-1])
+    return SwitchingProblem(breather.problem, point.curve.free[-1])
 
 
 def fold_of_arms() -> Event:
@@ -446,12 +458,12 @@ def _off_pitchfork(event: Event) -> Event:
 
 
 def _per_asymmetry(event: Event, point: Point) -> float:
-    asymmetry = _unequal(point.ground)
+    asymmetry = _unequal(point.base_point)
     # 0/0 at the pitchfork itself
     return math.nan if asymmetry == 0.0 else event.value(point) / asymmetry
 
 
-def _fold_locus(point: Point) -> Locus:
+def _fold_locus(point: Point) -> DefiningSystem:
     # on its curve, so does the test of a cusp where both folds of mirror images meet
     locus_of = fold().locus
     assert locus_of is not None
@@ -523,7 +535,7 @@ def _motion_slopes(
 
 
 def _towards(side: float, point: Point) -> float:
-    return side * solution_at(point.ground).asymmetry
+    return side * solution_at(point.base_point).asymmetry
 
 
 def _while_asymmetric(side: float, point: Point) -> float:

@@ -140,7 +140,7 @@ def _singles(choice: Sequence[int] | Mapping[int, Any], on: Conditions) -> list[
 def _single(site: int, orbit: Any, on: Conditions) -> Single:
     """One site without coupling: by the name of a root, or by an orbit of its own."""
     ((site, _),) = Section(((site, 1),)).placed(on.lattice).impacts
-    if isinstance(orbit, Point) and orbit.ground.curve.problem.interpret is not None:
+    if isinstance(orbit, Point) and orbit.base_point.curve.problem.interpret is not None:
         orbit = orbit.solution
     if isinstance(orbit, str) and orbit in ROOTS:
         # one alone at the fold (14), where both meet, and where the lower has no p > 0

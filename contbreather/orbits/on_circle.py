@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Locus, Point
+from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences, directional
 
@@ -46,10 +46,10 @@ class OnCircle:
     nu: float | None = None
     lattice: Any = None
 
-    def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> Locus:
+    def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
         """With ``slopes(conditions, curve, z, extra)``, the derivative along a curve."""
         extra = {} if nu is None else {"nu": nu}
-        return Locus(extra, self.conditions, partial(self._derivative, slopes), **more)
+        return DefiningSystem(extra, self.conditions, partial(self._derivative, slopes), **more)
 
     def _derivative(self, slopes: Slopes, curve: Curve, z: Array, extra: Array) -> Array:
         return slopes(self.beside(curve, z, extra), curve, z, extra)
@@ -59,19 +59,19 @@ class OnCircle:
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         map = self.map(Point(curve, z).solution)
-        return self.parts(map.on_circle(self.angle(extra), self.radius))
+        return self.real_parts(map.on_circle(self.angle(extra), self.radius))
 
     def beside(self, curve: Curve, z: Array, extra: Array) -> Conditions:
         """The same next to a place, cheaper and exact to first order where they vanish."""
         value = self.map(Point(curve, z).solution).beside(self.angle(extra), self.radius)
-        return lambda curve, z, extra: self.parts(
+        return lambda curve, z, extra: self.real_parts(
             value(self.map(Point(curve, z).solution), self.angle(extra))
         )
 
     def angle(self, extra: Array) -> float:
         return float(extra[0]) if self.nu is None else self.nu
 
-    def parts(self, value: complex) -> Array:
+    def real_parts(self, value: complex) -> Array:
         return np.array([value.real, value.imag] if self.nu is None else [value.real])
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, real, shown
-from contbreather.continuation import Event, Locus, Point, Problem, branch_point
+from contbreather.continuation import DefiningSystem, Event, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.defining_systems import Singular
 from contbreather.continuation.newton import Undefined
@@ -125,7 +125,7 @@ def _beyond(mu: float, point: Point) -> float:
     return math.nan if _is_blurred(map) else int(map.beyond(mu))
 
 
-def _real_locus(mu: float, point: Point) -> Locus:
+def _real_locus(mu: float, point: Point) -> DefiningSystem:
     orbit = solution_at(point)
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
@@ -250,7 +250,7 @@ class _Pair:
         answer: tuple[float, int] = map.pairs()
         return answer
 
-    def locus(self, point: Point) -> Locus:
+    def locus(self, point: Point) -> DefiningSystem:
         map = self.map(point)
         if map.lattice.sites is None and map.gamma == 0.0:
             raise Undefined("at gamma = 0 there is no band for a pair to come out of")
@@ -262,7 +262,7 @@ class _Pair:
             raise Undefined("no complex multipliers on this ring")
         return self.following(point, angle)
 
-    def following(self, point: Point, angle: float) -> Locus:
+    def following(self, point: Point, angle: float) -> DefiningSystem:
         map, representation = self.map(point), solution_at(point).representation
         circle = self.circle(map)
         if map.lattice.sites is None:
@@ -303,7 +303,7 @@ class _Next:
         mu = self.others(point)
         return {"next": float(np.angle(mu[abs(mu).argmax()])) / math.pi}
 
-    def locus(self, point: Point) -> Locus:
+    def locus(self, point: Point) -> DefiningSystem:
         return self.pair.following(point, point.detail["next"])
 
 
@@ -328,7 +328,7 @@ def _from_real(mu: float, point: Point) -> float:
 
 
 def _is_double(mu: float, point: Point) -> str:
-    map = point.ground.solution.map
+    map = point.base_point.solution.map
     if np.sort(abs(map.coupled - mu))[1] > DOUBLE:
         return f"{mu:.6g} is not a double multiplier"
     # a Jordan block has one null vector; two multipliers that only pass each other have two
@@ -372,10 +372,10 @@ class DeferredEvent(Event):
         object.__setattr__(self, "locus", self._locus)
 
     def _test(self, point: Point) -> float | int:
-        return self.of(point.ground.curve.problem).value(point)
+        return self.of(point.base_point.curve.problem).value(point)
 
-    def _locus(self, point: Point) -> Locus:
-        locus = self.of(point.ground.curve.problem).locus
+    def _locus(self, point: Point) -> DefiningSystem:
+        locus = self.of(point.base_point.curve.problem).locus
         assert locus is not None  # each of these events has one
         return locus(point)
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Lift, Point, Problem
+from contbreather.continuation import Point, Problem, SwitchingProblem
 from contbreather.continuation.point import UnstableDimension
 from contbreather.continuation.points import Points
 from contbreather.lattice import InfiniteChain
@@ -69,11 +69,11 @@ class OrbitProblem(Problem):
         smaller = (simpler_than(orbit) or orbit).problem
         return smaller if len(smaller.start) < len(self.start) else None
 
-    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
-    def wider(self, names: tuple[str, ...]) -> Problem:
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
         return with_parameters(self.threshold, self, names)
 
 
@@ -163,6 +163,6 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     # b of (19) is infinite at p = 0, where an impact vanishes: those rows are not used
     with np.errstate(all="ignore"):
         # entries of (19), which with gamma and k say all about multipliers
-        b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.means(gamma, "eta"))[1]
+        b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.averages(gamma, "eta"))[1]
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)

@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Locus, Point, Problem
+from contbreather.continuation import DefiningSystem, Point, Problem
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import SiteMotion, Terms
@@ -85,15 +85,15 @@ class Representation(Protocol):
     def weakly(self) -> SiteMotion | None:
         """The same with a little coupling, if that is at hand: it tells idle sites apart."""
 
-    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> Locus:
+    def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
         """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
 
     def grazing_site(self, site: int) -> Any:
         """How the motion of a site is followed, `grazing.GrazingSite`."""
 
     def speed_slope(self, j: int) -> Any:
-        """The derivative, as that of a `Locus`, of the velocity of the site before an impact; None
-        where the equations do not hold with one of velocity 0."""
+        """The derivative, as that of a `DefiningSystem`, of the velocity of the site before an
+        impact; None where the equations do not hold with one of velocity 0."""
 
     def lifted(self) -> Problem:
         """The problem of orbits that leave this one where its symmetry or its period breaks."""

@@ -177,7 +177,7 @@ class Zones(Columns, HtmlRepr):
         values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
         return admissible(values, **self.model)
 
-    def told(self) -> Iterator[str]:
+    def sentences(self) -> Iterator[str]:
         """A sentence on each region without upper breathers in which there are lower ones."""
         for region in self.regions:
             if any(region.lower):

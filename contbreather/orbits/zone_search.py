@@ -171,7 +171,7 @@ class Search:
         where idle sites are held by their neighbours alone: the curve comes from a scan beside."""
         if point.kind != "PF" or point.event is None or point.event.locus is None:
             return True
-        least, _ = point.event.locus(point.ground).domain.get("gamma", (0.0, math.inf))
+        least, _ = point.event.locus(point.base_point).domain.get("gamma", (0.0, math.inf))
         # where gamma is fixed at 0 there is nothing beside: `boundary` refuses it
         return bool(point["gamma"] >= least) or self.name == "gamma"
 

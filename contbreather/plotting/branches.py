@@ -140,7 +140,7 @@ def plot(
         large = _legend(axes, legend | ({} if named else _by_marker(marked)))
         if named:
             if large:
-                paper.settle()
+                paper.lay_out()
             _write(paper, words, x)
     return drawn
 

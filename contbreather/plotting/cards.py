@@ -71,7 +71,7 @@ def _sentence(value: Any) -> str:
         case Branches():
             return f"{len(value)} branches"
         case Zones():
-            return ". ".join([repr(value).strip("<>"), *value.told()])
+            return ". ".join([repr(value).strip("<>"), *value.sentences()])
         case _:
             return repr(value).strip("<>")
 

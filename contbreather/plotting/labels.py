@@ -35,9 +35,9 @@ class Labels:
     anchors: list[Array] = field(default_factory=list)  # points that have words of their own
 
     def __post_init__(self) -> None:
-        self.settle()
+        self.lay_out()
 
-    def settle(self) -> None:
+    def lay_out(self) -> None:
         """Let the layout come to rest: positions in pixels are final from here on."""
         self.figure.draw_without_rendering()
 

@@ -100,7 +100,7 @@ def plot_orbit(
 
 def solution_of(value: Any) -> Any:
     """What a point of a branch is to its user; all else itself."""
-    interpreted = isinstance(value, Point) and value.ground.curve.problem.interpret is not None
+    interpreted = isinstance(value, Point) and value.base_point.curve.problem.interpret is not None
     return value.solution if interpreted else value
 
 

@@ -23,7 +23,7 @@ from contbreather.checks import flag, number, whole
 from contbreather.continuation import Event, Point, Problem, maps
 from contbreather.continuation.maps import multiplier_matrix, shorter, with_period
 from contbreather.continuation.point import UnstableDimension
-from contbreather.continuation.switching import Lift
+from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
@@ -369,12 +369,12 @@ class MotionProblem(maps.CycleProblem):
             "period": self.period,
         }
 
-    def lift(self, kind: str) -> Callable[[Point], Lift] | None:
+    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return self._lifted if kind == self.breaks else None
 
-    def _lifted(self, point: Point) -> Lift:
+    def _lifted(self, point: Point) -> SwitchingProblem:
         twice = with_period(point.problem, 2 * self.period)
-        return Lift(_dressed(twice, self.back), point.curve.free[0], both=False)
+        return SwitchingProblem(_dressed(twice, self.back), point.curve.free[0], both=False)
 
     def simpler(self, point: Point) -> Problem | None:
         problem = shorter(point)

@@ -173,7 +173,7 @@ def _outside(gamma: Array, k: Array, b: Array) -> Array:
     places, which = np.unique(np.stack([gamma, k]), axis=1, return_inverse=True)
     windows = np.array([window(*place)[:2] for place in places.T.tolist()])
     centre, square = windows[which.ravel()].T
-    psi, eta, chi = (InfiniteChain().means(gamma, name) for name in ("psi", "eta", "chi"))
+    psi, eta, chi = (InfiniteChain().averages(gamma, name) for name in ("psi", "eta", "chi"))
     beta0, beta0_size, fold, fold_size = ends(k, b, psi, eta, chi)
     # each as a sum of terms, whose size is known
     signs = beta0, -fold, square - (b - centre) ** 2

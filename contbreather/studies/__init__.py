@@ -7,7 +7,7 @@ with the rest.
 from __future__ import annotations
 
 from contbreather.studies.run import Report, cluster, run
-from contbreather.studies.tasks import Plan, plan
+from contbreather.studies.tasks import Plan, dry_run
 from contbreather.studies.validation import read
 
-__all__ = ["Plan", "Report", "cluster", "plan", "read", "run"]
+__all__ = ["Plan", "Report", "cluster", "dry_run", "read", "run"]

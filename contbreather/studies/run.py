@@ -17,7 +17,7 @@ from contbreather.orbits.atlas import save_atlas, slices_of, surfaces
 from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
 from contbreather.runs import Run, load
 from contbreather.studies.schema import Figure, Study, part
-from contbreather.studies.tasks import Task, Worker, plan
+from contbreather.studies.tasks import Task, Worker, dry_run
 from contbreather.workers import Failed, each
 
 Tell = Callable[[str], object]
@@ -125,7 +125,7 @@ def run(
     >>> run(path).computed, run(path).kept
     (['first'], ['first'])
     """
-    asked = plan(path, folder=folder, again=again)
+    asked = dry_run(path, folder=folder, again=again)
     report, todo = Report(asked.folder), asked.left
     ended = _told(tell, len(todo))
     try:

@@ -106,7 +106,7 @@ class Table(BaseModel):
         return part(self.of).family if isinstance(self, FromPoint) else ""
 
     @property
-    def plain(self) -> dict[str, Any]:
+    def entries(self) -> dict[str, Any]:
         """What was said, without what was not."""
         return self.model_dump(exclude_none=True)
 
@@ -172,7 +172,7 @@ class Grid(Table):
 
     @property
     def grid(self) -> dict[str, list[float]]:
-        return {**{name: getattr(self, name) for name in self.given}, **self.plain["over"]}
+        return {**{name: getattr(self, name) for name in self.given}, **self.entries["over"]}
 
 
 class Branch(Grid):

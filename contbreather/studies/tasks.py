@@ -104,12 +104,12 @@ class Task:
 
 def tasks_of(study: Study) -> list[Task]:
     """All tasks, those that others start from first."""
-    chain = study.chain.plain
+    chain = study.chain.entries
     families: dict[str, list[Task]] = {}
     for name, branch in study.branch.items():
-        families[name] = _over(name, "branch", branch.grid, {**branch.plain, "chain": chain})
+        families[name] = _over(name, "branch", branch.grid, {**branch.entries, "chain": chain})
     for name, zones in {**study.zones, **study.atlas}.items():
-        families[name] = _over(name, "zones", zones.grid, {**zones.plain, "chain": chain})
+        families[name] = _over(name, "zones", zones.grid, {**zones.entries, "chain": chain})
     pending: dict[str, FromPoint] = {**study.arms, **study.boundary}
     while pending:
         for name, table in list(pending.items()):
@@ -117,7 +117,7 @@ def tasks_of(study: Study) -> list[Task]:
             if source.family in families:
                 kind = "arms" if name in study.arms else "boundary"
                 # a result is the same, be it asked for alone or with the others of its family
-                asked = table.plain | {"of": "/".join(filter(None, (source.family, source.arm)))}
+                asked = table.entries | {"of": "/".join(filter(None, (source.family, source.arm)))}
                 families[name] = [
                     _task(name, start.label, kind, asked, start)
                     for start in families[source.family]
@@ -327,7 +327,7 @@ class Plan:
         return self.table()
 
 
-def plan(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> Plan:
+def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> Plan:
     """What `run` would do with a study file: everything is checked, nothing is computed or written.
 
     Parameters
@@ -345,7 +345,7 @@ def plan(path: str | Path, *, folder: str | Path | None = None, again: bool = Fa
     >>> import tempfile, pathlib
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "small.toml"
     >>> _ = path.write_text("[zones.paper]\\nk = [0.8, 0.4]\\n")
-    >>> for part in plan(path).parts():
+    >>> for part in dry_run(path).parts():
     ...     print(part["name"], part["conditions"], part["state"])
     paper/k=0.8 zones at k = 0.8 to compute
     paper/k=0.4 zones at k = 0.4 to compute

@@ -10,8 +10,8 @@ import pytest
 
 from contbreather.continuation import (
     Branch,
+    DefiningSystem,
     Event,
-    Locus,
     Problem,
     Steps,
     Stop,
@@ -147,7 +147,9 @@ def test_a_meeting_located_by_both_loci_is_sharp() -> None:
         return np.array([x - mu**2])
 
     event = Event(
-        "GR", lambda point: point["x"] - point["mu"] ** 2, locus=lambda point: Locus({}, conditions)
+        "GR",
+        lambda point: point["x"] - point["mu"] ** 2,
+        locus=lambda point: DefiningSystem({}, conditions),
     )
     branch = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()])
     line = boundary(branch.special[2], ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[event])
@@ -232,7 +234,7 @@ def test_derivatives_of_the_loci_are_those_of_their_conditions(event, planar: Br
 
 
 def test_a_wrong_derivative_of_a_locus_is_refused() -> None:
-    locus = Locus(
+    locus = DefiningSystem(
         {},
         lambda curve, z, extra: np.array([z[0] - 0.5]),
         derivative=lambda curve, z, extra: np.full((1, z.size), 0.25),
@@ -295,7 +297,7 @@ def test_a_locus_with_the_wrong_number_of_conditions_is_refused() -> None:
     bad = Event(
         "GR",
         lambda point: point["x"] - 0.5,
-        locus=lambda point: Locus({}, lambda curve, z, extra: np.zeros(2)),
+        locus=lambda point: DefiningSystem({}, lambda curve, z, extra: np.zeros(2)),
     )
     branch = trace(cusp_surface(-0.9, 1.0), "h", within={"x": (-1, 1)}, events=[bad])
     with pytest.raises(BadInput, match=r"a locus with 0 extra unknowns needs 1 conditions"):

@@ -21,10 +21,10 @@ from contbreather.continuation import (
     branch_point,
     fold,
     hopf,
+    iterate,
     many,
     trace,
     user,
-    walk,
 )
 from contbreather.errors import BadInput
 
@@ -305,7 +305,7 @@ def test_a_point_says_what_it_is_to_its_user() -> None:
 
 
 def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> None:
-    walker = walk(CIRCLE.problem, "mu", events=[fold(), user("x", 0.5)])
+    walker = iterate(CIRCLE.problem, "mu", events=[fold(), user("x", 0.5)])
     points = []
     while True:
         try:
@@ -317,12 +317,12 @@ def test_a_walk_yields_special_points_in_their_places_and_returns_its_end() -> N
     assert [point.kind for point in points if point.kind] == ["UZ", "LP", "LP", "UZ"]
     assert (np.diff([point.arclength for point in points]) > 0).all()
     with pytest.raises(BadInput, match="towards must be 'up' or 'down', got 'both'"):
-        walk(CIRCLE.problem, "mu", towards="both")
+        iterate(CIRCLE.problem, "mu", towards="both")
 
 
 def test_a_walk_refuses_at_once_not_at_its_first_point() -> None:
     with pytest.raises(BadInput, match="no 'nu'"):
-        walk(LINE.problem, "mu", within={"nu": (0, 1)})
+        iterate(LINE.problem, "mu", within={"nu": (0, 1)})
 
 
 def test_events_are_values() -> None:

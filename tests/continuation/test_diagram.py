@@ -23,7 +23,7 @@ from contbreather.continuation import (
 )
 from contbreather.continuation.diagram import Diagram, diagram
 from contbreather.continuation.maps import FixedPoint
-from contbreather.continuation.switching import Lift, Seed
+from contbreather.continuation.switching import Seed, SwitchingProblem
 from contbreather.errors import Interrupted, NotConverged
 
 from .zoo import (
@@ -235,7 +235,7 @@ def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
 
 
 def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
-    def lift(point: object) -> Lift:
+    def lift(point: object) -> SwitchingProblem:
         own = point.problem
         twice = Problem(
             lambda x, p: np.concatenate([own.residual(x[:1], p), own.residual(x[1:], p)]),
@@ -243,7 +243,7 @@ def test_an_arm_that_is_its_own_parent_is_a_failure_and_no_meeting() -> None:
             {"mu": point["mu"]},
         )
         simpler = knowing(twice, simpler=lambda there: own.at(x=there["x"], mu=there["mu"]))
-        return Lift(simpler, "mu", both=False)
+        return SwitchingProblem(simpler, "mu", both=False)
 
     mine = knowing(scalar(lambda x, p: x - p["mu"], -0.5, {"mu": -0.5}), lift={"ODD": lift}.get)
     tree = diagram(mine, "mu", within=MU, events=[Event("ODD", lambda p: p["mu"])])
@@ -284,9 +284,9 @@ def test_every_branch_ever_new_still_ends() -> None:
     """An event whose arms lead to problems that nobody can recognise."""
 
     def problem(level: int) -> Problem:
-        def lift(point: object) -> Lift:
+        def lift(point: object) -> SwitchingProblem:
             start = {f"x{level + 1}": point["mu"], "mu": point["mu"]}
-            return Lift(problem(level + 1).at(**start), "mu", both=False)
+            return SwitchingProblem(problem(level + 1).at(**start), "mu", both=False)
 
         event = Event("ODD", lambda point: point["mu"] - 0.5)
         mine = Problem(

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import contbreather as cb
 from contbreather.continuation import (
     Branch,
+    DefiningSystem,
     Event,
-    Locus,
     Point,
     Problem,
     Steps,
@@ -82,7 +82,9 @@ def pair(gap: float) -> Callable[[Point], float]:
     return lambda point: (point["mu"] - 0.31) ** 2 - gap**2
 
 
-ASTRAY = Locus({}, lambda curve, z, extra: np.array([z[-1] - 0.7]))  # not where the test jumps
+ASTRAY = DefiningSystem(
+    {}, lambda curve, z, extra: np.array([z[-1] - 0.7])
+)  # not where the test jumps
 FOUND: dict[str, tuple[Event, dict[str, Any], list[float], float]] = {
     **{
         f"two zeros within a step, {gap} apart": (
@@ -262,7 +264,7 @@ def test_a_jump_with_a_locus_is_as_sharp_as_the_locus() -> None:
     def conditions(curve, z, extra):
         return np.array([math.exp(z[-1]) - 1.5])
 
-    event = Event("IN", beyond, locus=lambda point: Locus({}, conditions))
+    event = Event("IN", beyond, locus=lambda point: DefiningSystem({}, conditions))
     (point,) = events_of(on_line(event, steps=LONG))
     assert point["mu"] == pytest.approx(math.log(1.5), abs=1e-15)
     assert calls < 40

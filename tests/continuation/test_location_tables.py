@@ -128,8 +128,8 @@ def alike(one: Branch, other: Branch, unit: float) -> None:
     """Special points are the same but for the unit of the unknowns."""
     assert [p.label for p in other.special] == [p.label for p in one.special]
     for a, b in zip(one.special, other.special, strict=True):
-        assert b.ground.z[-1] == pytest.approx(a.ground.z[-1], abs=1e-7)
-        assert b.ground.x / unit == pytest.approx(a.ground.x, abs=1e-7)
+        assert b.base_point.z[-1] == pytest.approx(a.base_point.z[-1], abs=1e-7)
+        assert b.base_point.x / unit == pytest.approx(a.base_point.x, abs=1e-7)
         assert len(b.detail.get("tangents", ())) == len(a.detail.get("tangents", ()))
 
 

@@ -47,14 +47,14 @@ def test_brackets_that_were_dealt_with_are_left_alone() -> None:
 
 def test_an_event_is_remembered_with_the_sign_on_either_side() -> None:
     own = samples({0.0: 1.0, 1.0: -2.0})
-    own.settle(0.4, 0.0, 1.0)
+    own.remember_event(0.4, 0.0, 1.0)
     assert own.values == {0.0: 1.0, 0.4 - ASIDE: 1.0, 0.4 + ASIDE: -2.0, 1.0: -2.0}
     assert own.done == [(0.4 - ASIDE, 0.4 + ASIDE)]
     assert own.zeros == [0.4]
     assert own.changes() == []
     assert {0.0, 1.0, 0.4 - ASIDE, 0.4 + ASIDE} == own.sure
     edge = samples({0.0: 1.0, 1.0: -2.0})
-    edge.settle(0.0, 0.0, 1.0)
+    edge.remember_event(0.0, 0.0, 1.0)
     assert edge.done == [(0.0, ASIDE)]
 
 

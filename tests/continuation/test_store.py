@@ -264,7 +264,7 @@ def test_a_boundary_goes_on_from_a_file(path: Path) -> None:
     for name, before in (("folds", folds), ("hopfs", hopfs)):
         found = load(path, problem=takens())[name]
         same(before, found)
-        assert found[3].ground["x"] == before[3]["x"]
+        assert found[3].base_point["x"] == before[3]["x"]
         # its conditions are those of the point that it was born from, along all of it
         assert max(abs(found.curve.equations(point.z)).max() for point in found) < 1e-9
         again = boundary(found[3], ("b2", "b1"), within=window, events=())

@@ -31,9 +31,9 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.duplicates import duplicate_of, lies_on, same_place
 from contbreather.continuation.switching import (
     ArmsCoincide,
-    Lift,
     NothingToSwitch,
     Seed,
+    SwitchingProblem,
     follow,
     switch,
 )
@@ -208,9 +208,9 @@ def test_any_event_can_have_its_own_arms_in_a_larger_problem() -> None:
 
     larger = Problem(apart, {"left": 0.0, "right": 0.0}, {"mu": 0.0})
 
-    def lift(point: object) -> Lift:
+    def lift(point: object) -> SwitchingProblem:
         there = larger.at(left=point["x"], right=point["x"], mu=point["mu"])
-        return Lift(there, "mu", by=("right",))
+        return SwitchingProblem(there, "mu", by=("right",))
 
     event = Event("ODD", lambda point: point["mu"] - 0.5)
     mine = scalar(lambda x, p: x - p["mu"], 0.0, {"mu": 0.0}, events=(event,))
@@ -271,11 +271,11 @@ def test_a_point_that_was_not_located_is_refused() -> None:
 def test_a_lift_to_equations_that_fold_there_is_refused() -> None:
     """Along no direction in which these equations could be left does the parameter change."""
 
-    def lift(point: object) -> Lift:
+    def lift(point: object) -> SwitchingProblem:
         fold = Problem(
             lambda x, p: np.array([x[0] ** 2 - p["mu"], x[1] ** 2]), {"x": 0, "y": 0}, {"mu": 0}
         )
-        return Lift(fold, "mu")
+        return SwitchingProblem(fold, "mu")
 
     event = Event("ODD", lambda point: point["mu"])
     mine = knowing(PITCHFORK.problem, lift={"ODD": lift}.get)
@@ -294,7 +294,7 @@ def test_arms_of_a_lift_set_out_whatever_the_size_of_their_unknowns(size: float)
     pitchfork = Problem(
         lambda x, p: x * (p["mu"] - (x / size) ** 2), {"x": 0.0}, {"mu": 0.0}, scales={"x": size}
     )
-    assert Lift(pitchfork, "mu").arm(0.1 * size).params["mu"] == pytest.approx(0.01)
+    assert SwitchingProblem(pitchfork, "mu").arm(0.1 * size).params["mu"] == pytest.approx(0.01)
 
 
 def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
@@ -309,7 +309,7 @@ def test_what_is_no_lift_is_refused(found: object) -> None:
     event = Event("BP", lambda point: point["mu"] - 0.3)
     mine = knowing(PITCHFORK.problem, lift={"BP": lambda point: found}.get)
     point = trace(mine, "mu", within=MU, events=[event]).first("BP")
-    with pytest.raises(BadInput, match=r"the lift of .*; a Lift was expected"):
+    with pytest.raises(BadInput, match=r"the lift of .*; a SwitchingProblem was expected"):
         switch(point)
 
 

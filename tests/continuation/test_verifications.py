@@ -128,7 +128,7 @@ def test_the_count_beside_branch_points_is_that_of_unstable_directions() -> None
 
 def test_a_hopf_point_is_refused_where_both_eigenvalues_are_zero() -> None:
     there = replace(
-        walked(TAKENS_LP).first("BT").ground, tangent=middle(trace_case(TAKENS)).tangent
+        walked(TAKENS_LP).first("BT").base_point, tangent=middle(trace_case(TAKENS)).tangent
     )
     assert "a double zero eigenvalue" in reason(hopf(), there)
 

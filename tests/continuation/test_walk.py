@@ -13,7 +13,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contbreather.continuation import Branch, Event, Problem, Steps, Stop, fold, trace, user, walk
+from contbreather.continuation import (
+    Branch,
+    Event,
+    Problem,
+    Steps,
+    Stop,
+    fold,
+    iterate,
+    trace,
+    user,
+)
 from contbreather.errors import Interrupted, NotConverged
 
 from .zoo import (
@@ -101,7 +111,7 @@ def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
     for x, mu in ((0.0, 1.0), (0.0, -1.0), (1.0, 0.0)):
         problem = CIRCLE.problem.at(x=x, mu=mu)
         up, down = (
-            list(itertools.islice(walk(problem, "mu", towards=s), 3)) for s in ("up", "down")
+            list(itertools.islice(iterate(problem, "mu", towards=s), 3)) for s in ("up", "down")
         )
         assert np.allclose(up[0].tangent, -down[0].tangent, atol=1e-12)
         assert up[2]["x"] * down[2]["x"] < 0 or up[2]["mu"] * down[2]["mu"] < 0
@@ -255,7 +265,7 @@ def test_walking_by_hand_leaks_no_warnings_either_and_leaves_numpy_as_it_was() -
     before = np.geterr()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for _ in walk(problem, "mu", towards="down"):
+        for _ in iterate(problem, "mu", towards="down"):
             assert np.geterr() == before
 
 

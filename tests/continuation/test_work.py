@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import Locus
+from contbreather.continuation import DefiningSystem
 
 Array = NDArray[np.float64]
 WITHIN = {"m": (-1.0, 1.0)}
@@ -145,7 +145,7 @@ def henon(u: Array, p: Mapping[str, float]) -> Array:
 def own_hopf() -> cb.Event:
     """``F_x v = i omega v`` by somebody who gives no derivative."""
 
-    def locus(point: cb.continuation.Point) -> Locus:
+    def locus(point: cb.continuation.Point) -> DefiningSystem:
         values, vectors = np.linalg.eig(point.jacobian()[:, :3])
         i = int(values.imag.argmax())
         v, omega = vectors[:, i], float(values[i].imag)
@@ -156,7 +156,7 @@ def own_hopf() -> cb.Event:
             norm = np.vdot(v, w) - 1
             return np.array([*rest.real, *rest.imag, norm.real, norm.imag])
 
-        return Locus({"re": v.real, "im": v.imag, "omega": omega}, conditions)
+        return DefiningSystem({"re": v.real, "im": v.imag, "omega": omega}, conditions)
 
     def growth(point: cb.continuation.Point) -> float:
         values = np.linalg.eigvals(point.jacobian()[:, :3])
@@ -175,7 +175,7 @@ def own_doubling() -> cb.Event:
     return cb.Event(
         "PD",
         lambda point: float(np.linalg.det(matrix(point))),
-        locus=lambda point: Locus({"v": np.linalg.svd(matrix(point))[2][-1]}, conditions),
+        locus=lambda point: DefiningSystem({"v": np.linalg.svd(matrix(point))[2][-1]}, conditions),
     )
 
 

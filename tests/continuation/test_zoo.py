@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from contbreather.continuation import Problem, Steps, fold, trace, walk
+from contbreather.continuation import Problem, Steps, fold, iterate, trace
 
 from .zoo import (
     ARMS,
@@ -93,7 +93,7 @@ def test_both_directions_together_are_what_both_gives(case: Case) -> None:
 @every
 def test_up_is_up_and_down_is_down(case: Case) -> None:
     for side, sign in (("up", 1), ("down", -1)):
-        walker = walk(case.problem, case.free, towards=side, events=())
+        walker = iterate(case.problem, case.free, towards=side, events=())
         start, after = next(walker), next(walker)
         assert sign * (after[case.free] - start[case.free]) > 0
 

@@ -213,7 +213,7 @@ def test_a_curve_of_period_doublings_stays_one() -> None:
     line = cb.boundary(point, ("c", "a"), within={"c": (2.5, 3.5)}, events=())
     assert len(line) > 5
     for place in (line[0], line[-1]):
-        assert abs(place.ground.solution.multipliers + 1).min() < 1e-7
+        assert abs(place.base_point.solution.multipliers + 1).min() < 1e-7
 
 
 def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
@@ -340,7 +340,7 @@ def test_a_wall_is_seen_at_the_ends_of_a_flow(name: str, limit: float) -> None:
     assert (at.kind, at[name]) == ("GR", pytest.approx(limit, abs=1e-10))
     line = cb.boundary(at, ("a", "b"), within={"a": (-1, 2)}, steps=cb.Steps(most=3), events=())
     for place in line:
-        orbit = place.ground.solution
+        orbit = place.base_point.solution
         assert orbit.max["y"] == pytest.approx(1.0, abs=1e-10)
 
 
@@ -371,7 +371,7 @@ def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parame
     assert point["b"] == pytest.approx(-point.solution.min["x"], abs=1e-12)
     line = cb.boundary(point, ("F", "b"), within={"F": (0.9, 1.1)}, events=())
     for place in (line[0], line[-1]):
-        assert place["b"] == pytest.approx(-place.ground.solution.min["x"], abs=1e-10)
+        assert place["b"] == pytest.approx(-place.base_point.solution.min["x"], abs=1e-10)
 
 
 def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(

@@ -149,15 +149,15 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides(sites):
     assert (one["gamma"], one["a"]) == pytest.approx((other["gamma"], other["a"]), abs=1e-10)
     assert doubling["gamma"].min() == within["gamma"][0]
     for point in doubling:
-        orbit = orbit_at(point.ground.problem)
+        orbit = orbit_at(point.base_point.problem)
         off = np.abs(orbit.multipliers() + 1).min() if sites else orbit.map.crosses(-1.0)
         assert abs(off) < (1e-8 if sites else 1e-10)
     for point in grazing[1:-1]:
         t = np.linspace(point["t"] - 1e-3, point["t"] + 1e-3, 2001)
-        height = np.abs(point.ground.solution.displacement(1, t)).max()
+        height = np.abs(point.base_point.solution.displacement(1, t)).max()
         assert height == pytest.approx(1.0, abs=1e-10)
-    assert abs(orbit_at(one.ground.problem).admissibility().margin) < 1e-9
-    assert orbit_at(doubling[len(doubling) // 2].ground.problem).admissibility().ok
+    assert abs(orbit_at(one.base_point.problem).admissibility().margin) < 1e-9
+    assert orbit_at(doubling[len(doubling) // 2].base_point.problem).admissibility().ok
 
 
 # --- arms and their pitchfork ---------------------------------------------------------------------
@@ -368,7 +368,7 @@ def test_grazing_line_ends_where_pitchfork_and_grazing_of_the_symmetric_breather
     assert meeting["gamma"] == pytest.approx(0.0717745352, abs=1e-9)
     assert (end["gamma"], end["a"]) == pytest.approx((meeting["gamma"], meeting["a"]), abs=1e-11)
     for point in line[1:-1]:
-        margins = orbit_at(point.ground.problem).admissibility()
+        margins = orbit_at(point.base_point.problem).admissibility()
         assert margins.margin > -1e-9
         assert abs(margins.neighbours) < 1e-9
 
@@ -390,7 +390,7 @@ def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
         assert [point.kind for point in line.special[-2:]] == ["GR-NS", "GR-PF"]
         ends.append(line[-1])
         assert line[-1].residual < 1e-12
-        assert abs(line[-1].ground.solution.asymmetry) < 1e-12
+        assert abs(line[-1].base_point.solution.asymmetry) < 1e-12
     assert ends[0]["gamma"] == pytest.approx(ends[1]["gamma"], abs=1e-11)
 
 
@@ -447,7 +447,7 @@ def test_a_pair_leaves_the_circle_where_its_locus_says():
     line = boundary(event, ("gamma", "a"), events=(), within={"gamma": (0.055, 0.065)})
     assert len(line) > 4
     for point in (line[0], line[-1]):
-        F = orbit_at(point.ground.problem).map.F(np.array([0.5 * point["nu"]]))
+        F = orbit_at(point.base_point.problem).map.F(np.array([0.5 * point["nu"]]))
         assert abs(F[0]) < 1e-9
 
 
@@ -481,11 +481,11 @@ def test_fold_line_of_a_subcritical_arm():
     assert turn["a"] == arm["a"].min()
     line = boundary(turn, ("gamma", "a"), within={"gamma": (0, 0.2), "a": (0, 1.2)})
     assert [point.label for point in line.special] == ["EP1", "LP-GR1"]
-    single = on_ring_of_one(line[0].ground.solution)  # the same without coupling
+    single = on_ring_of_one(line[0].base_point.solution)  # the same without coupling
     assert line[0]["gamma"] == 0.0
     assert np.abs(single.multipliers() - 1).min() < 1e-9
     for point in line[::4]:
-        orbit = point.ground.solution
+        orbit = point.base_point.solution
         assert orbit.admissibility().margin > -1e-12
 
 
@@ -531,7 +531,7 @@ def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold(s
     line = boundary(event, ("a", "gamma"), events=(), within={"a": (0.815, 0.825)})
     assert [line["a"].min(), line["a"].max()] == [0.815, 0.825]
     for point in line:
-        mu = point.ground.solution.multipliers()
+        mu = point.base_point.solution.multipliers()
         wanted = 1.005 * np.exp(1j * math.pi * point["nu"])
         assert abs(mu - wanted).min() < 1e-10
 
@@ -540,7 +540,7 @@ def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
     arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
     line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.6, 0.95)})
     for point in line.points[::5]:
-        single = orbit_at(point.ground.problem).on(Ring(1))
+        single = orbit_at(point.base_point.problem).on(Ring(1))
         assert np.abs(single.multipliers() + 1).min() < 1e-10
 
 

@@ -62,7 +62,7 @@ CASES += [(SEVERAL, pair) for pair in (("c1", "s3"), ("s5", "a"), ("gamma", "c3"
 @pytest.mark.parametrize("of", [lost, touching, folding, breaking])
 def test_loops_are_the_equations_of_the_boundary(of, forcing, pair) -> None:
     point = of(forcing)
-    problem = boundary_problem(point.ground, point.event, pair)
+    problem = boundary_problem(point.base_point, point.event, pair)
     for halves in (0, 1, 2, -3) if of is touching else (0,):  # a contact recurs, on either wall
         agree(problem, (pair[0],), halves * math.pi)
     loops, z = problem.loops((pair[0],), problem.params), Curve(problem, (pair[0],)).start
@@ -90,7 +90,7 @@ def test_loops_are_the_closure_in_any_parameter_inside_its_domain(free: str) -> 
 
 def test_off_the_band_there_is_no_pair() -> None:
     point = lost(None)
-    problem = boundary_problem(point.ground, point.event, ("gamma", "a"))
+    problem = boundary_problem(point.base_point, point.event, ("gamma", "a"))
     loops = problem.loops(("gamma",), problem.params)
     z = Curve(problem, ("gamma",)).start.tolist()
     z[2] = 2.0 * math.sqrt(point["gamma"]) + 0.01
@@ -100,5 +100,5 @@ def test_off_the_band_there_is_no_pair() -> None:
 def test_a_contact_on_a_ring_is_followed_without_loops() -> None:
     start = cb.symmetric(a=0.5, gamma=0.1, k=0.8, lattice=cb.Ring(30))
     point = cb.trace(start, "a", within={"a": (0.3, 1)}).first("GR")
-    problem = boundary_problem(point.ground, point.event, ("k", "a"))
+    problem = boundary_problem(point.base_point, point.event, ("k", "a"))
     assert problem.loops(("k",), problem.params) is None

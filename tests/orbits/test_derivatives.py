@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import Locus, Point
+from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.boundary import boundary_problem
 from contbreather.continuation.boundary import meeting as meeting_of
 from contbreather.continuation.curve import Curve
@@ -130,7 +130,7 @@ def differences(of: Callable[[np.ndarray], np.ndarray], z: np.ndarray, h: float)
 @pytest.mark.parametrize("place", PLACES, ids=named)
 def test_the_derivative_of_a_boundary_is_that_of_its_equations(place: Place) -> None:
     point = special(place)
-    longer = boundary_problem(point.ground, point.event, place[2], events=())
+    longer = boundary_problem(point.base_point, point.event, place[2], events=())
     curve = Curve(longer, place[2][:1])
     z = curve.start
     wanted = differences(curve.equations, z, 2e-5)
@@ -140,7 +140,7 @@ def test_the_derivative_of_a_boundary_is_that_of_its_equations(place: Place) -> 
     assert off.max() < 2e-6 * np.abs(wanted).max(), dict(zip(longer.names, off, strict=False))
 
 
-def of_locus(locus: Locus, curve: Curve, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def of_locus(locus: DefiningSystem, curve: Curve, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Its derivative as given, and by differences."""
     extra = np.concatenate([np.atleast_1d(value) for value in locus.extra.values()] or [[]])
     size = z.size
@@ -169,7 +169,7 @@ def test_a_locus_lifted_onto_another_boundary_has_its_columns_in_their_places(me
     """Unknowns of the boundary, its angle or time among them, come between those of both."""
     *place, make = meeting
     point = special((*place,))
-    longer = boundary_problem(point.ground, point.event, place[2], events=())
+    longer = boundary_problem(point.base_point, point.event, place[2], events=())
     curve = Curve(longer, place[2][:1])
     z = curve.start
     there = Point(curve, z)

@@ -144,7 +144,7 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
         assert not line.stop.failed
         assert np.ptp(line["spring"]) > 0.01
         for point in line:
-            b = point.ground.solution
+            b = point.base_point.solution
             chain = InfiniteChain(b.spring)
             assert b.residual < 1e-11
             if kind == "LP":
@@ -161,7 +161,7 @@ def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
     assert np.ptp(line["spring"]) > 0.02
     assert not line.stop.failed
     for point in line:
-        b = point.ground.solution
+        b = point.base_point.solution
         assert abs(window(b.gamma, b.k, b.spring).miss(b.representation.b)) < 1e-9
 
 
@@ -216,7 +216,7 @@ def test_the_curve_of_pitchforks_begins_without_a_spring(pair) -> None:
     line = cb.boundary(free, pair, within={"spring": (0, 0.05)}, towards="up")
     assert line["spring"][[0, -1]] == pytest.approx([0, 0.05], abs=1e-15)
     for point in line[1:]:
-        b = point.ground.solution
+        b = point.base_point.solution
         chain, q = InfiniteChain(b.spring), 1 / 9
         inverse = chain.chi(b.gamma) - 2 * chain.sigma(b.gamma) - q * q / chain.tau(b.gamma)
         assert b.p == pytest.approx(1 / inverse, abs=1e-10)

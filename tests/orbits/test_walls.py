@@ -112,7 +112,7 @@ def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
     several = cb.Fourier.from_response(cos={1: 1.0, 3: 0.1})
     ended = cb.zones(k=0.8, forcing=several, within=within)
     inner = [point for line in ended["NS"] for point in list(line)[1:-1]]
-    assert {point.ground.solution.representation.family for point in inner} == {"upper"}
+    assert {point.base_point.solution.representation.family for point in inner} == {"upper"}
 
 
 # --- rings ------------------------------------------------------------------------------------

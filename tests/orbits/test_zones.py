@@ -117,7 +117,7 @@ def _amplitude(gamma: float, k: float, b: float) -> float | None:
 @pytest.mark.parametrize("k", KS)
 def test_counts_differ_across_the_neimark_sacker_line(k: float) -> None:
     (line,) = zones(k).curves["NS"]
-    point = line[len(line) // 2].ground
+    point = line[len(line) // 2].base_point
     normal = np.array([line[len(line) // 2].tangent[-2], -line[len(line) // 2].tangent[-1]])
     # tangent ends with (released, free) = (a, gamma): a step across the line in (gamma, a)
     step = 1e-4 * normal / np.linalg.norm(normal)
@@ -457,7 +457,7 @@ def test_where_no_upper_breather_is_a_region_says_that_a_lower_one_is() -> None:
     assert region.lower[0] == lower.p
     words = f"no upper breather; a lower one, p = {lower.p:.6g}, is admissible"
     assert words in repr(region)
-    assert any(words in told for told in zones(0.8).told())
+    assert any(words in told for told in zones(0.8).sentences())
     below = around(zones(0.8).regions, 0.0144, 0.035)
     assert below.describe() == "no upper breather, nor a lower one at any of 5 places"
 
@@ -471,7 +471,7 @@ def test_a_diagram_of_both_families_ends_where_impacts_vanish() -> None:
     assert both.box()[1][1] == 1.0
     assert both.unstable(0.197, 0.999) == 1
     assert both.unstable(0.197, 1.001) is None
-    assert list(both.told()) == []
+    assert list(both.sentences()) == []
     low = cb.zones(k=0.8, within={**within, "a": (0.3, 0.7)}, past_folds=True)
     assert low.ceiling is None
 
