@@ -148,7 +148,11 @@ class Row:
             # what ends a piece is in the steps to its neighbours
             steps = slice(max(first - 1, 0), min(end, inside.size - 1))
             resolved = self._is_resolved(steps)
-            zeros = [*self._zeros(steps, known)] if resolved else []
+            zeros = (
+                [zero for zero in self._zeros(steps, known) if zero.z[2] >= least]
+                if resolved
+                else []
+            )
             z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
             z = z[np.argsort(z[:, 1])]
             a = self.z[steps.start : steps.stop + 1, 2]
@@ -246,13 +250,14 @@ def _dips(test: Array) -> Steps:
     return ~_changes(test) & falls[:-1] & rises[1:]
 
 
-def rows(problem: Any, events: Sequence[Event], largest: float) -> list[Row] | None:
-    """One for each fold, up to the largest amplitude; None unless all tests say many at once."""
+def rows(problem: Any, events: Sequence[Event], least: float, largest: float) -> list[Row] | None:
+    """One for each fold, between two amplitudes; None unless all tests say many at once."""
     curve, closed = Curve(problem, ("a",)), []
     for low, high in problem.closure.upper_phases(curve.fixed, largest):
         # where a is large it changes fast with phi
         z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400)))
         z = z[z[:, 0] > 0.0]
+        z = z[: np.count_nonzero(z[:, 2] >= least) + 1]  # a falls along it
         if len(z) < 2:
             continue
         length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())

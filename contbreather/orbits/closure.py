@@ -307,7 +307,13 @@ def _crossing(series: Series, level: float, left: float, right: float) -> float:
     # and one Newton step; next to a double root it would go astray
     steepness = series.at(right, 1)
     step = (series.at(right, 0) - level) / steepness if steepness else 0.0
-    return right - step if abs(step) < 1e-9 else right
+    if abs(step) < 1e-9:
+        return right - step
+    # a root of third order is known to EPS^(1/3) by the level, to EPS by its inflection
+    third = series.at(right, 3)
+    flat = right - series.at(right, 2) / third if third else right
+    solves = abs(series.at(flat, 0) - level) <= 4.0 * EPS * (1.0 + abs(level))
+    return flat if solves and abs(flat - right) < EPS**0.25 else right
 
 
 def _reduced(forcing: Forcing, chi: float, q: float) -> Series:

@@ -131,10 +131,16 @@ class Zones(Columns, HtmlRepr):
             # a max|f| = 1, where impacts vanish: no branch of breathers runs along p = 0
             lines.append(np.array([(x, self.ceiling) for x in box[0]]))
         lower = None if self.past_folds else self.lower
-        return regions(lines, box, self.unstable, lower) if lines else ()
+        # one that was cut short at its first point spans nothing
+        cut = lines and all(low < high for low, high in box)
+        return regions(lines, box, self.unstable, lower) if cut else ()
 
     def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
         """What the curves span in both parameters, and on to a window where breathers go on."""
+        if not any(self.curves.values()):
+            raise BadInput(
+                "these zones have no curves, so there is nothing to draw; widen the window"
+            )
         columns = [[branch[name] for _, branch in self] for name in self.pair]
         spans = [(min(map(np.min, values)), max(map(np.max, values))) for values in columns]
         if self.ceiling is not None:

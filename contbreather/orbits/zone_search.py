@@ -159,7 +159,7 @@ class Search:
         except NoSolution:
             return []
         problem = self._problem(breather)
-        return rows(problem, self.events or (), largest)
+        return rows(problem, self.events or (), self.within["a"][0], largest)
 
     def _is_known(self, x: float, event: Event, z: Array) -> bool:
         place = dict(zip(("p", "phi", "a"), z.tolist(), strict=True)) | {self.pair[0]: x}

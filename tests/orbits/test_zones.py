@@ -535,3 +535,12 @@ def test_counts_of_a_ring_s_zones_are_by_its_threshold() -> None:
     for gamma, a in ((0.06, 0.3), (0.02, 0.3), (0.03, 0.2), (0.05, 0.6), (0.05, 0.15)):
         verdict = cb.symmetric(a, gamma, 0.8, lattice=ring).stability(threshold=threshold)
         assert found.unstable(gamma, a) == verdict.unstable
+
+
+def test_zones_without_a_curve_say_that_there_is_nothing_to_draw() -> None:
+    empty = cb.zones(k=0.8, within={"a": (0.3, 0.301)})
+    assert empty.regions == ()
+    with pytest.raises(
+        cb.BadInput, match="no curves, so there is nothing to draw; widen the window"
+    ):
+        empty.box()
