@@ -181,8 +181,8 @@ def cusp() -> Event:
 def _examine_cusp(point: Point) -> Examined:
     ground = point.base_point
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
-    # where two folds are mirror images both vanish, and location is good to 1e-6 only
-    if abs(cubic.value) <= 1e-5 * cubic.size:
+    # where two folds are mirror images both vanish, and location is good to a few 1e-6 only
+    if abs(cubic.value) <= 1e-4 * cubic.size:
         return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
     if abs(quadratic.value) > 1e-4 * quadratic.size:
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
