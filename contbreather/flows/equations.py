@@ -61,8 +61,9 @@ class Place:
     def join(self, latest: dict[Any, Place]) -> None:
         """Take the place of the oldest of some."""
         latest.pop(self.key, None)
-        if len(latest) >= _RECENT:
-            del latest[next(iter(latest))]
+        # another thread may be at it as well
+        for key in [*latest][: 1 - _RECENT]:
+            latest.pop(key, None)
         latest[self.key] = self
 
 

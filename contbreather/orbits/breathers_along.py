@@ -217,9 +217,8 @@ class Row:
 def _special(curve: Curve, event: Event, z: Array) -> Point | None:
     """An event as a point of a walk to larger amplitudes, once it has been verified."""
     try:
-        tangent, _ = tangent_at(
-            curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0]
-        )  # a rises against phi
+        # a rises against phi
+        tangent, _ = tangent_at(curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0])
         point = Point(curve, z, tangent, kind=event.kind, event=event)
         detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
         point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)
