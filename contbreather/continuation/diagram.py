@@ -93,7 +93,7 @@ class Diagram(Columns, HtmlRepr):
     places : tuple of tuple of Place
         For each branch its special points, in order; a point where branches cross is the same
         `Place` on all of them.
-    meetings : tuple of CodimensionTwo
+    meetings : tuple of Connection
         Arms that lead to branches known already, and were not followed again.
     failed : tuple of Failure
         Arms that could not be followed.
