@@ -337,7 +337,10 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         ("[zones.z]\nk = [0.8, 0.80]", "line 2, zones.z.k: [0.8, 0.8]: each value once"),
         (ONE + "\nwindow = [false, true]", "[False, True]: two numbers were expected"),
         (ONE + f"\nwindow = [0, 1{'0' * 400}]", "b.window: [0, 1000"),
-        (ONE + "\n[figure.f]\ndraws=['b']\nfile='g.png'\n[figure.g]\ndraws=['b']", "f is written to"),
+        (
+            ONE + "\n[figure.f]\ndraws=['b']\nfile='g.png'\n[figure.g]\ndraws=['b']",
+            "f is written to",
+        ),
         (RING + "threshold = 0.5\n" + ONE, "line 1, chain: threshold = 0.5: on a ring"),
         (RING + "walls = ['1,-1']\n" + ONE, "line 3, chain.walls: walls = (1.0, -1.0): two"),
         ("[zones.'a b']\nk = 0.8", "a name of letters"),
