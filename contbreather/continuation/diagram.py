@@ -360,6 +360,8 @@ class _Growth:
         within = self._within(problem)
         glance = partial(follow, point, seed, within=within, events=(), progress=False)
         first = glance(steps=replace(self.steps, most=1))
+        if len(first) < 2 and first.stop is Stop.BOUND:
+            return  # at the edge of the window, beyond which it lies
         if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
             first = glance(steps=replace(self.steps, most=_FARTHER))
