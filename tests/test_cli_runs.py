@@ -61,6 +61,7 @@ def test_one_result_of_a_file_goes_on_and_others_stay(kept: Run) -> None:
             "extend b.nc --window 0.7 0.8 --end first",
             r"a in \(0\.7, 0\.76\), at a = 0\.7, and \(0\.7, 0\.8\) was asked for: ",
         ),
+        ("extend b.nc --window 0.9 0.7", "window 0.9 to 0.7 of a: two finite numbers"),
         ("extend b.nc EP1", "'EP1' is not a branch or a boundary; there are branch"),
         ("extend b.nc --window 0.9 1", "the start has a=0.76, outside"),
         (f"{BRANCH[:-4]}b.nc --csv b.nc", "--csv and --save both name b.nc"),

@@ -225,6 +225,16 @@ def test_axes_name_the_map_whose_multipliers_are_shown(unstable_pair) -> None:
         assert (ax.get_xlabel(), ax.get_ylabel()) == (f"Re {name}", f"Im {name}")
 
 
+def test_a_motion_that_returns_has_the_dots_of_its_orbit() -> None:
+    on = {"a": 0.5, "gamma": 0.04, "k": 0.8, "damping": 0.05}
+    orbit = cb.symmetric(**on, lattice=cb.Ring(4))
+    motion = cb.simulation.periodic(orbit.state(), symmetric=True, **on)
+    sides = [np.sort_complex([mu for mu, _ in dots_of(plot_multipliers(one).axes)])
+             for one in (orbit, motion)]  # fmt: skip
+    np.testing.assert_allclose(*map(abs, sides), atol=1e-9)
+    assert len(sides[1]) == 8
+
+
 def test_a_pair_is_written_once_with_its_signs(unstable_pair) -> None:
     ax = plot_multipliers(unstable_pair, half=True, sites=400, digits=3).axes
     mu = unstable_pair.multipliers(sites=400, half=True)

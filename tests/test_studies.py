@@ -84,6 +84,12 @@ def test_everything_that_is_asked_for_is_in_a_file_of_its_own(done: Report) -> N
     assert done.written[0].stat().st_size > 5_000
 
 
+def test_results_do_not_go_where_a_file_is(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(cb.BadInput, match=r"cannot write to .*taken: File exists; name a folder"):
+        conduct(study, folder=tmp_path / "taken", executor=1)
+
+
 def test_what_is_finished_is_not_computed_again(
     study: Path, done: Report, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -328,6 +334,15 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         ("[zones.z]\nk = 0.8\nwithin = {k = [0, 1]}", "which has no k"),
         ("[zones.z]\nk = {from = 0.3, to = 0.9}", "from, to and count were expected"),
         ("[zones.z]\nk = 'high'", "a finite number, was expected"),
+        ("[zones.z]\nk = [0.8, 0.80]", "line 2, zones.z.k: [0.8, 0.8]: each value once"),
+        (ONE + "\nwindow = [false, true]", "[False, True]: two numbers were expected"),
+        (ONE + f"\nwindow = [0, 1{'0' * 400}]", "b.window: [0, 1000"),
+        (
+            ONE + "\n[figure.f]\ndraws=['b']\nfile='g.png'\n[figure.g]\ndraws=['b']",
+            "f is written to",
+        ),
+        (RING + "threshold = 0.5\n" + ONE, "line 1, chain: threshold = 0.5: on a ring"),
+        (RING + "walls = ['1,-1']\n" + ONE, "line 3, chain.walls: walls = (1.0, -1.0): two"),
         ("[zones.'a b']\nk = 0.8", "a name of letters"),
         ("[zones.z]\nk = 0.8\n[atlas.z]\nk = 0.8", "'z' is there already, as zones"),
         ("[branch.b]\nfree = 'a'", "k and gamma missing"),

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import contbreather as cb
 from contbreather.cli.branch import leave
-from contbreather.cli.options import Axes, Span, Whole, model_entry
+from contbreather.cli.options import Axes, Span, Whole, interval, model_entry
 from contbreather.cli.output import (
     Output,
     SavedOutput,
@@ -97,7 +97,9 @@ def extend(
     into = replace(into, save=str(place) if in_place else into.save)
     into.check({} if in_place else {"RUN": str(place)})
     settings = branch.settings or cb.continuation.settings.Settings()
-    within = settings.within if window is None else {**settings.within, branch.free: window}
+    within = dict(settings.within)
+    if window is not None:
+        within[branch.free] = interval(branch.free, window, {})
     steps = settings.steps if most is None else replace(settings.steps, most=most)
     others = dict(cb.Run(place)) if in_place else {}
     file = Checkpoint(into.save or place, key)

@@ -93,7 +93,7 @@ class Diagram(Columns, HtmlRepr):
     places : tuple of tuple of Place
         For each branch its special points, in order; a point where branches cross is the same
         `Place` on all of them.
-    meetings : tuple of CodimensionTwo
+    meetings : tuple of Connection
         Arms that lead to branches known already, and were not followed again.
     failed : tuple of Failure
         Arms that could not be followed.
@@ -360,6 +360,8 @@ class _Growth:
         within = self._within(problem)
         glance = partial(follow, point, seed, within=within, events=(), progress=False)
         first = glance(steps=replace(self.steps, most=1))
+        if len(first) < 2 and first.stop is Stop.BOUND:
+            return  # at the edge of the window, beyond which it lies
         if first.curve.length(first[-1].z - first[0].z) < _SHORT * self.steps.first:
             # so close to a branch point rounding decides on which of two curves a solution lies
             first = glance(steps=replace(self.steps, most=_FARTHER))

@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 from ..checks import check_kind, one_of
 from ..errors import BadInput, add_partial_result, partial_result
-from .branch import Branch, Stop
+from .branch import Branch, Stop, labelled
 from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
-from .point import Event
+from .duplicates import lies_on
+from .point import Event, Point
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
 from .trace import trace
 
@@ -52,7 +53,8 @@ def extend(
     Returns
     -------
     Branch
-        The old points and the new ones, special points numbered anew.
+        The old points and the new ones, special points numbered anew; where these come back to
+        the other end it is closed.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def extend(
             why = _over(branch, side, settings)
             if why:
                 over[side] = why
-            else:
+            elif done[-1].stop is not Stop.CLOSED:
                 done.append(_further(done[-1], side, settings, progress, file))
         if len(done) == 1:
             reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
@@ -109,6 +111,8 @@ def _over(branch: Branch, side: str, settings: Settings) -> str:
     """Why a branch cannot go on at one end; empty if it can."""
     last = side == "last"
     stop, reason = (branch.stop, branch.reason) if last else (branch.began, branch.began_reason)
+    if branch.stop is Stop.CLOSED:
+        stop = branch.stop
     at = -1 if last else 0
     if stop in _OVER:
         return _OVER[stop]
@@ -159,4 +163,30 @@ def _further(
             inadmissible=settings.inadmissible,
             save=inner,
         )
-    return whole(piece)
+    end = _closing(line, piece)
+    if end is None:
+        return whole(piece)
+    joined = line.join(piece[:end])
+    first, *rest = joined.points
+    gap = line.curve.length(first.z - rest[-1].z)
+    last = Point(line.curve, first.z, first.tangent, rest[-1].arclength + gap, first.residual)
+    if first.kind == "EP" and first.parent is None:  # no end any more
+        first = replace(first, kind="", label="")
+    once = labelled((first, *rest, last))
+    closed = replace(joined, settings=settings, points=once)
+    closed = closed if side == "last" else closed.reversed()
+    return replace(closed, stop=Stop.CLOSED, reason="", began=None, began_reason="")
+
+
+def _closing(line: Branch, piece: Branch) -> int | None:
+    """How many points of a piece come before it is back where its line begins, if it ever is."""
+    first, curve = line[0], line.curve
+    if first.tangent is None:
+        return None
+    along = curve.dual(first.direction)
+    for i in range(1 if len(line) > 1 else 3, len(piece)):
+        way = curve.normalised(piece[i].z - piece[i - 1].z)
+        # where curves cross, another one passes the same place in another direction
+        if way @ along > 0.5 and lies_on(first, piece[i - 1 : i + 1]):
+            return i
+    return None

@@ -178,19 +178,23 @@ def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     # mirror image, u(t + n pi) = -u(t)
     turns = math.lcm(*(orbit.section.turns for _, orbit in singles))
     symmetric = turns % 2 == 1 and all(orbit.section.symmetric for _, orbit in singles)
-    length = math.pi * turns * (1 if symmetric else 2)
-    impacts = sorted(
-        (
-            (time, site, wall)
-            for site, orbit in singles
-            for _, wall, time, _ in orbit.section.course(
-                orbit.impacts, round(length / orbit.section.length)
-            )
-        ),
-        key=lambda impact: (round(impact[0], TOGETHER), impact[1]),
-    )
+    length, sign = math.pi * turns * (1 if symmetric else 2), -1 if symmetric else 1
+    course = [
+        (time, site, wall)
+        for site, orbit in singles
+        for _, wall, time, _ in orbit.section.course(
+            orbit.impacts, round(length / orbit.section.length)
+        )
+    ]
+    # each orbit counts its times from an impact of its own: all are taken into the section that
+    # begins with the first of them
+    first, impacts = min(course)[0], []
+    for time, site, wall in course:
+        ahead = int(round((time - first) / length, TOGETHER))
+        impacts.append((time - ahead * length, site, sign**ahead * wall))
+    impacts.sort(key=lambda impact: (round(impact[0], TOGETHER), impact[1]))
     sequence = tuple((n, wall) for _, n, wall in impacts)
-    return Section(sequence, turns, -1 if symmetric else 1), [time for time, _, _ in impacts]
+    return Section(sequence, turns, sign), [time for time, _, _ in impacts]
 
 
 def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:

@@ -199,7 +199,9 @@ def find_event(
         reason = f"the branch in {free} at {first} = {value:.6g} has {labels}"
     if refusal is not None and not reason:
         raise refusal
-    raise NoSolution(f"no {kind} found for {first} between {span[0]:g} and {span[1]:g}; {reason}")
+    alone = conditions.get(first) is not None
+    searched = f"= {value:g}" if alone else f"between {span[0]:g} and {span[1]:g}"
+    raise NoSolution(f"no {kind} found for {first} {searched}; {reason}")
 
 
 def _with_arms(branch: Branch, within: Mapping[str, Window]) -> Iterator[Branch]:

@@ -18,6 +18,7 @@ from contbreather.plotting.branches import value_of
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing, symbol
 from contbreather.plotting.labels import Labels
 from contbreather.plotting.orbits import no_orbit, solution_of
+from contbreather.simulation import PeriodicMotion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,26 +33,26 @@ NAMED = 8  # multipliers that have their value beside them; of more none could b
 
 
 def plot_multipliers(
-    breather: Orbit | Cycle | Point,
+    breather: Orbit | Cycle | PeriodicMotion | Point,
     *,
     sites: int | None = None,
     half: bool = False,
     digits: int = 4,
     ax: Axes | None = None,
 ) -> Drawn:
-    """Draw the Floquet multipliers of a breather on a ring, of an orbit on its own lattice, or of a
-    cycle of flows.
+    """Draw the Floquet multipliers of a breather on a ring, of an orbit on its own lattice, of a
+    motion that returns, or of a cycle of flows.
 
     The unit circle, the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for the
     half map; on the circle ``exp(-damping pi)`` with damping), all 2N multipliers of the ring, and
     the values of those off the band: of the eight that are farthest from it. What is farther than 2
     from 0 is a triangle at the rim, so that the circle stays a circle one can read. Finite lattices
-    other than rings have no band; there the circle of free modes is drawn, of a cycle neither. The
-    trivial multiplier of an autonomous cycle is left out.
+    other than rings have no band; there the circle of free modes is drawn, of what `periodic` or
+    `cycle` found neither. The trivial multiplier of an autonomous cycle is left out.
 
     Parameters
     ----------
-    breather : Orbit, flows.Cycle, or a Point of a branch of either
+    breather : Orbit, simulation.PeriodicMotion, flows.Cycle, or a Point of a branch of these
     sites : int, optional
         Length of the ring; that of the breather's own lattice, or 400 on the infinite chain.
     half : bool
@@ -82,9 +83,10 @@ def plot_multipliers(
     if not hasattr(orbit, "multipliers") or isinstance(orbit, type | Branch | Problem):
         raise no_orbit(orbit, "an orbit or a cycle")
     whole("digits", digits, 0)
-    if isinstance(orbit, Cycle):
+    if isinstance(orbit, Cycle | PeriodicMotion):
         _not_of_cycles(sites, half)
-        mu, waves = orbit.others, np.empty((0, 0))
+        mu = orbit.others if isinstance(orbit, Cycle) else orbit.multipliers
+        waves = np.empty((0, 0))
         alone = np.ones(mu.size, dtype=bool)
     else:
         if sites is None and orbit.lattice.sites is None:
@@ -111,7 +113,10 @@ def plot_multipliers(
 
 def _not_of_cycles(sites: int | None, half: bool) -> None:
     if sites is not None or half:
-        raise BadInput("sites= and half= are about lattices; a cycle of flows has its multipliers")
+        raise BadInput(
+            "sites= and half= are about lattices; a cycle of flows, or a motion that returns, has "
+            "its multipliers"
+        )
 
 
 def plot_spectrum(

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
 from contbreather.display import HtmlRepr
-from contbreather.errors import Interrupted, NotConverged
+from contbreather.errors import BadInput, Interrupted, NotConverged
 from contbreather.lattice.conditions import Conditions
-from contbreather.simulation.integrator import RunStop
+from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import advance, completed
 from contbreather.simulation.states import (
@@ -211,6 +211,9 @@ def attraction(
         number("tolerance", tolerance, 0.0, 1e300, "a distance"),
     )
     t0 = number("t0", t0, -1e300, 1e300, "a time")
+    check_sites("attraction", (site, x.site, y.site), state.u.size)
+    if x.name == y.name and (x.site - y.site) % state.u.size == 0:
+        raise BadInput(f"both axes are {x.label}: a plane has two coordinates.")
     conditions = conditions_of(state.u.size, **on)
     state = within(state, conditions.walls)
     run: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import enum
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -81,7 +81,8 @@ class Sample:
 
     def __post_init__(self) -> None:
         whole("per_period", self.per_period, 1)
-        if not isinstance(self.sites, Sequence | np.ndarray) or not np.size(self.sites):
+        several = isinstance(self.sites, Sequence | np.ndarray)
+        if not several or getattr(self.sites, "ndim", 1) != 1 or not len(self.sites):
             raise BadInput(
                 f"sites = {self.sites!r}: one site or several were expected, as in (0, 1)."
             )
@@ -97,10 +98,15 @@ def check_sample(sample: object, sites: int) -> None:
     """Refuse what is no `Sample` of a lattice of so many sites."""
     if not isinstance(sample, Sample | None):
         raise BadInput(f"sample = {sample!r}: a Sample was expected, as in Sample(sites=(0, 1)).")
-    for n in sample.sites if sample else ():
+    check_sites("sample", sample.sites if sample else (), sites)
+
+
+def check_sites(name: str, chosen: Iterable[int], sites: int) -> None:
+    """Refuse sites that a lattice of so many has not; negative ones count from its end."""
+    for n in chosen:
         if not -sites <= n < sites:
             raise BadInput(
-                f"sample: there is no site {n} among {sites}; sites are 0 to {sites - 1}."
+                f"{name}: there is no site {n} among {sites}; sites are 0 to {sites - 1}."
             )
 
 

@@ -177,7 +177,7 @@ def _of_bonds(table: Any, x: Array) -> Array:
     ends = sparse.csr_array(
         (np.ones(site.size), (np.arange(site.size), site)), (site.size, x.shape[-1])
     )
-    return np.asarray((apart.reshape(-1, site.size) @ ends).reshape(x.shape))
+    return np.asarray((apart.reshape(math.prod(x.shape[:-1]), site.size) @ ends).reshape(x.shape))
 
 
 def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:

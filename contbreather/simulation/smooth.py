@@ -23,6 +23,7 @@ from typing import Any, ClassVar, Protocol, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.checks import number
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
@@ -428,8 +429,10 @@ class SmoothIntegrator:
     most_periods = 1
 
     def __post_init__(self) -> None:
-        if not hasattr(self.solver, "states"):
+        if isinstance(self.solver, type) or not hasattr(self.solver, "states"):
             raise BadInput(f"a solver, Explicit() for instance, was expected, got {self.solver!r}")
+        tolerance = getattr(self.solver, "tolerance", FINE)  # a solver of a user's may have none
+        number("tolerance", tolerance, 1e-16, 0.01, "that of a solver, from 1e-16 to 0.01")
         self.check(self.state, 0)
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:

@@ -48,6 +48,11 @@ def _names(study: Study) -> Iterator[Fault]:
             if name in taken:
                 yield (kind, name), f"{name!r} is there already, as {taken[name]}"
             taken[name] = kind
+    written: dict[str, str] = {}
+    for name, figure in study.figure.items():
+        first = written.setdefault(figure.file or f"{name}.png", name)
+        if first != name:
+            yield ("figure", name, "file"), f"figure {first} is written to this file already"
 
 
 def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
@@ -159,14 +164,14 @@ def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
 
 def _impacting(chain: Chain) -> Iterator[Fault]:
     """A site that is not there, or walls that it cannot hit in turn."""
-    on = Conditions(1.0, 0.0, 1.0, walls=Walls.given(chain.on.get("walls")), lattice=chain.place)
     try:
         section = Section(((chain.site, 1),), sign=-1).placed(chain.place)
     except BadInput as error:
         yield ("chain", "site"), str(error)
         return
     try:
-        check_walls(section, on)
+        walls = Walls.given(chain.on.get("walls"))
+        check_walls(section, Conditions(1.0, 0.0, 1.0, walls=walls, lattice=chain.place))
     except BadInput as error:
         yield ("chain", "walls"), str(error)
 

@@ -18,12 +18,12 @@ from pydantic import (
     model_validator,
 )
 
-from contbreather.checks import number, spread
+from contbreather.checks import number, real, spread
 from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import parameter
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 _PART = re.compile(r"([^/=]+)(?:/([^/=]+=[^/]+))?(?:/([^/=]+))?")
 SPREAD = {"from", "to", "count"}
@@ -69,16 +69,18 @@ def values(typed: Any) -> list[float]:
     several = typed if isinstance(typed, list) else [typed]
     if not several:
         raise ValueError("an empty list: at least one number was expected")
-    return [number("value", value, -1e300, 1e300, WANTED) for value in several]
+    numbers = [number("value", value, -1e300, 1e300, WANTED) for value in several]
+    if len(set(numbers)) < len(numbers):
+        raise ValueError(f"{typed}: each value once")
+    return numbers
 
 
 def window(typed: Any) -> list[float]:
     """Two numbers, the smaller first; the second may be inf."""
-    good = isinstance(typed, list) and len(typed) == 2
-    numbers = [x for x in typed if isinstance(x, float | int)] if good else []
-    if len(numbers) < 2 or not numbers[0] < numbers[1] or math.isinf(numbers[0]):
+    numbers = [real(x) for x in typed] if isinstance(typed, list) else []
+    if len(numbers) != 2 or not numbers[0] < numbers[1] or math.isinf(numbers[0]):
         raise ValueError(f"{typed}: two numbers were expected, the smaller first, [0.0, 0.2]")
-    return [float(x) for x in numbers]
+    return numbers
 
 
 def in_range(typed: Any, info: ValidationInfo) -> Any:
@@ -129,6 +131,8 @@ class Chain(Table):
         lattice = self.place
         if self.threshold is not None and lattice.sites is None:
             raise ValueError("threshold: only finite lattices have one; name a lattice, 'ring:400'")
+        if not self.damping:
+            check_threshold(self.verge)
         _ = self.drive, self.on
         return self
 

@@ -70,7 +70,7 @@ class Task:
         or what it starts from is `absent`."""
         try:
             mark = {"absent": "", **json.loads(self._mark(folder).read_text(encoding="utf-8"))}
-        except (FileNotFoundError, ValueError):
+        except (FileNotFoundError, NotADirectoryError, ValueError):
             return None
         return mark if mark["failed"] or mark["absent"] or self.file(folder).exists() else None
 

@@ -16,6 +16,7 @@ from contbreather.continuation import (
     Problem,
     Run,
     Steps,
+    Stop,
     boundary,
     branch_point,
     checkpoint,
@@ -127,6 +128,20 @@ def test_extended_branch_keeps_its_beginning(
     found = written()
     assert all(len(one) >= len(short) for one in found)
     assert repr(found[-1]) == repr(longer)
+
+
+def test_a_closed_curve_goes_once_around_however_often_it_is_extended() -> None:
+    circle = Problem(lambda x, p: x**2 + p["mu"] ** 2 - 1, {"x": 1.0}, {"mu": 0.0})
+    for end, most in (("last", 20), ("first", 7), ("both", 33)):
+        piece = trace(circle, "mu", events=[fold()], steps=Steps(most=most))
+        while piece.stop is Stop.MOST or piece.began is Stop.MOST:
+            piece = extend(piece, end=end)
+        assert (piece.stop, piece.began) == (Stop.CLOSED, None)
+        assert sorted(round(point["mu"], 9) for point in piece.special) == [-1.0, 1.0]
+        assert piece["arclength"][-1] == pytest.approx(2 * np.pi, rel=1e-3)
+        assert np.array_equal(piece[0].z, piece[-1].z)
+        with pytest.raises(BadInput, match="at its first point it is closed"):
+            extend(piece, end="first")
 
 
 def test_interrupted_work_is_kept(tmp_path: Path) -> None:

@@ -216,6 +216,16 @@ def test_lorenz_from_one_side_finds_the_origin_and_knows_the_other_side() -> Non
 # --- maps: arms in larger problems ------------------------------------------------------------
 
 
+def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() -> None:
+    """Neither a meeting, with the branch itself, nor an arm that failed."""
+    logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
+    cubic = Problem(lambda x, p: x * (p["r"] - x**2), {"x": 0.0}, {"r": -1.0})
+    for problem, edge, events in ((logistic, 3.0, None), (cubic, 0.0, STATIC)):
+        tree = diagram(problem, "r", within={"r": (edge - 1.0, edge)}, events=events)
+        assert (len(tree), tree.meetings, tree.failed, tree.left) == (1, (), (), ())
+        assert tree[0].special[-1]["r"] == pytest.approx(edge)
+
+
 def test_the_cascade_grows_by_itself() -> None:
     logistic = FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     tree = diagram(logistic, "r", within={"r": (1.5, 4.0)}, depth=4)

@@ -51,6 +51,14 @@ def test_decay_is_the_factor_from_site_to_site(sites: int, ratio: float) -> None
     assert localisation(0 * v, v, **STILL).decay() == pytest.approx(ratio, rel=1e-9)
 
 
+def test_a_site_alone_has_all_of_the_energy() -> None:
+    v = np.array([[0.3], [0.5]])
+    seen = localisation(0 * v, v, a=0.0, gamma=0.1, lattice=cb.Lattice([[0.0]]))
+    assert (seen.participation.tolist(), seen.centre.tolist()) == ([1.0, 1.0], [0, 0])
+    assert seen.energy == pytest.approx(0.5 * v**2)
+    assert np.isnan(seen.decay()).all()
+
+
 def test_decay_of_several_states_counts_from_the_centre_of_each() -> None:
     v = np.array([around(9, 0.3, centre) for centre in (0, 4, 7)])
     seen = localisation(0 * v, v, **STILL)

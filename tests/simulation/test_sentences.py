@@ -15,6 +15,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation import (
     Axis,
+    Explicit,
     Sample,
     attraction,
     localisation,
@@ -100,6 +101,11 @@ TABLES = "rows of states, or tables with a column for each site"
         ("smooth", {"state": ([0.0], [1e7])}, "blow up the energy"),
         ("smooth", {"state": ([0.0, 1.0], [0.0])}, "rows of equal length"),
         ("smooth", {"sample": (0, 1)}, "a Sample was expected"),
+        *(
+            ("smooth", {"solver": Explicit(bad)}, rf"^tolerance = {bad!r}: that of a solver")
+            for bad in (-1.0, math.nan, 0.5, "x")
+        ),
+        ("smooth", {"solver": Explicit}, r"^a solver, Explicit\(\) for instance, was expected"),
         ("lattice", {"state": REST}, "the state has 4 sites, the lattice .* has 5"),
         ("lattice", {"state": ([0, 0, 0.9, 0, 0], [0.0] * 5)},
          r"u\[2\] = 0.9 lies outside the walls at -0.5 and"),
@@ -133,6 +139,9 @@ TABLES = "rows of states, or tables with a column for each site"
         ("periodic", {"symmetric": True, "walls": (None, 1.0)}, "the walls are not symmetric"),
         ("attraction", {"x": ("u", 0)}, "an Axis"),
         ("attraction", {"site": 0.5}, r"^site = 0\.5"),
+        ("attraction", {"site": 1}, "^attraction: there is no site 1 among 1"),
+        ("attraction", {"x": Axis("u", 7, [0.1])}, "^attraction: there is no site 7 among 1"),
+        ("attraction", {"x": Axis("v", -1, [0.1])}, "^both axes are v_-1: a plane has two"),
         ("attraction", {"tolerance": -1.0}, r"^tolerance = -1\.0: a distance"),
         ("attraction", {"t0": math.inf}, r"^t0 = inf: a time"),
         ("attraction", {"periods": 1}, r"^periods = 1\b"),
@@ -153,7 +162,10 @@ TABLES = "rows of states, or tables with a column for each site"
         ("rotation", {"u": np.zeros((30, 0)), "v": np.zeros((30, 0))}, TABLES),
         ("rotation", {"u": np.zeros(19), "v": np.zeros(19)},
          "19 states are too few for a rotation number"),
-        *(("sample", {"sites": sites}, "sites = ") for sites in ((), 5, None, "ab", (0.5,))),
+        *(
+            ("sample", {"sites": sites}, "sites = ")
+            for sites in ((), 5, None, "ab", (0.5,), np.array(0))
+        ),
         ("sample", {"sites": (1.7,)}, r"sites = \(1\.7,\): whole numbers were expected, 1\.7"),
         *(("sample", {"per_period": count}, "^per_period = ") for count in (0, -3, 2.5, True, "8")),
         ("axis", {"name": "w"}, "the coordinate of an axis must be 'u' or 'v', got 'w'"),
