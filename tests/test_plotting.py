@@ -25,6 +25,7 @@ from contbreather.plotting import (
     plot,
     plot_diagram,
     plot_multipliers,
+    plot_orbit,
     plot_zones,
     save_figure,
 )
@@ -306,9 +307,10 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
 @pytest.mark.parametrize(
     ("draw", "sentence"),
     [
-        (lambda b, z: plot(z), "a branch was expected, got a Zones; .*plot_diagram draws"),
-        (lambda b, z: plot([b, b]), r"got a list; .* one by one, plot\(\*branches\)"),
-        (lambda b, z: plot(cb.continuation.branch.Branches([b])), r"got a Branches; .* one by one"),
+        (lambda b, z: plot(b, z), "only branches are drawn together, or zones; a Zones was"),
+        (lambda b, z: plot(z, y="p"), "y says nothing of the picture of a Zones"),
+        (lambda b, z: plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),
+        (lambda b, z: plot(b[0].curve), "nothing is known to draw of a Curve"),
         (lambda b, z: plot_zones(b), "a zone diagram was expected, got a Branch; plot draws"),
         (lambda b, z: save_figure("x.png", plot(b)), r"first, save_figure\(figure, 'x.png'\)"),
     ],
@@ -318,6 +320,26 @@ def test_what_is_drawn_otherwise_is_refused_with_the_way(
 ) -> None:
     with pytest.raises(BadInput, match=sentence):
         draw(in_a, diagram)
+
+
+def test_plot_draws_anything_that_was_computed(in_a: Branch, diagram: Zones) -> None:
+    """As the function for it does: the same words and as many lines."""
+    for value, draw in (
+        (diagram, plot_zones),
+        (in_a[0].solution, plot_orbit),
+        (in_a[0], plot_orbit),
+        ([in_a, in_a], lambda pair: plot(*pair, "a", "p")),
+    ):
+        one, other = plot(value).axes, draw(value).axes
+        assert curves(one)
+        assert len(curves(one)) == len(curves(other))
+        assert [text.get_text() for text in one.texts] == [text.get_text() for text in other.texts]
+
+
+def test_plot_draws_several_zones_beside_each_other(diagram: Zones) -> None:
+    left, right = plot([diagram, diagram])
+    assert left.figure is right.figure
+    assert left.axes is not right.axes
 
 
 def test_a_branch_alone_is_drawn_as_a_diagram(in_a: Branch) -> None:

@@ -20,7 +20,6 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
 from contbreather.paper.time_series import Curve, Panel, TimeSeries
 from contbreather.plotting import (
-    cards,
     new_figure,
     plot,
     plot_basin,
@@ -438,7 +437,7 @@ def test_a_multiplier_is_off_the_band_if_it_is_farther_than_the_ripple_of_the_ri
 def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile() -> None:
     line = cb.Problem(lambda x, p: x - 3.0 * p["mu"], {"x": 3.0}, {"mu": 1.0})
     _, (ax, below) = new_figure(2)
-    cards._place(point := cb.trace(line, "mu", within={"mu": (0.5, 2.0)}, events=())[1], ax)
+    cb.plot(point := cb.trace(line, "mu", within={"mu": (0.5, 2.0)}, events=())[1], ax=ax)
     dot, tangent = ax.get_lines()
     assert (dot.get_xdata()[0], dot.get_ydata()[0]) == (point["mu"], point["x"])
     (x0, y0), (x1, y1) = tangent.get_xy1(), tangent.get_xy2()
@@ -446,6 +445,6 @@ def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile(
     assert (y1 - y0) / (x1 - x0) == pytest.approx(3.0)
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\mu$", "x")
     many = cb.Problem(lambda u, p: u - p["mu"] * np.arange(4.0), {"u": np.zeros(4)}, {"mu": 0.0})
-    cards._place(cb.trace(many, "mu", within={"mu": (0.0, 1.0)}, events=())[-1], below)
+    cb.plot(cb.trace(many, "mu", within={"mu": (0.0, 1.0)}, events=())[-1], ax=below)
     assert below.get_lines()[0].get_ydata() == pytest.approx(np.arange(4.0))
     assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "u")

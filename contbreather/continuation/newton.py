@@ -26,8 +26,8 @@ OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 _SHORTEST = 1e-6  # damping at which an approach gives up
 _NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
 _THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
-_SHRINKS = 0.1  # at least by as much corrections shrink with factors from near by
-_EXACT = 1e-4  # of the tolerance: what may be left then, where Newton's would leave a square
+_SHRINKS = 0.3  # at least by as much corrections shrink with factors from near by
+_EXACT = 1e-3  # of the tolerance: what may be left then, where Newton's would leave a square
 _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution where Newton is blind
 
 

@@ -5,12 +5,12 @@ Reads public types only: a figure can be drawn of anything that was computed, by
 
 from __future__ import annotations
 
-from contbreather.plotting.branches import plot
 from contbreather.plotting.canvas import Drawn, new_figure, save_figure, style
 from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.fields import plot_profile, plot_space_time
 from contbreather.plotting.multipliers import plot_multipliers, plot_spectrum
 from contbreather.plotting.orbits import plot_orbit
+from contbreather.plotting.pictures import plot
 from contbreather.plotting.runs import (
     plot_basin,
     plot_localisation,

@@ -40,13 +40,11 @@ SAME = 12.0  # typographic points, half a word: markers of one name that close n
 BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
 MOST = 7  # values in a legend
 CROWD = 14  # words beside points; of more none is read, and the axes have no room
-OTHERS = "plotting.plot_diagram draws diagrams, plotting.plot_zones zones"
-SEVERAL = "several are given one by one, plot(*branches)"
 TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
 
 
-def plot(
+def plot_branches(
     *branches: Branch,
     x: str | None = None,
     y: str | None = None,
@@ -55,60 +53,9 @@ def plot(
     kinds: Iterable[str] | None = None,
     colours: Sequence[str] | None = None,
 ) -> Drawn:
-    """Draw branches as the field does: solid stable, dashed unstable, labelled special points.
-
-    Of cycles a state is drawn by its envelope, its largest and its smallest value. Equilibria are
-    dashed where an eigenvalue has a positive real part; anybody's equations are taken for those of
-    a flow, ``x' = F``, where Hopf points are among the events looked for. Where walls were lifted
-    (``inadmissible=True``) the part behind them is dotted. Where branches
-    differ in a parameter that is fixed along each, colours go by it, and a legend says so.
-
-    Parameters
-    ----------
-    *branches : Branch
-        Of one problem or several, as long as all have the columns that are drawn. Without a
-        column ``unstable`` and without Hopf points among the events, and on boundaries, lines are
-        solid.
-    x, y : str, optional
-        Columns. By default the free parameter of the first branch, and its first unknown (on a
-        boundary the other parameter; of cycles the first state). An array unknown is drawn by its
-        largest entry.
-    ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
-    labels : bool, optional
-        Whether special points are named beside them. Unless given they are as long as there are not
-        more than a dozen; otherwise a legend says what the markers stand for.
-    kinds : iterable of str, optional
-        The kinds of special points to mark, ``("PF", "NS")``; all unless given.
-    colours : sequence of str, optional
-        One of matplotlib's colours for each branch.
-
-    Returns
-    -------
-    Drawn
-        The artists, with their ``axes`` and ``figure``.
-        ``plot(...).figure.savefig("branch.pdf")`` writes it.
-
-    Raises
-    ------
-    BadInput
-        Without branches, for an unknown column, kinds that are no words, or another number of
-        colours than of branches.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> import numpy as np
-    >>> line = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
-    >>> ax = plot(cb.trace(line, "mu", within={"x": (-1, 1)}, events=[cb.fold()])).axes
-    >>> sorted(word.get_text() for word in ax.texts if word.get_text())
-    ['EP1', 'EP2', 'LP1']
-    """
+    """What `contbreather.plot` draws of branches."""
     if not branches:
         raise BadInput("plot needs at least one branch")
-    for branch in branches:
-        several = isinstance(branch, list | tuple)
-        check_kind(branch, Branch, "a branch", SEVERAL if several else OTHERS)
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from contbreather.continuation import Branch, Point
+from contbreather.continuation import Branch
 from contbreather.continuation.branch import Branches
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.run import Run as Kept
 from contbreather.errors import ContbreatherError
-from contbreather.flows import Cycle, Trajectory
 from contbreather.orbits import Orbit
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.plotting.branches import plot
-from contbreather.plotting.canvas import inline, symbol
-from contbreather.plotting.diagrams import plot_diagram
-from contbreather.plotting.orbits import plot_orbit, solution_of
-from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
+from contbreather.plotting.canvas import inline
+from contbreather.plotting.pictures import has_picture, plot
 from contbreather.plotting.zones import plot_zones
-from contbreather.simulation import Basin, Run, SmoothRun, Sweep
-from contbreather.simulation.classify import Verdict as Judged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,9 +41,8 @@ def card(value: Any) -> str:
     >>> "<svg" in shown, "<table" in shown, "src=" in shown
     (True, True, False)
     """
-    draw = _drawn(value)
     try:
-        picture = "" if draw is None else inline(draw)
+        picture = inline(partial(_draw, value)) if has_picture(value) else ""
     except ContbreatherError as error:  # an interrupted diagram without a curve, say
         picture = f"<p>no picture: {escape(str(error))}</p>"
     table = value.table().further(*(_in_words(value) if isinstance(value, Orbit) else ()))
@@ -87,50 +79,5 @@ def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
         yield "stability", repr(orbit.stability()).strip("<>")
 
 
-def _drawn(value: Any) -> Callable[[Axes], object] | None:
-    """The picture of a value; of what is on disk that of the first result."""
-    match value:
-        case Kept():
-            return _drawn(next(iter(value.values()), None))
-        case Judged():
-            return _drawn(value.run)
-        case Branches():
-            return lambda ax: plot(*value, ax=ax)
-        case Zones():
-            return lambda ax: plot_zones(value, ax, legend=False)
-        case Point():
-            draw: Any = plot_orbit if isinstance(solution_of(value), Orbit | Cycle) else _place
-        case Run() | SmoothRun():
-            draw = plot_localisation if value.record is None else plot_motion
-        case _:
-            draw = next((_PLOTS[kind] for kind in _PLOTS if isinstance(value, kind)), None)
-    return None if draw is None else lambda ax: draw(value, ax=ax)
-
-
-_PLOTS: dict[type, Any] = {
-    Branch: plot,
-    Orbit: plot_orbit,
-    Cycle: plot_orbit,
-    Trajectory: plot_motion,
-    Diagram: plot_diagram,
-    Sweep: plot_sweep,
-    Basin: plot_basin,
-}
-
-
-def _place(point: Point, ax: Axes) -> None:
-    """A point of anybody's problem: an array unknown as a profile, numbers as a place."""
-    start = point.curve.problem.start
-    name = next(iter(start))
-    if np.ndim(start[name]):
-        ax.plot(point[name], ".-", markersize=3, linewidth=0.8)
-        ax.set_xlabel("entry")
-    else:
-        free = point.curve.free[0]
-        ax.plot(point[free], point[name], "o")
-        ax.set_xlabel(symbol(free))
-        if point.tangent is not None:
-            slots = point.curve.slots
-            ax.axline((point[free], point[name]), (point[free] + point.tangent[slots[free]],
-                      point[name] + point.tangent[slots[name]]), linewidth=0.8)  # fmt: skip
-    ax.set_ylabel(symbol(name))
+def _draw(value: Any, ax: Axes) -> object:
+    return plot_zones(value, ax, legend=False) if isinstance(value, Zones) else plot(value, ax=ax)

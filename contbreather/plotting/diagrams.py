@@ -11,7 +11,7 @@ from contbreather.checks import check_kind
 from contbreather.continuation import Branch, Point, refined, with_columns
 from contbreather.continuation.diagram import Diagram
 from contbreather.errors import BadInput
-from contbreather.plotting.branches import ordinates, plot
+from contbreather.plotting.branches import ordinates, plot_branches
 from contbreather.plotting.canvas import Drawn
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def plot_diagram(
     y: str | Callable[[Point], float] | None = None,
     ax: Axes | None = None,
 ) -> Drawn:
-    """Draw all branches of a diagram as `plot` does, also where their problems differ.
+    """Draw all branches of a diagram as `plot` does branches, also where their problems differ.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def plot_diagram(
     if not shown:
         there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")
-    return plot(*shown, x=x, y=y, ax=ax)
+    return plot_branches(*shown, x=x, y=y, ax=ax)
 
 
 def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:

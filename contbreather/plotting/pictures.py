@@ -1,0 +1,176 @@
+"""The picture of anything that was computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contbreather.checks import kind_of
+from contbreather.continuation import Branch, Point
+from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.run import Run as Kept
+from contbreather.errors import BadInput
+from contbreather.flows import Cycle, Trajectory
+from contbreather.orbits import Orbit
+from contbreather.orbits.zone_diagram import Zones
+from contbreather.plotting.branches import plot_branches
+from contbreather.plotting.canvas import Drawn, drawing, symbol
+from contbreather.plotting.diagrams import plot_diagram
+from contbreather.plotting.orbits import plot_orbit, solution_of
+from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
+from contbreather.plotting.zones import plot_zones
+from contbreather.simulation import Basin, Run, SmoothRun, Sweep
+from contbreather.simulation.classify import Verdict as Judged
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plot(
+    *values: Any,
+    x: str | None = None,
+    y: str | None = None,
+    ax: Axes | None = None,
+    labels: bool | None = None,
+    kinds: Iterable[str] | None = None,
+    colours: Sequence[str] | None = None,
+) -> Any:
+    """Draw what was computed: branches, a diagram, zones, an orbit, a run.
+
+    Branches are drawn as the field does: solid stable, dashed unstable, labelled special points.
+    Of cycles a state is drawn by its envelope, its largest and its smallest value. Equilibria are
+    dashed where an eigenvalue has a positive real part; anybody's equations are taken for those of
+    a flow, ``x' = F``, where Hopf points are among the events looked for. Where walls were lifted
+    (``inadmissible=True``) the part behind them is dotted. Where branches
+    differ in a parameter that is fixed along each, colours go by it, and a legend says so.
+
+    Parameters
+    ----------
+    *values : Branch, or any one value
+        Branches of one problem or several, as long as all have the columns that are drawn; without
+        a column ``unstable`` and without Hopf points among the events, and on boundaries, lines are
+        solid. Or one diagram, zones (or several in a list), orbit, cycle, point, run, sweep or
+        basin: of these `contbreather.plotting` has functions with more to choose.
+    x, y : str, optional
+        Columns. By default the free parameter of the first branch, and its first unknown (on a
+        boundary the other parameter; of cycles the first state). An array unknown is drawn by its
+        largest entry. ``plot(branch, "a", "p")`` says the same.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+    labels : bool, optional
+        Whether special points are named beside them. Unless given they are as long as there are not
+        more than a dozen; otherwise a legend says what the markers stand for.
+    kinds : iterable of str, optional
+        The kinds of special points to mark, ``("PF", "NS")``; all unless given.
+    colours : sequence of str, optional
+        One of matplotlib's colours for each branch.
+
+    Returns
+    -------
+    Drawn
+        The artists, with their ``axes`` and ``figure``; of several zones a list of them.
+        ``plot(...).figure.savefig("branch.pdf")`` writes it.
+
+    Raises
+    ------
+    BadInput
+        Without branches, for an unknown column, kinds that are no words, another number of
+        colours than of branches, or an option that says nothing of the picture.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> import numpy as np
+    >>> line = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
+    >>> ax = plot(cb.trace(line, "mu", within={"x": (-1, 1)}, events=[cb.fold()])).axes
+    >>> sorted(word.get_text() for word in ax.texts if word.get_text())
+    ['EP1', 'EP2', 'LP1']
+    """
+    names = [value for value in values if isinstance(value, str)]
+    if len(names) > 2 or any((x, y)[: len(names)]):
+        raise BadInput(f"the columns {', '.join(names)}: x and y were expected, each once")
+    columns = [*names, *(x, y)[len(names) :]]
+    options = {
+        "x": columns[0],
+        "y": columns[1],
+        "ax": ax,
+        "labels": labels,
+        "kinds": kinds,
+        "colours": colours,
+    }
+    wanted: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    # several may be given together as well, as `switch` returns them
+    single = [one for value in values for one in (value if _is_list(value) else [value])]
+    drawn = [one for one in single if not isinstance(one, str)]
+    if all(isinstance(one, Branch) for one in drawn):
+        return plot_branches(*drawn, **wanted)
+    if len(drawn) > 1:
+        if all(isinstance(one, Zones) for one in drawn):
+            return plot_zones(drawn, **wanted)  # beside each other
+        other = next(kind_of(one) for one in drawn if not isinstance(one, Branch))
+        raise BadInput(f"only branches are drawn together, or zones; {other} was among them")
+    value, draw = _drawn(drawn[0])
+    if draw is None:
+        raise BadInput(f"nothing is known to draw of {kind_of(value)}; of branches, for instance")
+    if unknown := [*wanted.keys() - signature(draw).parameters.keys()]:
+        raise BadInput(f"{unknown[0]} says nothing of the picture of {kind_of(value)}")
+    return draw(value, **wanted)
+
+
+def has_picture(value: Any) -> bool:
+    """Whether `plot` can draw it."""
+    return _is_list(value) or _drawn(value)[1] is not None
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def _drawn(value: Any) -> tuple[Any, Any]:
+    """What is drawn of a value, and what draws it: of what is on disk the first result."""
+    match value:
+        case Kept():
+            return _drawn(next(iter(value.values()), None))
+        case Judged():
+            return _drawn(value.run)
+        case Point():
+            return value, plot_orbit if isinstance(solution_of(value), Orbit | Cycle) else _place
+        case Run() | SmoothRun():
+            return value, plot_localisation if value.record is None else plot_motion
+        case _:
+            return value, next((_PLOTS[kind] for kind in _PLOTS if isinstance(value, kind)), None)
+
+
+_PLOTS: dict[type, Any] = {
+    Branch: plot_branches,
+    Orbit: plot_orbit,
+    Cycle: plot_orbit,
+    Trajectory: plot_motion,
+    Diagram: plot_diagram,
+    Zones: plot_zones,
+    Sweep: plot_sweep,
+    Basin: plot_basin,
+}
+
+
+def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
+    """A point of anybody's problem: an array unknown as a profile, numbers as a place."""
+    start = point.curve.problem.start
+    name = next(iter(start))
+    with drawing(ax) as (drawn, axes):
+        if np.ndim(start[name]):
+            axes.plot(point[name], ".-", markersize=3, linewidth=0.8)
+            axes.set_xlabel("entry")
+        else:
+            free = point.curve.free[0]
+            axes.plot(point[free], point[name], "o")
+            axes.set_xlabel(symbol(free))
+            if point.tangent is not None:
+                slots = point.curve.slots
+                beside = [point[n] + point.tangent[slots[n]] for n in (free, name)]
+                axes.axline((point[free], point[name]), beside, linewidth=0.8)
+        axes.set_ylabel(symbol(name))
+    return drawn
