@@ -49,6 +49,7 @@ def test_values_without_a_diagram_are_listed_with_the_reason(found: Any) -> None
 def test_where_limits_meet_an_atlas_says_which() -> None:
     whole = cb.atlas(k=0.8, within={"gamma": (0.1, 0.14)}, executor=1)
     at = {word: i for i, word in enumerate(words(whole, "meeting")) if word}
+    assert at.keys() == {"LP-NS", "NS-LP"}  # elsewhere none
     assert whole.gamma.to_numpy()[at["NS-LP"]] == pytest.approx(0.125220720183, abs=1e-12)
     assert words(whole, "kind")[at["NS-LP"]] == "NS"
     assert {

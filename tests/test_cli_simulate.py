@@ -223,6 +223,7 @@ def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypa
     status, out, _ = run(f"{STABLE} --sites 4 --periods 120 --csv s.csv --json")
     content = json.loads(out)
     assert (status, content["interrupted"], content["periods"]) == (INTERRUPTED, True, 120)
+    assert content["verdict"]["kind"] == content["verdict"]["motion"] == "UNDECIDED"
     assert content["impacts"]["total"] == 240
     assert len(table("s.csv")) == 121
 

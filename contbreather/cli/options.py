@@ -395,7 +395,6 @@ class Start(NamedTuple):
     @property
     def shot(self) -> cb.Problem:
         """Equations that can be switched from: on finite lattices those of shooting."""
-        from contbreather.orbits.section import check_possible
         from contbreather.stability.verdict import THRESHOLD
 
         if self.on.threshold != THRESHOLD:
@@ -403,11 +402,7 @@ class Start(NamedTuple):
                 f"--threshold {self.on.threshold:g}: branches that are switched to are judged by "
                 f"the paper's {THRESHOLD}; leave it out"
             )
-        orbit = self.breather
-        if self.on.lattice.sites is None:
-            return self.problem
-        check_possible(orbit.section.unfolded(), orbit.conditions)  # for what leaves it
-        return cb.shooting(orbit)
+        return self.problem if self.on.lattice.sites is None else cb.shooting(self.breather)
 
     def entry(self) -> dict[str, Any]:
         """For JSON."""

@@ -197,7 +197,6 @@ class Branch(Columns, HtmlRepr):
 
     def first(self, kind: str) -> Point:
         """The first special point of a kind (``"PF"``) or with a label (``"PF2"``)."""
-        check_kind(kind, str, "a kind or a label, 'PF' or 'PF2' for instance,")
         for point in self.special:
             if kind in (point.kind, point.label):
                 return point

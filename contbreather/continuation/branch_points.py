@@ -130,8 +130,6 @@ def _unstable(point: Point) -> int:
 
 
 def branch_point_test(point: Point) -> float:
-    if point.tangent is None:
-        return float("nan")  # of codimension two on a boundary: nothing to look for
     return signed_smallest(bordered(point))
 
 

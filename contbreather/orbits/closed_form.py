@@ -104,11 +104,10 @@ class ClosedForm(SymmetricBreather):
         if not isinstance(lattice, InfiniteChain | Ring):
             return None
         on = self.conditions
-        if on.spring and lattice.sites is not None:
+        if on.spring:  # from the infinite chain, to a ring
             breathers = symmetric_orbits(0, replace(on, lattice=lattice))
         else:
-            drive = spring_response(on.forcing, on.spring) if on.spring else on.forcing
-            breathers = closed_forms(on.a, on.gamma, on.k, drive, lattice)
+            breathers = closed_forms(on.a, on.gamma, on.k, on.forcing, lattice)
         return min(
             breathers,
             # phases count modulo the period

@@ -141,7 +141,7 @@ def neimark_sacker_line(
 
     def at(a: float) -> Crossing:
         if a not in crossings:
-            guess = _extrapolated(crossings, a)
+            guess = crossings[min(crossings, key=lambda known: abs(known - a))].gamma
             crossings[a] = first_crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
         return crossings[a]
 
@@ -251,16 +251,6 @@ def _next(
     reached = np.where(growing, gamma - excess / np.where(growing, slope, 1.0), np.inf)
     first = int(reached.argmin())
     return float(reached[first]), float(np.angle(here[first]) / math.pi)
-
-
-def _extrapolated(crossings: dict[float, Crossing], a: float) -> float:
-    """The coupling at ``a`` on the straight line through the nearest known points."""
-    near = sorted(crossings, key=lambda amplitude: abs(amplitude - a))[:2]
-    nearest, second = near[0], near[-1]
-    if nearest == second:
-        return crossings[nearest].gamma
-    slope = (crossings[second].gamma - crossings[nearest].gamma) / (second - nearest)
-    return float(np.clip(crossings[nearest].gamma + slope * (a - nearest), FIRST, 0.24))
 
 
 def _upper_end(k: float, at: Callable[[float], Crossing], start: float) -> float:

@@ -198,9 +198,17 @@ def ripple(x: Any, p: Any) -> Any:
     return [p["mu"] - np.sin(400 * x[0]) / 400]
 
 
+def settling(x: Any, p: Any) -> Any:
+    return [p["mu"] - 2 + np.exp(-x[0])]
+
+
 @pytest.mark.parametrize(
     ("function", "start", "mu", "within"),
-    [(logarithm, 0.0, 1.0, {"mu": (1e-6, 1.0)}), (ripple, 0.0, 0.0, {"x": (-0.01, 0.01)})],
+    [
+        (logarithm, 0.0, 1.0, {"mu": (1e-6, 1.0)}),
+        (ripple, 0.0, 0.0, {"x": (-0.01, 0.01)}),
+        (settling, 0.0, 1.0, {"mu": (0.5, 3.0)}),  # to infinity
+    ],
 )
 def test_compiled_functions_go_where_plain_ones_go_though_differences_do_not_hold(
     function: Any, start: float, mu: float, within: Any

@@ -182,6 +182,8 @@ def test_the_domain_of_a_problem_is_a_window_too() -> None:
     assert (branch[0]["x"], branch[-1]["x"]) == (-1.0, 2.0)
     assert branch.began is branch.stop is Stop.BOUND
     assert (branch.began_reason, branch.reason) == ("the domain of x ends at -1", "")
+    pieces = [branch[:3], branch[1:]]  # the first of which begins as the whole does
+    assert [piece.began_reason for piece in pieces] == [branch.began_reason, ""]
 
 
 @pytest.mark.parametrize("last", [0.5, 0.99])
