@@ -115,7 +115,7 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
     """The windows by name, each a pair of numbers."""
     if within is None:
         return {}
-    if not isinstance(within, Mapping):
+    if not isinstance(within, Mapping) or not all(isinstance(name, str) for name in within):
         raise BadInput(
             f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
         )

@@ -249,6 +249,7 @@ GIVEN: list[Row] = [
         (line, (), {"within": {"mu": window}}, NO_PAIR)
         for window in ((None, 1), ("a", "b"), (0, 1, 2), 3, None, (math.nan, 1))
     ),
+    (line, (), {"within": {0: (0, 1)}}, "windows by name were expected"),
     (line, (), {"within": {"nu": (0, 1)}}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
     (line, (), {"within": {"mu": (1, 0)}}, r"the window of 'mu' is empty: \(1, 0\)"),
     (line, (), {"within": {"mu": (0, 0)}}, r"the window of 'mu' is empty"),
