@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contbreather.orbits  # noqa: F401 - enters the equations of orbits
-from contbreather.continuation import Run, load, save
+from contbreather.continuation.run import Run, load, save
 from contbreather.storage.serialise import later
 
 

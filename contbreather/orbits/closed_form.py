@@ -9,16 +9,14 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from contbreather.continuation import DefiningSystem, Point, Problem
 from contbreather.continuation.compiled_steps import Loops
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.lattice import (
-    Forcing,
-    InfiniteChain,
-    Lattice,
-    Ring,
-)
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio, spring_response
+from contbreather.lattice.forcing import Forcing
 from contbreather.orbits import closed_slopes
 from contbreather.orbits.closure import Closure, roots, sprung
 from contbreather.orbits.grazing import ALIKE, GrazingSite

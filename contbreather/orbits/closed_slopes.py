@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
-from contbreather.lattice import Lattice
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.lattice.band_averages import Lattice
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.grazing import GrazingSite

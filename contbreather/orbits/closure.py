@@ -21,18 +21,11 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import (
-    Forcing,
-    Fourier,
-    Harmonic,
-    InfiniteChain,
-    Lattice,
-    Ring,
-    forcing_of,
-    lattice_of,
-)
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
-from contbreather.lattice.forcing import Series
+from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Series
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits import closure_kernels
 from contbreather.orbits.closure_kernels import FIRST, GAMMA, A, K
 from contbreather.parameters import parameter

@@ -11,19 +11,17 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import flag, kind_of, number, one_of, real
-from contbreather.continuation import Point, Problem, trace
+from contbreather.continuation.point import Point
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
-from contbreather.lattice import (
-    Forcing,
-    InfiniteChain,
-    Lattice,
-    Ring,
-    forcing_of,
-    lattice_of,
-)
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls, spring_response
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.finite import Lattice as FiniteLattice
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.clearance import LIMIT, Inadmissible
 from contbreather.orbits.closed_form import closed_forms

@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point, Problem, fold
 from contbreather.continuation.curve import Curve
-from contbreather.lattice import Ring
+from contbreather.continuation.equilibria import fold
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle, by_impacts

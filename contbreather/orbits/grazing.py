@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Event, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo, Many
+from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.continuation.points import Points
 from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.clearance import (

@@ -27,8 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
 from contbreather.orbits.closure import forcing_at

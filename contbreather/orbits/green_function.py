@@ -12,21 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.continuation import (
-    DefiningSystem,
-    Event,
-    Point,
-    Problem,
-    SwitchingProblem,
-    branch_point,
-    fold,
-)
 from contbreather.continuation.boundary import meeting
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.equilibria import branch_point, fold
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import Always
+from contbreather.continuation.point import Always, DefiningSystem, Event, Point
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green, wave_slope
 from contbreather.orbits.branch_switching import from_arms

@@ -18,12 +18,16 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Branch, Point, Stop, fold, trace
+from contbreather.continuation.branch import Branch, Stop
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.equilibria import fold
+from contbreather.continuation.point import Point
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
-from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, drive_of, finite, stiffness_of
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.grazing import grazing

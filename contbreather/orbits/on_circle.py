@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences, directional
+from contbreather.continuation.point import DefiningSystem, Point
 
 Array = NDArray[np.float64]
 Conditions = Callable[[Curve, Array, Array], Array]

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, number, numbers, row, shown
-from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.point import Point
+from contbreather.continuation.problem import Problem
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import InfiniteChain, Ring, lattice_of
+from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance

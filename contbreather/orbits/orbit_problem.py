@@ -11,10 +11,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Point, Problem, SwitchingProblem
-from contbreather.continuation.point import UnstableDimension
+from contbreather.continuation.point import Point, UnstableDimension
 from contbreather.continuation.points import Points
-from contbreather.lattice import InfiniteChain
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.switching import SwitchingProblem
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.orbit import Orbit, with_parameters

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import numbers
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing
 from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.forcing import Forcing
 from contbreather.orbits.section import Impact, Section
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point, Problem
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import SiteMotion, Terms

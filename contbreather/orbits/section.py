@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from contbreather.checks import one_of
 from contbreather.errors import BadInput
-from contbreather.lattice import Ring, check_gamma
+from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 
 FloatArray = NDArray[np.float64]

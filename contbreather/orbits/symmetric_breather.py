@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, SpringResponse, restitution_ratio
+from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section

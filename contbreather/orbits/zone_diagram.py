@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.columns import Columns, stacked
-from contbreather.continuation import Branch, Point
-from contbreather.continuation.point import CodimensionTwo
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import CodimensionTwo, Point
 from contbreather.continuation.settings import windows
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution

@@ -17,18 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import (
-    Branch,
-    Event,
-    Point,
-    Problem,
-    Steps,
-    boundary,
-    refined,
-    trace,
-)
+from contbreather.continuation.boundary import boundary
+from contbreather.continuation.branch import Branch, refined
 from contbreather.continuation.checkpoint import Checkpoint
-from contbreather.continuation.point import CodimensionTwo
+from contbreather.continuation.point import CodimensionTwo, Event, Point
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.settings import Steps
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.breathers_along import Piece, Row, rows
 from contbreather.orbits.closure import folds
