@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import logging
 import os
 import stat
 import struct
@@ -22,15 +21,12 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache, cached_property, lru_cache
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-
-from contbreather.files import alone
 
 Function = Callable[..., Any]
 T = TypeVar("T")
@@ -71,7 +67,6 @@ NEVER = (
 
 _FORMAT = 4  # of what is kept, and of how it is compiled
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH  # who might write besides the owner
-_log = logging.getLogger("contbreather")
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, tuple[int, Any]] = {}  # by file: the address, and what keeps it alive
 _started: list[Any] = []  # the compiler, where this process has started it
@@ -581,6 +576,10 @@ def _missing(kernel: Kernel, name: str) -> str:
 @cache
 def _begun() -> str:
     """What becomes of what is missing."""
+    from importlib.util import find_spec
+
+    from contbreather.files import alone
+
     folder = place()
     if os.environ.get(ASKED) == "0":
         return f"nothing is compiled, by {ASKED}=0"
@@ -615,7 +614,9 @@ def _start(folder: Path) -> None:
 
 @cache
 def _say(reason: str) -> None:
-    _log.info("goes on without compiled code: %s", reason)
+    import logging  # dear to import
+
+    logging.getLogger("contbreather").info("goes on without compiled code: %s", reason)
 
 
 def status() -> str:

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-import contbreather.orbits  # noqa: F401 - enters the equations of orbits
 from contbreather.continuation.run import Run, load, save
 from contbreather.storage.serialise import later
 
 
+def _orbits() -> None:
+    from contbreather.orbits import (  # noqa: F401 - enters their equations, events and zones
+        closed_form,
+        exact_modes,
+        green_function,
+        orbit_events,
+        zone_diagram,
+    )
+
+
 def _simulation() -> None:
-    import contbreather.simulation  # noqa: F401 - enters runs and motions
+    # enters runs and motions
+    from contbreather.simulation import periodic, simulate, smooth  # noqa: F401
 
 
 later(_simulation)
+later(_orbits)
 
 __all__ = ["Run", "load", "save"]

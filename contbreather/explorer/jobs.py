@@ -27,7 +27,7 @@ from contbreather.errors import BadInput, ContbreatherError, Interrupted
 from contbreather.explorer.state import Chosen
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
-from contbreather.orbits.constructors import symmetric
+from contbreather.orbits.closed_form import symmetric
 from contbreather.progress import INTERVAL, Bar, Counter
 from contbreather.simulation.classify import judge
 from contbreather.simulation.integrator import RunStop, Sample

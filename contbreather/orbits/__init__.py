@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from .clearance import centre_margin as centre_margin
     from .clearance import highest_neighbour as highest_neighbour
     from .clearance import neighbour_peak as neighbour_peak
+    from .closed_form import symmetric as symmetric
+    from .closed_form import symmetric_roots as symmetric_roots
     from .closure import Closure as Closure
     from .closure import smallest_amplitude as smallest_amplitude
-    from .constructors import symmetric as symmetric
-    from .constructors import symmetric_roots as symmetric_roots
     from .orbit import Orbit as Orbit
     from .orbit import orbit_of as orbit_of
     from .orbit_events import grazing as grazing

@@ -105,7 +105,8 @@ def _locus(point: Point) -> DefiningSystem:
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    weakly = orbit.representation.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
+    alike = worst.flight < 0 and orbit.gamma < ALIKE
+    weakly = orbit.representation.weakly(ALIKE) if alike else None
     if weakly is not None:
         worst = closest_idle(weakly)
     return _follow(orbit, worst.site, worst.time)

@@ -230,6 +230,7 @@ def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitE
 # --- two impacts of one site ----------------------------------------------------------------------
 
 NAMES = ("p", "t1", "t2", "c")
+EQUAL = 1e-9  # flights that differ by less are equal
 
 
 @dataclass(frozen=True)

@@ -29,9 +29,8 @@ from contbreather.lattice.finite import Finite, drive_of, finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import Inadmissible
-from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
 from contbreather.orbits.grazing import grazing
-from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
@@ -205,7 +204,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     first = min(LOOSE, on.gamma) if loose else 0.0
     try:
         seed = ExactModes.from_times(replace(on, gamma=first), section, times)
-        start, _ = seed.problem().solve(tolerance=1e-11)
+        start, _ = seed.guess().solve(tolerance=1e-11)
     except NotConverged:
         return None
     orbit = orbit_at(start)

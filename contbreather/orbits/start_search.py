@@ -21,8 +21,8 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.lattice.formula import forcing_of
+from contbreather.orbits.closed_form import rooted, symmetric_roots
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.constructors import rooted, symmetric_roots
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_search import up_to_the_fold
 from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of

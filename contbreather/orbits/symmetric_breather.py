@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,9 @@ from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import ClosedFormMotion, Terms, phase
 from contbreather.parameters import parameter
-from contbreather.stability.half_period import HalfMap
+
+if TYPE_CHECKING:
+    from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -214,4 +216,6 @@ class SymmetricBreather:
 
     @cached_property
     def map(self) -> HalfMap:
+        from contbreather.stability.half_period import HalfMap
+
         return HalfMap(self.gamma, self.k, self.b, self.lattice)

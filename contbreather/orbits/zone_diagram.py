@@ -18,9 +18,8 @@ from contbreather.continuation.settings import windows
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.clearance import least_margin
-from contbreather.orbits.constructors import symmetric_roots
-from contbreather.orbits.exact_modes import ExactModes
-from contbreather.orbits.one_site import Resonance, family_of
+from contbreather.orbits.closed_form import symmetric_roots
+from contbreather.orbits.exact_modes import ExactModes, Resonance, family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
 from contbreather.parameters import window_of

@@ -12,7 +12,7 @@ import numpy as np
 from contbreather.checks import row
 from contbreather.continuation.trace import trace
 from contbreather.errors import partial_result
-from contbreather.orbits.constructors import symmetric
+from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker as exact_event
 from contbreather.orbits.zone_diagram import Zones

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from contbreather.checks import real, row, whole
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.constructors import symmetric
 from contbreather.orbits.orbit import Orbit
 from contbreather.parameters import parameter
 from contbreather.stability.characteristic import D
