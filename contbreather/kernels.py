@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache, cached_property, lru_cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
@@ -576,8 +577,6 @@ def _missing(kernel: Kernel, name: str) -> str:
 @cache
 def _begun() -> str:
     """What becomes of what is missing."""
-    from importlib.util import find_spec
-
     from contbreather.files import alone
 
     folder = place()
