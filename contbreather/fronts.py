@@ -49,7 +49,7 @@ class Front(ModuleType):
 def front(name: str, **former: str) -> list[str]:
     """Make a package one of these; its names."""
     package = sys.modules[name]
-    text = package.__loader__.get_source(name)  # type: ignore[union-attr]
+    text = package.__loader__.get_data(package.__file__)  # type: ignore[union-attr]
     held = next(node for node in ast.parse(text).body if isinstance(node, ast.If))
     imports = [node for node in held.body if isinstance(node, ast.ImportFrom)]
     homes = {alias.name: node.module or "" for node in imports for alias in node.names}
