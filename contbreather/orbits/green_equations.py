@@ -34,12 +34,7 @@ from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
 from contbreather.orbits.closure import forcing_at
-from contbreather.orbits.section import (
-    Section,
-    check_both_walls,
-    told_apart,
-    told_apart_slopes,
-)
+from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]

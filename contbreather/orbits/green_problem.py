@@ -23,20 +23,10 @@ from contbreather.lattice.chain import Ring
 from contbreather.lattice.periodic_green import wave_slope
 from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.grazing import GrazingSite, solution_at
-from contbreather.orbits.green_equations import (
-    EQUAL,
-    NAMES,
-    AsymmetricEquations,
-    OrbitEquations,
-)
+from contbreather.orbits.green_equations import EQUAL, NAMES, AsymmetricEquations, OrbitEquations
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_of
-from contbreather.orbits.orbit_problem import (
-    OrbitProblem,
-    on_ring,
-    orbit_problem,
-    unstable_by,
-)
+from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
 from contbreather.orbits.site_motion import Terms
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.stability.verdict import THRESHOLD, check_threshold

@@ -31,13 +31,7 @@ from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
 from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
-from contbreather.simulation.states import (
-    PERIOD,
-    ModelParameters,
-    State,
-    check_state,
-    reduced,
-)
+from contbreather.simulation.states import PERIOD, ModelParameters, State, check_state, reduced
 from contbreather.simulation.variation import variation
 from contbreather.storage.serialise import serialised
 
