@@ -41,6 +41,8 @@ Table = Annotated[NDArray[np.int64], "i8", 2]
 Signs = Annotated[NDArray[np.int8], "i1", 1]
 
 OBJECTS = Path(__file__).parent / "_objects"  # what was compiled when the package was installed
+COMPILER = (sys.executable, "-m", "contbreather.compiler")  # takes a folder; from HOME
+HOME = Path(__file__).parents[1]
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
@@ -605,10 +607,10 @@ def _start(folder: Path) -> None:
     """The compiler, in a process that outlives this one and lets all others go first."""
     import subprocess
 
-    line = [sys.executable, str(Path(__file__).with_name("bare.py")), str(folder), "--behind"]
     nowhere: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    how = {**nowhere, "cwd": HOME, "start_new_session": True}
     with suppress(OSError):
-        _started.append(subprocess.Popen(line, start_new_session=True, **nowhere))
+        _started.append(subprocess.Popen([*COMPILER, str(folder.absolute()), "--behind"], **how))
 
 
 @cache
