@@ -16,22 +16,22 @@ from warnings import warn
 class Front(ModuleType):
     """A package whose names, and modules, are fetched on first use."""
 
-    homes: dict[str, str]  # the module of each name; none of what is a package
-    former: dict[str, str]  # what its packages are called now
+    _homes: dict[str, str]  # the module of each name; none of what is a package
+    _former: dict[str, str]  # what its packages are called now
 
     def __getattr__(self, name: str) -> Any:
-        if name in self.former:
-            before, name = name, self.former[name]
+        if name in self._former:
+            before, name = name, self._former[name]
             now = f"{self.__name__}.{before} is {self.__name__}.{name} now"
             warn(now, DeprecationWarning, stacklevel=2)
-        home = self.homes.get(name)
+        home = self._homes.get(name)
         path = f"{self.__name__}.{home or name}"
         try:
             module = import_module(path)
         except ModuleNotFoundError as error:
             if home or error.name != path:
                 raise
-            known = ", ".join(self.homes)
+            known = ", ".join(self._homes)
             message = f"module {self.__name__!r} has no attribute {name!r}; it has {known}"
             raise AttributeError(message) from None
         self.__dict__[name] = value = getattr(module, name) if home else module
@@ -39,11 +39,11 @@ class Front(ModuleType):
 
     def __setattr__(self, name: str, value: object) -> None:
         # a module that was imported would take the place of the function that it is called after
-        if not (isinstance(value, ModuleType) and self.homes.get(name)):
+        if not (isinstance(value, ModuleType) and self._homes.get(name)):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        return sorted(self.homes)
+        return sorted(self._homes)
 
 
 def front(name: str, **former: str) -> list[str]:
@@ -53,6 +53,6 @@ def front(name: str, **former: str) -> list[str]:
     held = next(node for node in ast.parse(text).body if isinstance(node, ast.If))
     imports = [node for node in held.body if isinstance(node, ast.ImportFrom)]
     homes = {alias.name: node.module or "" for node in imports for alias in node.names}
-    vars(package).update(homes=homes, former=former)
+    vars(package).update(_homes=homes, _former=former)
     package.__class__ = Front
     return [name for name, home in homes.items() if home]

@@ -6,19 +6,12 @@ from contbreather.continuation.run import Run, load, save
 from contbreather.storage.serialise import later
 
 
-def _orbits() -> None:
-    from contbreather.orbits import (  # noqa: F401 - enters their equations, events and zones
-        closed_form,
-        exact_modes,
-        green_function,
-        orbit_events,
-        zone_diagram,
-    )
-
-
 def _simulation() -> None:
-    # enters runs and motions
-    from contbreather.simulation import periodic, simulate, smooth  # noqa: F401
+    from contbreather.simulation import periodic, simulate, smooth  # noqa: F401 - runs and motions
+
+
+def _orbits() -> None:  # their equations, events and zones
+    from contbreather.orbits import green_function, orbit_events, zone_diagram  # noqa: F401
 
 
 later(_simulation)

@@ -276,11 +276,21 @@ def test_public_name_is_found_where_the_list_says(name: str) -> None:
     assert getattr(contbreather, name) is getattr(home, name)
 
 
-@pytest.mark.parametrize("name", ["orbits", "continuation", "simulation", "lattice", "plotting"])
-def test_a_subpackage_is_fetched_on_first_use(name: str) -> None:
-    code = f"import contbreather; print(contbreather.{name}.__name__)"
+@pytest.mark.parametrize(
+    ("first", "name", "known_as"),
+    [
+        *(("", name, f"contbreather.{name}") for name in ("orbits", "lattice.parse", "plotting")),
+        # a function, and the module that it is called after
+        *(
+            (f".{name}", name, name.split(".")[1])
+            for name in ("continuation.trace", "orbits.zones")
+        ),
+    ],
+)
+def test_what_a_package_holds_is_fetched_on_first_use(first: str, name: str, known_as: str) -> None:
+    code = f"import contbreather{first}; print(contbreather.{name}.__name__)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout == f"contbreather.{name}\n"
+    assert run.stdout == f"{known_as}\n"
 
 
 def test_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

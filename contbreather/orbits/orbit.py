@@ -25,7 +25,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance
 from contbreather.orbits.periodic_motion import PeriodicMotion
-from contbreather.orbits.representation import Representation, representations
+from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
@@ -355,9 +355,8 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for kind in representations():
-            if kind.suits(on, section):
-                return Orbit(kind.through(on, section, times, impulses, offsets))
+        for kind in suitable(on, section):
+            return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:
             break
         # u(t + T/2) = -u(t): the other wall half a period later, with the opposite impulse

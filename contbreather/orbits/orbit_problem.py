@@ -21,7 +21,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.periodic_motion import VANISHED
-from contbreather.orbits.representation import Representation, representations
+from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
@@ -78,8 +78,8 @@ class OrbitProblem(Problem):
         orbit = orbit_at(self)
         on, section = orbit.conditions, orbit.section
         wanted = [name for name in names if name in on.params]
-        for kind in representations():
-            if wanted and kind.suits(on, section) and kind is not type(orbit.representation):
+        for kind in suitable(on, section):
+            if wanted and kind is not type(orbit.representation):
                 motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
                 return motion.problem(self.threshold)
         if wanted:

@@ -115,10 +115,11 @@ class Representation(Protocol):
 _KINDS = "closed_form.ClosedForm", "green_function.GreensFunction", "exact_modes.ExactModes"
 
 
-def representations() -> Iterator[type[Representation]]:
-    """All there are, the cheapest first: each is fetched when those before do not suit an orbit,
-    and none knows the others."""
+def suitable(on: Conditions, section: Section) -> Iterator[type[Representation]]:
+    """Those that suit an orbit, the cheapest first: each is fetched when those before do not, and
+    none knows the others."""
     for path in _KINDS:
         module, _, name = path.partition(".")
         kind: type[Representation] = getattr(import_module(f"contbreather.orbits.{module}"), name)
-        yield kind
+        if kind.suits(on, section):
+            yield kind
