@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,9 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import FOUND, LENGTH, MARGIN, MARGINS, NEXT, STEEP, TIE, WHEN
 from contbreather.orbits.motion import IMPULSE, TIME, points_of
 from contbreather.orbits.site_motion import USUAL, SiteMotion
-from contbreather.tables import Column, Sheet
+
+if TYPE_CHECKING:
+    from contbreather.tables import Sheet
 
 FloatArray = NDArray[np.float64]
 Place = tuple[int | None, float]  # a site, None for the far field, and a time
@@ -72,6 +74,8 @@ class Admissibility(HtmlRepr):
 
     def table(self) -> Sheet:
         """How far sites keep from their walls, and where they are closest."""
+        from contbreather.tables import Column, Sheet
+
         names, margins = list(self.places), [float(getattr(self, name)) for name in self.places]
         sites = ["far field" if site is None else str(site) for site, _ in self.places.values()]
         times = [time for _, time in self.places.values()]

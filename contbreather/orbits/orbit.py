@@ -30,12 +30,12 @@ from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
 from contbreather.storage.serialise import serialised
-from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
     from contbreather.certified import Certificate
     from contbreather.continuation.problem import Problem
     from contbreather.stability.verdict import Verdict
+    from contbreather.tables import Sheet
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -72,6 +72,8 @@ class Orbit(PeriodicMotion, HtmlRepr):
     >>> round(b.p, 12), round(b.phi, 12)
     (0.680056001966, -2.519293143359)
     """
+
+    representation: Any
 
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites at time ``t``, just after it at an impact.
@@ -297,6 +299,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def table(self) -> Sheet:
         """Its parameters, and what there is of p, phi, times, impulses."""
+        from contbreather.tables import Sheet
+
         rows = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
         if self.symmetric and self.section.count == 1:  # p and phi of (11), |u_1| of (15)
             rows |= {"p": self.p, "phi": self.phi, "chi": self.chi}
