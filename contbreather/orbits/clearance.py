@@ -31,7 +31,7 @@ Place = tuple[int | None, float]  # a site, None for the far field, and a time
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Admissibility(HtmlRepr):
     """What keeps a solution from being an orbit of the lattice, or by how much it is one.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from contbreather.orbits.grazing import GrazingSite
 
 
-@dataclass(frozen=True)
 class ClosedForm(SymmetricBreather):
     """One site of the infinite chain or of a ring that hits its walls in turn."""
 
