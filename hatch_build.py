@@ -47,8 +47,8 @@ def compile_into(root: Path, folder: Path) -> None:
     if os.environ.get("CONTBREATHER_COMPILE") == "0":
         reason = "compiled loops, by CONTBREATHER_COMPILE=0"
     else:
-        line = [sys.executable, str(root / "contbreather" / "bare.py"), str(folder)]
-        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        line = [sys.executable, "-m", "contbreather.compiler", str(folder.absolute())]
+        done = subprocess.run(line, cwd=root, capture_output=True, text=True, check=False)
         said = (done.stdout + done.stderr).strip().splitlines()
         reason = f"some compiled loops: {said[-1]}" if said else ""
     folder.mkdir(mode=0o755, exist_ok=True)

@@ -1,7 +1,10 @@
 """Compiles kernels by numba: all of them, side by side, at the installation or behind a session;
 and functions of a user, at once.
 
-    python bare.py FOLDER [--behind]
+    python -m contbreather.compiler FOLDER [--behind]
+
+Packages load nothing by themselves, so it takes nothing but numpy and numba: it works before what
+else this package depends on is installed, and begins at once.
 """
 
 from __future__ import annotations
@@ -190,9 +193,8 @@ def compile_into(folder: Path, *, processes: int = 1) -> dict[str, str]:
     call the same functions, which are compiled once for all of them.
     """
     with tempfile.TemporaryDirectory() as claims:
-        script = Path(__file__).with_name("bare.py")
-        line = [sys.executable, str(script), str(folder), "--claims", claims]
-        others = [subprocess.Popen(line) for _ in range(processes - 1)]
+        line = [*kernels.COMPILER, str(folder.absolute()), "--claims", claims]
+        others = [subprocess.Popen(line, cwd=kernels.HOME) for _ in range(processes - 1)]
         try:
             _work(folder, Path(claims))
         finally:
@@ -293,3 +295,7 @@ def _behind(folder: Path) -> None:
     with (folder / "lock").open("ab") as file:
         if alone(file.fileno()):
             compile_into(folder)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

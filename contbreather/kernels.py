@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import logging
 import os
 import stat
 import struct
@@ -30,8 +29,6 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.files import alone
-
 Function = Callable[..., Any]
 T = TypeVar("T")
 
@@ -44,6 +41,8 @@ Table = Annotated[NDArray[np.int64], "i8", 2]
 Signs = Annotated[NDArray[np.int8], "i1", 1]
 
 OBJECTS = Path(__file__).parent / "_objects"  # what was compiled when the package was installed
+COMPILER = (sys.executable, "-m", "contbreather.compiler")  # takes a folder; from HOME
+HOME = Path(__file__).parents[1]
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
@@ -71,7 +70,6 @@ NEVER = (
 
 _FORMAT = 4  # of what is kept, and of how it is compiled
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH  # who might write besides the owner
-_log = logging.getLogger("contbreather")
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, tuple[int, Any]] = {}  # by file: the address, and what keeps it alive
 _started: list[Any] = []  # the compiler, where this process has started it
@@ -581,6 +579,8 @@ def _missing(kernel: Kernel, name: str) -> str:
 @cache
 def _begun() -> str:
     """What becomes of what is missing."""
+    from contbreather.files import alone
+
     folder = place()
     if os.environ.get(ASKED) == "0":
         return f"nothing is compiled, by {ASKED}=0"
@@ -607,15 +607,17 @@ def _start(folder: Path) -> None:
     """The compiler, in a process that outlives this one and lets all others go first."""
     import subprocess
 
-    line = [sys.executable, str(Path(__file__).with_name("bare.py")), str(folder), "--behind"]
     nowhere: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    how = {**nowhere, "cwd": HOME, "start_new_session": True}
     with suppress(OSError):
-        _started.append(subprocess.Popen(line, start_new_session=True, **nowhere))
+        _started.append(subprocess.Popen([*COMPILER, str(folder.absolute()), "--behind"], **how))
 
 
 @cache
 def _say(reason: str) -> None:
-    _log.info("goes on without compiled code: %s", reason)
+    import logging  # dear to import
+
+    logging.getLogger("contbreather").info("goes on without compiled code: %s", reason)
 
 
 def status() -> str:

@@ -15,7 +15,7 @@ from typing import Any
 from .errors import BadInput
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Parameter:
     """What a motion depends on, by the name of the argument, the option, the key, the field; its
     default is None where a value is needed."""
@@ -32,7 +32,7 @@ class Parameter:
         return self.typed
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Number(Parameter):
     """A number from `low` to `high`; `above` and `below` exclude these ends themselves."""
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import contbreather.orbits  # noqa: F401 - enters the equations of orbits
-from contbreather.continuation import Run, load, save
+from contbreather.continuation.run import Run, load, save
 from contbreather.storage.serialise import later
 
 
 def _simulation() -> None:
-    import contbreather.simulation  # noqa: F401 - enters runs and motions
+    from contbreather.simulation import periodic, simulate, smooth  # noqa: F401 - runs and motions
+
+
+def _orbits() -> None:  # their equations, events and zones
+    from contbreather.orbits import green_function, orbit_events, zone_diagram  # noqa: F401
 
 
 later(_simulation)
+later(_orbits)
 
 __all__ = ["Run", "load", "save"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -135,12 +134,14 @@ class Sheet:
 
     def html(self, width: int | None = None, most: int | None = None) -> str:
         """The same for a page, what is said in it as text; of many rows the first ones."""
+        from html import escape  # a table of all characters that have names
+
         kept, digits = self._room(width)
         texts = (column.texts(min(digits, DIGITS)) for column in kept)
         lines = list(zip(*texts, strict=True))
         heading = "".join(f"<th>{escape(column.heading)}</th>" for column in kept)
         head = f"<tr>{heading}</tr>" if any(column.heading for column in kept) else ""
-        rows = "".join(f"<tr>{''.join(_cells(*line))}</tr>" for line in lines[:most])
+        rows = "".join(f"<tr>{''.join(_cells(*map(escape, line)))}</tr>" for line in lines[:most])
         left = 0 if most is None else len(lines) - most
         return f"<table>{head}{rows}</table>" + (f"<p>and {left} more</p>" if left > 0 else "")
 
@@ -163,8 +164,8 @@ def _width(columns: Sequence[Column], digits: int) -> int:
 
 
 def _cells(name: str, *others: str) -> Iterable[str]:
-    yield f'<th style="text-align:left">{escape(name)}</th>'
-    yield from (f'<td style="text-align:left">{escape(cell)}</td>' for cell in others)
+    yield f'<th style="text-align:left">{name}</th>'
+    yield from (f'<td style="text-align:left">{cell}</td>' for cell in others)
 
 
 def _text(cell: Cell, digits: int) -> str:

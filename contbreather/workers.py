@@ -14,13 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -30,13 +24,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from .checks import whole
-from .errors import (
-    BadInput,
-    ContbreatherError,
-    NotConverged,
-    add_partial_result,
-    partial_result,
-)
+from .errors import BadInput, ContbreatherError, NotConverged, add_partial_result, partial_result
 from .progress import Bar
 from .signals import deferred
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from contbreather import bare, kernels
+from contbreather import kernels
 from contbreather.cli import main
 
 from .apart import copied
@@ -46,7 +46,7 @@ def pytest_configure(config: pytest.Config) -> None:
     place = kernels.place()
     if os.environ.get(kernels.ASKED) != "0" and place is not None and find_spec("numba"):
         os.environ[kernels.ASKED] = "0"  # of other processes, those of xdist among them
-        subprocess.run([sys.executable, bare.__file__, place], check=True)
+        subprocess.run([*kernels.COMPILER, place.absolute()], cwd=kernels.HOME, check=True)
 
 
 @pytest.hookimpl(trylast=True)

@@ -115,14 +115,15 @@ def drawn(text: str) -> tuple[dict[str, int], set[str]]:
     return floors, planned
 
 
-def listed(stub: ast.Module) -> tuple[dict[str, str], dict[str, str | None]]:
+def listed(desk: ast.Module) -> tuple[dict[str, str], dict[str, str | None]]:
     """The module of each public name, and the alias that exports it."""
-    found = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    held = next(node for node in desk.body if is_type_checking(node))
+    found = [node for node in ast.walk(held) if isinstance(node, ast.ImportFrom) and node.module]
     homes = {alias.name: node.module or "" for node in found for alias in node.names}
     return homes, {alias.name: alias.asname for node in found for alias in node.names}
 
 
-LISTED, ALIASES = listed(ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8")))
+LISTED, ALIASES = listed(modules(PACKAGE)[FRONT_DESK])
 FLOORS, PLANNED = drawn(DRAWING.read_text(encoding="utf-8"))
 
 
@@ -160,8 +161,8 @@ def in_circles(found: list[Import]) -> set[str]:
 
 
 def outside_the_engine(found: list[Import]) -> list[str]:
-    names = "continuation checks columns display errors files compiler kernels progress tables"
-    own = {f"contbreather.{name}" for name in f"{names} storage workers".split()}
+    names = "continuation checks columns compiler display errors files fronts kernels progress "
+    own = {f"contbreather.{name}" for name in f"{names} storage tables workers".split()}
     broken = []
     for one in found:
         if not one.source.startswith("contbreather.continuation"):
@@ -196,6 +197,13 @@ def test_no_module_imports_from_a_higher_floor() -> None:
 def test_modules_import_each_other_in_no_circle() -> None:
     """Imports inside functions and for type checkers count, too."""
     assert in_circles(imports_of(PACKAGE)) == set()
+
+
+def test_modules_import_from_modules_and_not_from_package_fronts() -> None:
+    found = [one for one in imports_of(PACKAGE) if FRONT_DESK not in (one.source, one.target)]
+    fronts = {one.source for one in found if one.target == f"{FRONT_DESK}.fronts"}
+    assert len(fronts) > 5
+    assert [str(one) for one in found if one.target in fronts] == []
 
 
 def test_the_engine_needs_numpy_and_scipy_only() -> None:
@@ -238,14 +246,13 @@ def test_no_function_is_longer_than_sixty_lines() -> None:
 def test_the_front_desk_computes_nothing() -> None:
     tree = modules(PACKAGE)[FRONT_DESK]
     fetched = [node.module for node in tree.body if isinstance(node, ast.ImportFrom)]
-    assert fetched == ["__future__", "importlib", "warnings", "lazy_loader", "display"]
+    assert fetched == ["__future__", "importlib", "typing", "display", "fronts"]
     calls = [
         node.func.id
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
     ]
-    assert set(calls) <= {"attach_stub", "_fetch", "import_module", "AttributeError", "sorted",
-                          "globals", "str", "warn"}  # fmt: skip
+    assert set(calls) <= {"front", "import_module", "str"}
 
 
 @pytest.mark.parametrize(("before", "now"), [("breathers", "orbits"), ("dynamics", "simulation")])
@@ -269,18 +276,28 @@ def test_public_name_is_found_where_the_list_says(name: str) -> None:
     assert getattr(contbreather, name) is getattr(home, name)
 
 
-@pytest.mark.parametrize("name", ["orbits", "continuation", "simulation", "lattice", "plotting"])
-def test_a_subpackage_is_fetched_on_first_use(name: str) -> None:
-    code = f"import contbreather; print(contbreather.{name}.__name__)"
+@pytest.mark.parametrize(
+    ("first", "name", "known_as"),
+    [
+        *(("", name, f"contbreather.{name}") for name in ("orbits", "lattice.parse", "plotting")),
+        # a function, and the module that it is called after
+        *(
+            (f".{name}", name, name.split(".")[1])
+            for name in ("continuation.trace", "orbits.zones")
+        ),
+    ],
+)
+def test_what_a_package_holds_is_fetched_on_first_use(first: str, name: str, known_as: str) -> None:
+    code = f"import contbreather{first}; print(contbreather.{name}.__name__)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout == f"contbreather.{name}\n"
+    assert run.stdout == f"{known_as}\n"
 
 
 def test_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> None:
         raise ModuleNotFoundError("No module named 'numpy'", name="numpy")
 
-    monkeypatch.setattr(contbreather, "import_module", missing)
+    monkeypatch.setattr("contbreather.fronts.import_module", missing)
     with pytest.raises(ModuleNotFoundError, match="numpy"):
         contbreather.nothing  # noqa: B018
 

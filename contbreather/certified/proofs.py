@@ -36,7 +36,7 @@ from contbreather.certified.certificate import Certificate, Covering, Tile
 from contbreather.certified.inside_walls import admissible
 from contbreather.certified.winding import unstable_count
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.parameters import NUMBERS
 

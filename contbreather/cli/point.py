@@ -34,7 +34,7 @@ def point(
     json
         Print one JSON object, in full precision.
     """
-    from contbreather.orbits.constructors import rooted
+    from contbreather.orbits.closed_form import rooted
 
     values, rule = where.need(*NEEDED), where.on()
     # of a point, --sites asks for a ring besides the infinite chain

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contbreather.progress import Bar
-    from contbreather.simulation import SmoothRun
+    from contbreather.simulation.smooth import SmoothRun
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-from .boundary import boundary
-from .branch import Branch, Stop, refined, with_columns
-from .equilibria import branch_point, cusp, fold, hopf
-from .point import DefiningSystem, Event, Point, user
-from .problem import Problem
-from .resume import extend
-from .run import Run, load, save
-from .settings import Steps
-from .switching import SwitchingProblem
-from .trace import iterate, trace
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Branch",
-    "Event",
-    "SwitchingProblem",
-    "DefiningSystem",
-    "Point",
-    "Problem",
-    "Run",
-    "Steps",
-    "Stop",
-    "boundary",
-    "branch_point",
-    "cusp",
-    "extend",
-    "fold",
-    "hopf",
-    "load",
-    "refined",
-    "save",
-    "trace",
-    "user",
-    "iterate",
-    "with_columns",
-]
+from contbreather.fronts import front
+
+if TYPE_CHECKING:
+    from .boundary import boundary as boundary
+    from .branch import Branch as Branch
+    from .branch import Stop as Stop
+    from .branch import refined as refined
+    from .branch import with_columns as with_columns
+    from .equilibria import branch_point as branch_point
+    from .equilibria import cusp as cusp
+    from .equilibria import fold as fold
+    from .equilibria import hopf as hopf
+    from .point import DefiningSystem as DefiningSystem
+    from .point import Event as Event
+    from .point import Point as Point
+    from .point import user as user
+    from .problem import Problem as Problem
+    from .resume import extend as extend
+    from .run import Run as Run
+    from .run import load as load
+    from .run import save as save
+    from .settings import Steps as Steps
+    from .switching import SwitchingProblem as SwitchingProblem
+    from .trace import iterate as iterate
+    from .trace import trace as trace
+
+__all__ = front(__name__)

@@ -18,15 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.continuation import Branch, Point, boundary, trace
+from contbreather.continuation.boundary import boundary
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import Point
 from contbreather.continuation.switching import switch
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, Interrupted
 from contbreather.explorer.state import Chosen
-from contbreather.lattice import Ring
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
-from contbreather.orbits import symmetric
+from contbreather.orbits.closed_form import symmetric
 from contbreather.progress import INTERVAL, Bar, Counter
-from contbreather.simulation import Run, RunStop, Sample, judge, simulate
+from contbreather.simulation.classify import judge
+from contbreather.simulation.integrator import RunStop, Sample
+from contbreather.simulation.simulate import Run, simulate
 
 Say = Callable[[str], object]
 Window = tuple[float, float]

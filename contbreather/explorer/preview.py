@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice.parse import as_typed
-from contbreather.orbits import Orbit
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region, regions
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.parameters import OPTIONAL

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from contbreather.checks import whole
-from contbreather.continuation import Branch
+from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.jobs import (
     Computation,
@@ -27,12 +27,15 @@ from contbreather.explorer.jobs import (
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
 from contbreather.explorer.state import Chosen, State
 from contbreather.files import writable
-from contbreather.lattice import Ring
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
-from contbreather.orbits import zones
 from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zones import zones
 from contbreather.parameters import NEEDED, OPTIONAL, parameter
-from contbreather.plotting import plot, plot_motion, plot_zones, save_figure
+from contbreather.plotting.canvas import save_figure
+from contbreather.plotting.pictures import plot
+from contbreather.plotting.runs import plot_motion
+from contbreather.plotting.zones import plot_zones
 from contbreather.progress import PATIENCE
 from contbreather.runs import load, save
 

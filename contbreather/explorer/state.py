@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.continuation import Branch, Point
+from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.point import Point
 from contbreather.continuation.switching import lift_of
 from contbreather.explorer.preview import Preview, preview_of
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.simulation import Run
+from contbreather.simulation.simulate import Run
 
 RING = 400  # sites of the ring that is judged besides, the paper's
 

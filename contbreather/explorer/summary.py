@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Branch
+from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.jobs import point_of
 from contbreather.explorer.state import Named
-from contbreather.lattice import Ring
-from contbreather.orbits import Orbit
+from contbreather.lattice.chain import Ring
+from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.multipliers import with_band
 
 Array = NDArray[Any]

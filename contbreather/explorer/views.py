@@ -12,14 +12,15 @@ from bokeh.models import ColumnDataSource, HoverTool, Range1d
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from contbreather.continuation import Branch, Point
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import Point
 from contbreather.explorer.preview import Preview, about, is_of
 from contbreather.explorer.state import Chosen, Named, State
 from contbreather.explorer.style import Theme
 from contbreather.explorer.summary import Motion, Multipliers, Profile
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
-from contbreather.simulation import Run
+from contbreather.simulation.simulate import Run
 from contbreather.simulation.states import PERIOD
 
 Array = NDArray[Any]

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from .collocation import Collocation
-from .constructors import cycle
-from .equilibria import equilibrium
-from .filippov import Filippov
-from .flow import Flow
-from .integrate import Crossing, Piece, Trajectory, integrate
-from .orbit import Cycle, cycle_of
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Collocation",
-    "Crossing",
-    "Cycle",
-    "Filippov",
-    "Flow",
-    "Piece",
-    "Trajectory",
-    "cycle",
-    "cycle_of",
-    "equilibrium",
-    "integrate",
-]
+from contbreather.fronts import front
+
+if TYPE_CHECKING:
+    from .collocation import Collocation as Collocation
+    from .constructors import cycle as cycle
+    from .equilibria import equilibrium as equilibrium
+    from .filippov import Filippov as Filippov
+    from .flow import Flow as Flow
+    from .integrate import Crossing as Crossing
+    from .integrate import Piece as Piece
+    from .integrate import Trajectory as Trajectory
+    from .integrate import integrate as integrate
+    from .orbit import Cycle as Cycle
+    from .orbit import cycle_of as cycle_of
+
+__all__ = front(__name__)

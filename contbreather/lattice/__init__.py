@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from contbreather.lattice.band_averages import Lattice, check_gamma
-from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
-from contbreather.lattice.conditions import Conditions  # noqa: F401 - enters all dicts of these
-from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, Samples
-from contbreather.lattice.formula import Symbolic, forcing_of
-from contbreather.lattice.parse import lattice_by
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Forcing",
-    "Fourier",
-    "Harmonic",
-    "InfiniteChain",
-    "Lattice",
-    "Ring",
-    "Samples",
-    "Symbolic",
-    "check_gamma",
-    "forcing_of",
-    "lattice_by",
-    "lattice_of",
-]
+from contbreather.fronts import front
+
+if TYPE_CHECKING:
+    from .band_averages import Lattice as Lattice
+    from .band_averages import check_gamma as check_gamma
+    from .chain import InfiniteChain as InfiniteChain
+    from .chain import Ring as Ring
+    from .chain import lattice_of as lattice_of
+    from .forcing import Forcing as Forcing
+    from .forcing import Fourier as Fourier
+    from .forcing import Harmonic as Harmonic
+    from .forcing import Samples as Samples
+    from .formula import Symbolic as Symbolic
+    from .formula import forcing_of as forcing_of
+    from .parse import lattice_by as lattice_by
+
+__all__ = front(__name__)

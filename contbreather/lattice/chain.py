@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 LONGEST = 10**7  # sites of a ring: of longer ones a few rows of numbers fill the memory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class InfiniteChain(Lattice):
     """The infinite chain with nearest-neighbour coupling, eq. (1).
 

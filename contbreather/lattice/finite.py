@@ -82,7 +82,7 @@ class NormalModes(NamedTuple):
         return np.asarray((values * self.masses) @ self.shapes)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Lattice:
     """A lattice by its stiffness matrix, to be multiplied by gamma.
 

@@ -47,7 +47,7 @@ def response_weights() -> FloatArray:
     return w
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, repr=False, slots=True)
 class FreeFlight:
     """One site between two impacts of site 0, per unit p, as a function of ``y = s - pi/2``.
 

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing
 from contbreather.lattice.finite import Finite
-from contbreather.lattice.forcing import Harmonics
+from contbreather.lattice.forcing import Forcing, Harmonics
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]

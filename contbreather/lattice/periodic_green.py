@@ -51,7 +51,7 @@ class ModeSums(NamedTuple):
     constant: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Wave:
     """One site's answer to unit impulses once a period, or that answer's slope in gamma.
 

@@ -2,46 +2,30 @@
 
 from __future__ import annotations
 
-from contbreather.orbits.clearance import (
-    Admissibility,
-    centre_margin,
-    highest_neighbour,
-    neighbour_peak,
-)
-from contbreather.orbits.closure import Closure, smallest_amplitude
-from contbreather.orbits.constructors import symmetric, symmetric_roots
-from contbreather.orbits.orbit import Orbit, orbit_of
-from contbreather.orbits.orbit_events import (
-    grazing,
-    neimark_sacker,
-    period_doubling,
-    pitchfork,
-    saddle_node,
-)
-from contbreather.orbits.regions import Region
-from contbreather.orbits.start_search import find_event, find_symmetric
-from contbreather.orbits.zone_diagram import Zones
-from contbreather.orbits.zones import zones
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Admissibility",
-    "Closure",
-    "Orbit",
-    "Region",
-    "Zones",
-    "centre_margin",
-    "find_event",
-    "find_symmetric",
-    "grazing",
-    "highest_neighbour",
-    "neighbour_peak",
-    "neimark_sacker",
-    "orbit_of",
-    "period_doubling",
-    "pitchfork",
-    "saddle_node",
-    "smallest_amplitude",
-    "symmetric",
-    "symmetric_roots",
-    "zones",
-]
+from contbreather.fronts import front
+
+if TYPE_CHECKING:
+    from .clearance import Admissibility as Admissibility
+    from .clearance import centre_margin as centre_margin
+    from .clearance import highest_neighbour as highest_neighbour
+    from .clearance import neighbour_peak as neighbour_peak
+    from .closed_form import symmetric as symmetric
+    from .closed_form import symmetric_roots as symmetric_roots
+    from .closure import Closure as Closure
+    from .closure import smallest_amplitude as smallest_amplitude
+    from .orbit import Orbit as Orbit
+    from .orbit import orbit_of as orbit_of
+    from .orbit_events import grazing as grazing
+    from .orbit_events import neimark_sacker as neimark_sacker
+    from .orbit_events import period_doubling as period_doubling
+    from .orbit_events import pitchfork as pitchfork
+    from .orbit_events import saddle_node as saddle_node
+    from .regions import Region as Region
+    from .start_search import find_event as find_event
+    from .start_search import find_symmetric as find_symmetric
+    from .zone_diagram import Zones as Zones
+    from .zones import zones as zones
+
+__all__ = front(__name__)

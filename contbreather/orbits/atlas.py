@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, combinations, kind_of, row
 from contbreather.errors import BadInput, add_partial_result, partial_result
-from contbreather.lattice import Forcing, Lattice, forcing_of
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import zones

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation import Event, Point, Problem, SwitchingProblem
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.point import Examined
+from contbreather.continuation.point import Event, Examined, Point
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits.orbit import Orbit, checked, orbit_at
 

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Event, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.interpolant import tangent_at
 from contbreather.continuation.newton import OUT_OF_DOMAIN
+from contbreather.continuation.point import Event, Point
 from contbreather.continuation.points import Points
 from contbreather.continuation.samples import measure_many
 from contbreather.orbits.clearance import least_margins

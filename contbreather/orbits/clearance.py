@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,12 @@ from numpy.typing import NDArray
 from contbreather.checks import kind_of, whole
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
-from contbreather.orbits.margins import (
-    FOUND,
-    LENGTH,
-    MARGIN,
-    MARGINS,
-    NEXT,
-    STEEP,
-    TIE,
-    WHEN,
-)
+from contbreather.orbits.margins import FOUND, LENGTH, MARGIN, MARGINS, NEXT, STEEP, TIE, WHEN
 from contbreather.orbits.motion import IMPULSE, TIME, points_of
 from contbreather.orbits.site_motion import USUAL, SiteMotion
-from contbreather.tables import Column, Sheet
+
+if TYPE_CHECKING:
+    from contbreather.tables import Sheet
 
 FloatArray = NDArray[np.float64]
 Place = tuple[int | None, float]  # a site, None for the far field, and a time
@@ -38,7 +31,7 @@ Place = tuple[int | None, float]  # a site, None for the far field, and a time
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Admissibility(HtmlRepr):
     """What keeps a solution from being an orbit of the lattice, or by how much it is one.
 
@@ -81,6 +74,8 @@ class Admissibility(HtmlRepr):
 
     def table(self) -> Sheet:
         """How far sites keep from their walls, and where they are closest."""
+        from contbreather.tables import Column, Sheet
+
         names, margins = list(self.places), [float(getattr(self, name)) for name in self.places]
         sites = ["far field" if site is None else str(site) for site, _ in self.places.values()]
         times = [time for _, time in self.places.values()]

@@ -1,47 +1,40 @@
 """Symmetric breathers in closed form: one site that hits its walls in turn, as a representation,
-its problem to trace, and all solutions of (11) at given parameters."""
+and all solutions of (11) at given parameters."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-from contbreather.continuation import DefiningSystem, Point, Problem
-from contbreather.continuation.compiled_steps import Loops
+import numpy as np
+
+from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice import (
-    Forcing,
-    InfiniteChain,
-    Lattice,
-    Ring,
-)
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio, spring_response
-from contbreather.orbits import closed_slopes
-from contbreather.orbits.closure import Closure, roots, sprung
-from contbreather.orbits.grazing import ALIKE, GrazingSite
-from contbreather.orbits.green_function import asymmetric_problem
-from contbreather.orbits.one_site import symmetric_orbits
-from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
-from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
-from contbreather.orbits.representation import Impacts, Offsets, Representation, representation
+from contbreather.lattice.finite import Finite
+from contbreather.lattice.finite import Lattice as FiniteLattice
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
+from contbreather.orbits.clearance import LIMIT
+from contbreather.orbits.closure import roots, sprung
+from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.representation import Impacts, Offsets, Representation
 from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather
-from contbreather.parameters import NEEDED, NUMBERS, parameter
-from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.parameters import parameter
 from contbreather.storage.serialise import serialised
 
-# An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
-# forcing that is at a = 1, where the far field grazes.
-DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
+if TYPE_CHECKING:
+    from contbreather.continuation.point import DefiningSystem, Point
+    from contbreather.continuation.problem import Problem
+    from contbreather.orbits.grazing import GrazingSite
 
 
-@representation(1)
-@dataclass(frozen=True)
 class ClosedForm(SymmetricBreather):
     """One site of the infinite chain or of a ring that hits its walls in turn."""
 
@@ -71,22 +64,28 @@ class ClosedForm(SymmetricBreather):
             forcing = forcing.at(**{name: params[name] for name in forcing.params})
         return cls(params["a"], params["gamma"], params["k"], p, phi, forcing, lattice)
 
-    def weakly(self) -> SiteMotion:
+    def weakly(self, gamma: float) -> SiteMotion:
         # without coupling all idle sites move alike: a little of it tells which one climbs highest
-        motion: SiteMotion = replace(self, gamma=ALIKE).motion
+        motion: SiteMotion = replace(self, gamma=gamma).motion
         return motion
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
-        return closed_slopes.locus(of, point, nu, **more)
+        from contbreather.orbits.closed_problem import locus
+
+        return locus(of, point, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        return closed_slopes.local_maximum(self, site)
+        from contbreather.orbits.closed_problem import local_maximum
+
+        return local_maximum(self, site)
 
     def speed_slope(self, j: int) -> None:
         """(11) has no root with p = 0."""
 
     def lifted(self) -> Problem:
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
+        from contbreather.orbits.green_problem import asymmetric_problem
+
         return asymmetric_problem(Orbit(self).unfolded())
 
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> Representation:
@@ -94,10 +93,12 @@ class ClosedForm(SymmetricBreather):
         return orbit_of(self.conditions, section, times, impulses, offsets).representation
 
     def problem(self, threshold: float) -> Problem:
+        from contbreather.orbits.closed_problem import symmetric_problem
+
         return symmetric_problem(Orbit(self), threshold)
 
     def guess(self) -> Problem:
-        return symmetric_problem(Orbit(self))
+        return Orbit(self).problem
 
     def on(self, lattice: Any) -> Orbit | None:
         """The root of (11) nearest to this one."""
@@ -105,6 +106,8 @@ class ClosedForm(SymmetricBreather):
             return None
         on = self.conditions
         if on.spring:  # from the infinite chain, to a ring
+            from contbreather.orbits.exact_modes import symmetric_orbits
+
             breathers = symmetric_orbits(0, replace(on, lattice=lattice))
         else:
             breathers = closed_forms(on.a, on.gamma, on.k, on.forcing, lattice)
@@ -132,68 +135,6 @@ def closed_forms(
     return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in pairs)
 
 
-def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
-    """The closure (11) with the breather as its start, and all its events.
-
-    Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
-    multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
-    when asked for.
-    """
-    motion = breather.representation
-    forcing, lattice = motion.forcing, breather.lattice
-    if isinstance(lattice, Ring):
-        check_threshold(threshold)  # there NS is by the paper's rule
-    closure = Closure(forcing, lattice)
-    return orbit_problem(
-        "symmetric breather",
-        partial(ClosedForm.of, forcing, lattice),
-        breather,
-        threshold,
-        SymmetricProblem,
-        residual=closure.residual,
-        start={"p": motion.p, "phi": motion.phi},
-        params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
-        jacobian=closure.jacobian,
-        sensitivity=closure.sensitivity,
-        events=(saddle_node(), *events_of(HALF, lattice, threshold)),
-        record={"unstable": unstable_by(threshold)},
-        domain=_domain(breather),
-        label=f"symmetric breather{on_ring(lattice, threshold)}",
-        closure=closure,
-    )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SymmetricProblem(OrbitProblem):
-    """The closure (11) as a problem."""
-
-    closure: Closure = field(kw_only=True)
-
-    @property
-    def serialised(self) -> Mapping[str, Any]:
-        form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
-        return {"kind": self.kind, **form, "threshold": self.threshold}
-
-    def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
-        return self.closure.loops(free, params)
-
-    def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
-        """None: half a symmetric orbit is its own."""
-        return ()
-
-    def simpler(self, point: Point) -> None:
-        """No orbit has fewer impacts."""
-
-    def with_parameters(self, names: tuple[str, ...]) -> Problem:
-        """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
-        orbit = orbit_at(self)
-        if orbit.lattice.sites is not None or "spring" not in names:
-            return super().with_parameters(names)
-        # a spring of 0 changes no response, but it is one of its parameters
-        soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
-        return symmetric_problem(soft, self.threshold).having(*names)
-
-
 @serialised("symmetric breather")
 def _from_dict(
     *,
@@ -204,18 +145,125 @@ def _from_dict(
     params: Mapping[str, float],
 ) -> Problem:
     motion = ClosedForm.of(forcing, lattice, (start["p"], start["phi"]), params)
-    return symmetric_problem(Orbit(motion), threshold)
+    return motion.problem(threshold)
 
 
-def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
-    """With springs as far as the band stays below the drive, along either parameter by itself."""
-    if "spring" not in breather.representation.forcing.params:
-        return DOMAIN
-    gamma = NUMBERS["gamma"]
-    stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
-    return {
-        **DOMAIN,
-        # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1
-        "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
-        "spring": (0.0, stiffest),  # spring + 4 gamma < 1
-    }
+def symmetric(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
+    root: int | None = None,
+) -> Orbit:
+    """The symmetric breather of one impacting site, (11) to (13).
+
+    Of several solutions the admissible one with the largest p. For `Harmonic` forcing that is the
+    upper sign of (13), the only one that can be stable, wherever it keeps off the walls.
+
+    Parameters
+    ----------
+    a : float
+        Amplitude of the forcing, at least the fold (14).
+    gamma : float
+        Coupling in [0, 1/4).
+    k : float
+        Restitution coefficient in [0, 1].
+    forcing : Forcing or str, optional
+        `Harmonic` unless given.
+    lattice : InfiniteChain, Ring or Lattice, optional
+        `InfiniteChain` unless given.
+    site : int
+        The one that impacts.
+    damping, spring : float, optional
+        ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
+        ``spring + 4 gamma < 1``.
+    walls : (low, high) or dict of site and (low, high), optional
+        -1 and 1 unless given, ``low = -high``; on finite lattices.
+    root : int, optional
+        Which solution of (11), by falling p from 1, admissible or not.
+
+    Returns
+    -------
+    Orbit
+        A solution of (11). Where none keeps off the walls between its impacts (to 1e-9, at the
+        limit) it is that with the largest p, and its `admissibility` says what is in the way.
+
+    Raises
+    ------
+    BadInput
+        gamma, k or a outside its range, or no solution of that number.
+    NoSolution
+        a below the fold; the sentence names the smallest a.
+
+    Examples
+    --------
+    >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    >>> round(b.p, 12), round(b.phi, 12)
+    (0.680056001966, -2.519293143359)
+    """
+    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
+    return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
+
+
+def rooted(roots: tuple[Orbit, ...], root: int | None) -> Orbit:
+    """The solution of (11) with that number, counted from 1 by falling p; without one the first
+    that is admissible, or the first of all where none is."""
+    if root is None:
+        candidates = roots if len(roots) > 1 else ()
+        # on GR rounding must not decide which of two breathers it is
+        return next((b for b in candidates if b.admissibility().margin > -LIMIT), roots[0])
+    if not (isinstance(root, int | np.integer) and 1 <= root <= len(roots)):
+        listing = ", ".join(f"{i}: p = {b.p:.9g}" for i, b in enumerate(roots, start=1))
+        raise BadInput(f"root {root}: the solutions of (11) are {listing}; choose one of them")
+    return roots[root - 1]
+
+
+def symmetric_roots(
+    a: float,
+    gamma: float,
+    k: float,
+    *,
+    forcing: Forcing | str | None = None,
+    lattice: Lattice | Finite | None = None,
+    site: int = 0,
+    damping: float = 0.0,
+    spring: float | None = None,
+    walls: Any = None,
+) -> tuple[Orbit, ...]:
+    """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Fourier
+    >>> two = Fourier.from_response(cos={1: 1.0, 3: 0.3})
+    >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
+    4
+    """
+    drive = forcing_of(forcing)
+    more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
+    # the closed form is that of site 0 between -1 and 1: all else goes by the modes
+    held_ring = isinstance(lattice, Ring) and (more or spring is not None)
+    if isinstance(lattice, FiniteLattice) or held_ring:
+        at = Walls.given(walls)
+        spring = 0.0 if spring is None else spring
+        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
+        from contbreather.orbits.exact_modes import symmetric_orbits
+
+        return symmetric_orbits(site, on)
+    chain = lattice_of(lattice)
+    if more:
+        parameter("damping", damping)
+        raise BadInput(
+            f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
+            "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
+            "finite lattice."
+        )
+    if spring is not None and chain.sites is None:
+        drive = spring_response(drive, InfiniteChain(spring).spring)
+    return closed_forms(a, gamma, k, drive, chain)

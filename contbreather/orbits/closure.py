@@ -19,26 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.compiled_steps import Loops
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import (
-    Forcing,
-    Fourier,
-    Harmonic,
-    InfiniteChain,
-    Lattice,
-    Ring,
-    forcing_of,
-    lattice_of,
-)
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain, lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
-from contbreather.lattice.forcing import Series
-from contbreather.orbits import closure_kernels
-from contbreather.orbits.closure_kernels import FIRST, GAMMA, A, K
+from contbreather.lattice.forcing import Forcing, Harmonic, Series
+from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
-PLAIN = {"a": (A, 1.0), "gamma": (GAMMA, 1.0), "k": (K, 1.0)}
 EPS = float(np.finfo(float).eps)
 
 
@@ -98,29 +87,6 @@ class Closure:
             slopes[0] += p * sprung(self.lattice, f).by_spring(gamma, "chi")
         return slopes
 
-    def loops(self, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
-        """The equations with these parameters free, as functions that can be compiled; None with
-        springs, for the coupling of a ring, and on lattices of somebody else."""
-        defaults = self.forcing.params
-        places = {**PLAIN, **_coefficients(self.forcing)}
-        ring = self.lattice.sites is not None and "gamma" in names
-        compilable = type(self.lattice) in (InfiniteChain, Ring) and not isinstance(
-            self.forcing, SpringResponse
-        )
-        if not compilable or ring or any(name not in places for name in names):
-            return None
-        f = self.forcing.at(**{name: params[name] for name in defaults if name in params})
-        freed = [float(entry) for name in names for entry in places[name]]
-        values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
-        on, gamma = self.lattice, values[1]
-        means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
-        flat = [entry for harmonic in f.harmonics for entry in harmonic]
-        # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
-        head = [len(names), *freed, *(4 - 2 * len(names)) * [0.0], *values, *means, *4 * [0.0]]
-        head += [len(f.harmonics), FIRST + len(flat), 0]
-        data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
-        return Loops(closure_kernels.closure, closure_kernels.closure_slopes, data)
-
     def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Solutions with given phases, a free: a row p, phi, a for each."""
         series, q = self._without_momentum(params)
@@ -157,17 +123,6 @@ class Closure:
         if not 0.0 <= gamma < 0.25:
             self.lattice.check(gamma)  # says it
         return p, phi, a, gamma, k, forcing_at(self.forcing, params)
-
-
-def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
-    """Where the coefficients of a forcing are among its harmonics, and the factor for each."""
-    orders = [m for m, _, _ in forcing.harmonics] if isinstance(forcing, Fourier) else []
-    return {
-        f"{letter}{m}": (FIRST + 3 * i + 1 + side, -1.0 / m**2)
-        for i, m in enumerate(orders)
-        for side, letter in enumerate("cs")
-        if f"{letter}{m}" in forcing.params
-    }
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:

@@ -11,153 +11,32 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import flag, kind_of, number, one_of, real
-from contbreather.continuation import Point, Problem, trace
+from contbreather.continuation.point import Point
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
-from contbreather.lattice import (
-    Forcing,
-    InfiniteChain,
-    Lattice,
-    Ring,
-    forcing_of,
-    lattice_of,
-)
-from contbreather.lattice.conditions import Conditions, Walls, spring_response
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import Ring, lattice_of
+from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
-from contbreather.lattice.finite import Lattice as FiniteLattice
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.clearance import LIMIT, Inadmissible
-from contbreather.orbits.closed_form import closed_forms
-from contbreather.orbits.exact_modes import ExactModes, modal_problem
+from contbreather.orbits.closed_form import symmetric as symmetric
+from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
+from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
+from contbreather.orbits.modal_problem import modal_problem
 from contbreather.orbits.normal_form import pitchfork_form
-from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, checked, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
 from contbreather.orbits.section import Section, check_possible, checked_impacts
-from contbreather.parameters import NAMES, NEEDED, parameter
+from contbreather.parameters import NAMES, NEEDED
 from contbreather.stability.verdict import THRESHOLD
 
 OFF = 2e-3  # asymmetry of a start beside a pitchfork
 LONGEST = 10_000  # periods of the forcing that a seed is followed over
-
-
-def symmetric(
-    a: float,
-    gamma: float,
-    k: float,
-    *,
-    forcing: Forcing | str | None = None,
-    lattice: Lattice | Finite | None = None,
-    site: int = 0,
-    damping: float = 0.0,
-    spring: float | None = None,
-    walls: Any = None,
-    root: int | None = None,
-) -> Orbit:
-    """The symmetric breather of one impacting site, (11) to (13).
-
-    Of several solutions the admissible one with the largest p. For `Harmonic` forcing that is the
-    upper sign of (13), the only one that can be stable, wherever it keeps off the walls.
-
-    Parameters
-    ----------
-    a : float
-        Amplitude of the forcing, at least the fold (14).
-    gamma : float
-        Coupling in [0, 1/4).
-    k : float
-        Restitution coefficient in [0, 1].
-    forcing : Forcing or str, optional
-        `Harmonic` unless given.
-    lattice : InfiniteChain, Ring or Lattice, optional
-        `InfiniteChain` unless given.
-    site : int
-        The one that impacts.
-    damping, spring : float, optional
-        ``u'' + damping u' + spring u + ...``. On the infinite chain springs alone, with
-        ``spring + 4 gamma < 1``.
-    walls : (low, high) or dict of site and (low, high), optional
-        -1 and 1 unless given, ``low = -high``; on finite lattices.
-    root : int, optional
-        Which solution of (11), by falling p from 1, admissible or not.
-
-    Returns
-    -------
-    Orbit
-        A solution of (11). Where none keeps off the walls between its impacts (to 1e-9, at the
-        limit) it is that with the largest p, and its `admissibility` says what is in the way.
-
-    Raises
-    ------
-    BadInput
-        gamma, k or a outside its range, or no solution of that number.
-    NoSolution
-        a below the fold; the sentence names the smallest a.
-
-    Examples
-    --------
-    >>> b = symmetric(a=0.5, gamma=0.12, k=0.4)
-    >>> round(b.p, 12), round(b.phi, 12)
-    (0.680056001966, -2.519293143359)
-    """
-    more: dict[str, Any] = {"site": site, "damping": damping, "spring": spring, "walls": walls}
-    return rooted(symmetric_roots(a, gamma, k, forcing=forcing, lattice=lattice, **more), root)
-
-
-def rooted(roots: tuple[Orbit, ...], root: int | None) -> Orbit:
-    """The solution of (11) with that number, counted from 1 by falling p; without one the first
-    that is admissible, or the first of all where none is."""
-    if root is None:
-        candidates = roots if len(roots) > 1 else ()
-        # on GR rounding must not decide which of two breathers it is
-        return next((b for b in candidates if b.admissibility().margin > -LIMIT), roots[0])
-    if not (isinstance(root, int | np.integer) and 1 <= root <= len(roots)):
-        listing = ", ".join(f"{i}: p = {b.p:.9g}" for i, b in enumerate(roots, start=1))
-        raise BadInput(f"root {root}: the solutions of (11) are {listing}; choose one of them")
-    return roots[root - 1]
-
-
-def symmetric_roots(
-    a: float,
-    gamma: float,
-    k: float,
-    *,
-    forcing: Forcing | str | None = None,
-    lattice: Lattice | Finite | None = None,
-    site: int = 0,
-    damping: float = 0.0,
-    spring: float | None = None,
-    walls: Any = None,
-) -> tuple[Orbit, ...]:
-    """All solutions of (11) with p > 0, by descending p; parameters and errors of `symmetric`.
-
-    Examples
-    --------
-    >>> from contbreather.lattice import Fourier
-    >>> two = Fourier.from_response(cos={1: 1.0, 3: 0.3})
-    >>> len(symmetric_roots(0.3, 0.12, 0.7, forcing=two))
-    4
-    """
-    drive = forcing_of(forcing)
-    more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
-    # the closed form is that of site 0 between -1 and 1: all else goes by the modes
-    held_ring = isinstance(lattice, Ring) and (more or spring is not None)
-    if isinstance(lattice, FiniteLattice) or held_ring:
-        at = Walls.given(walls)
-        spring = 0.0 if spring is None else spring
-        on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()
-        return symmetric_orbits(site, on)
-    chain = lattice_of(lattice)
-    if more:
-        parameter("damping", damping)
-        raise BadInput(
-            f"site = {site!r}, damping = {damping!r}, walls = {walls!r}: on the infinite chain "
-            "site 0 impacts, between walls at -1 and 1, without damping; take a ring or another "
-            "finite lattice."
-        )
-    if spring is not None and chain.sites is None:
-        drive = spring_response(drive, InfiniteChain(spring).spring)
-    return closed_forms(a, gamma, k, drive, chain)
 
 
 @partial_result()

@@ -9,38 +9,43 @@ of the answer, and no mode needs a treatment of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point, Problem, fold
-from contbreather.continuation.curve import Curve
-from contbreather.lattice import Ring
-from contbreather.lattice.conditions import Conditions
-from contbreather.orbits.grazing import GrazingSite
-from contbreather.orbits.on_circle import OnCircle, by_impacts
-from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.orbit_events import branching, events_of
-from contbreather.orbits.orbit_problem import OrbitProblem, orbit_problem, read_by, unstable_by
-from contbreather.orbits.representation import Impacts, Offsets, representation
-from contbreather.orbits.section import WEAK, Section, check_order, check_possible
+from contbreather.errors import BadInput, NoSolution
+from contbreather.lattice.chain import Ring
+from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.forcing import Forcing, Fourier
+from contbreather.lattice.modal_flow import propagator
+from contbreather.orbits.closure import general_roots
+from contbreather.orbits.orbit import Orbit, read_by
+from contbreather.orbits.representation import Impacts, Offsets
+from contbreather.orbits.section import Section, check_order, check_possible, check_walls
 from contbreather.orbits.shooting_equations import SectionFlight
 from contbreather.orbits.site_motion import ModalMotion
-from contbreather.parameters import NUMBERS
-from contbreather.stability.verdict import THRESHOLD
+
+if TYPE_CHECKING:
+    from contbreather.continuation.point import DefiningSystem, Point
+    from contbreather.continuation.problem import Problem
+    from contbreather.orbits.grazing import GrazingSite
+    from contbreather.orbits.on_circle import OnCircle
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 
 
-@representation(3)
 @dataclass(frozen=True, eq=False)
 class ExactModes(SectionFlight):
     """Any impacts on any finite lattice, with losses, springs, masses and walls of its own."""
+
+    @property
+    def equations(self) -> ShootingEquations:
+        """The equations it solves, as functions of all unknowns and parameters."""
+        return ShootingEquations(self.section, self.conditions)
 
     @staticmethod
     def suits(on: Conditions, section: Section) -> bool:
@@ -74,19 +79,25 @@ class ExactModes(SectionFlight):
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
         return replace(self, section=section, t=np.array([impact.time for impact in impacts]))
 
-    def weakly(self) -> None:
+    def weakly(self, gamma: float) -> None:
         """Where there is no coupling, the closest site is meant."""
 
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
     ) -> DefiningSystem:
+        from contbreather.orbits.on_circle import by_impacts
+
         return of.locus(by_impacts, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        return GrazingSite(site, partial(_slopes_at, site))
+        from contbreather.orbits.modal_problem import grazing_site
+
+        return grazing_site(site)
 
     def speed_slope(self, j: int) -> Any:
-        return partial(_speed_slope, j)
+        from contbreather.orbits.modal_problem import speed_slope
+
+        return partial(speed_slope, j)
 
     def lifted(self) -> Problem:
         orbit = Orbit(self)
@@ -95,10 +106,13 @@ class ExactModes(SectionFlight):
         check_possible(longer.section, self.conditions)
         return longer.problem
 
-    def problem(self, threshold: float = THRESHOLD) -> Problem:
+    def problem(self, threshold: float) -> Problem:
+        from contbreather.orbits.modal_problem import modal_problem
+
         return modal_problem(Orbit(self), threshold)
 
-    guess = problem
+    def guess(self) -> Problem:
+        return Orbit(self).problem
 
     @property
     def motion(self) -> ModalMotion:
@@ -171,79 +185,113 @@ def _derived(flight: ExactModes, names: tuple[str, ...]) -> FloatArray:
 
 
 @read_by("shooting", ExactModes.of)
-def modal_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
-    """The shooting equations with an orbit as their start, and all its events.
+def _read(orbit: Orbit, threshold: float) -> Problem:
+    problem: Problem = orbit.representation.problem(threshold)
+    return problem
 
-    Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k, damping, spring and
-    the parameters of the forcing; half the momenta, ``p1, p2, ...``, and ``p``, the first, where
-    one site has one impact or two; the offset ``c``; where half a symmetric orbit may do, its
-    ``asymmetry``; ``unstable``, the number of multipliers beyond the threshold over the whole
-    period, and the condition number ``condition``: computed when asked for.
+
+# --- one site that impacts, in closed form --------------------------------------------------------
+
+# Impulses -2p, +2p half a period apart make each mode answer with a state that recurs with the
+# opposite sign, (1 + M) x = -M (0, kick), M its flight over half a period. Its sum over the modes
+# at the impacting site gives chi and, with damping, the excess delta of the velocity before the
+# impact, and the closure (11) is what it is on the chain, f being the forced motion of that site:
+#     p chi = 1 - a f(phi),  p (q + 2 delta) = a f'(phi).
+
+RESONANT = 1e-12  # 2 + trace of a mode that is its own mirror image after half a period
+
+
+class Resonance(BadInput):
+    """A mode of the lattice follows the impacts without bound."""
+
+
+def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
+    """All symmetric orbits of one impacting site, by descending p.
+
+    Raises
+    ------
+    BadInput
+        In resonance: a mode whose frequency is an odd whole number, without damping.
+    NoSolution
+        If the forcing is too weak for any.
+
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> orbit = symmetric_orbits(0, Conditions(0.5, 0.12, 0.4, lattice=Ring(20)))[0]
+    >>> round(orbit.p, 9), round(orbit.phi, 9)
+    (0.680056002, -2.519293143)
     """
-    flight = orbit.representation
-    section, on = orbit.section, orbit.conditions
-    shooting = ShootingEquations(section, on)
-    times = {f"t{j + 1}": float(time) for j, time in enumerate(flight.t)}
-    # below it idle sites rest anywhere, and the equations are singular
-    least = WEAK if _loose(section, on) else 0.0
-    bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
-    return orbit_problem(
-        "shooting",
-        shooting.flight,
-        orbit,
-        threshold,
-        _Shooting,
-        residual=shooting.residual,
-        start={**times, "q": flight.q, "r": flight.r},
-        params=on.params,
-        events=(fold(), branching(), *events_of(section, on.lattice, threshold)),
-        record=_columns(section, threshold),
-        domain={**bounds, "gamma": (least, on.lattice.highest_gamma)},
-        label=f"shooting, {on.lattice.describe()}, {section.describe()}",
-        equations=shooting,
+    section = Section(((site, 1),), sign=-1).placed(on.lattice)
+    (site, _) = section.impacts[0]
+    check_walls(section, on)
+    width = on.walls.position(site, 1)  # everything scales with it
+    q, r, chi, loss, forced = _closure(section, on)
+    roots = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
+    if not roots:
+        weak = "is too weak to bring it to its walls; take a larger a."
+        raise NoSolution(
+            f"no symmetric orbit of site {site} on the {on.lattice.describe()} at a = {on.a!r} "
+            f"(gamma = {on.gamma}, k = {on.k}, damping = {on.damping}, spring = {on.spring}): the "
+            f"forcing {'does not move it.' if forced is None else weak}"
+        )
+    # J = -2p times the state of a unit impulse
+    return tuple(
+        Orbit(ExactModes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
+        for p, phi in sorted(((width * p, phi) for p, phi in roots), reverse=True)
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _Shooting(OrbitProblem):
-    equations: ShootingEquations = field(kw_only=True)
+def family_of(orbit: Orbit) -> str:
+    """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `SymmetricBreather`.
 
-    def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
-        return self.equations.derivatives(x, params, names)
-
-
-def _loose(section: Section, on: Conditions) -> bool:
-    """Whether idle sites may rest anywhere without coupling; an orbit that comes back with the
-    opposite sign has them rest at 0."""
-    return on.spring < WEAK and on.lattice.sites > 1 and not section.symmetric
-
-
-def _columns(section: Section, threshold: float) -> dict[str, Any]:
-    """What is recorded besides the unknowns."""
-    count = section.count
-    same = count == 1 or (count == 2 and section.local and not section.symmetric)
-    names = {"p": 0} if same else {}
-    if count > 1:
-        names |= {f"p{j + 1}": j for j in range(count)}
-    columns: dict[str, Any] = {name: partial(_momentum, j) for name, j in names.items()}
-    if not section.symmetric:
-        columns["c"] = attrgetter("solution.c")
-    if section.mirrored:
-        columns["asymmetry"] = attrgetter("solution.asymmetry")
-    columns["unstable"] = unstable_by(threshold)
-    return {**columns, "condition": attrgetter("solution.representation.condition")}
+    Examples
+    --------
+    >>> from contbreather.lattice import Ring
+    >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
+    >>> [family_of(orbit) for orbit in symmetric_orbits(0, on)]
+    ['upper', 'lower']
+    """
+    if not isinstance(orbit.representation, ExactModes):
+        family: str = orbit.representation.family
+        return family
+    *_, chi, loss, forced = _closure(orbit.section, orbit.conditions)
+    assert forced is not None
+    phi = orbit.times[0]
+    turn = chi * forced.d2f(phi) + loss * forced.df(phi)  # det of the closure, over -a
+    return "upper" if turn >= 0.0 else "lower"
 
 
-def _momentum(j: int, point: Point) -> float:
-    # (4): an impact transfers 2p
-    return 0.5 * abs(float(point.solution.impulses[j]))
+def _closure(
+    section: Section, on: Conditions
+) -> tuple[FloatArray, FloatArray, float, float, Forcing | None]:
+    """State of each mode before a unit impulse, chi, q + 2 delta and f of the closure; no f where
+    nothing moves the site."""
+    still = np.zeros(on.lattice.basis(section.hit).lam.size)
+    rest = ExactModes(section, np.zeros(1), still, still, on)  # in its forced motion alone
+    (q, r), e, (site, _) = _answer(rest), rest.shapes[0], section.impacts[0]
+    # per unit p, J = -2p; without damping r is -1/2 before and 1/2 after a unit impulse
+    chi, excess = -2.0 * float(e.dot(q)), float(e.dot(r)) + 0.5
+    series = rest.forced.harmonics(site)
+    moved = any(A or B for _, A, B in series)
+    cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}
+    forced = Fourier.from_response(cos, sin) if moved else None
+    return q, r, chi, restitution_ratio(on.k) + 2.0 * excess, forced
 
 
-def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-    slopes: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
-    return slopes
-
-
-def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
-    flight: ExactModes = Point(curve, z).solution.representation
-    return flight.tangents(curve.free).speeds[j : j + 1]
+def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:
+    """State of each mode just before a unit impulse that recurs with alternating sign."""
+    fly = propagator(rest.z, rest.section.length, rest.conditions.damping)
+    kick = rest.kicks[0]
+    # (1 + M) x = -M (0, kick), by Cramer; det(1 + M) = 1 + trace + det
+    after = fly.reach * kick, fly.swing * kick
+    det = (1.0 + fly.cosine) * (1.0 + fly.swing) + fly.reach * fly.pull
+    if (abs(det) < RESONANT).any():
+        w = float(np.sqrt(rest.z[abs(det).argmin()]))
+        raise Resonance(
+            f"a mode of the {rest.conditions.lattice.describe()} with the frequency {w:.9g} is in "
+            "resonance with the orbit: change gamma or spring, or give it damping."
+        )
+    q = -((1.0 + fly.swing) * after[0] - fly.reach * after[1]) / det
+    r = -(fly.pull * after[0] + (1.0 + fly.cosine) * after[1]) / det
+    return q, r

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Event, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo, Many
+from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.continuation.points import Points
 from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.clearance import (
@@ -106,7 +105,8 @@ def _locus(point: Point) -> DefiningSystem:
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    weakly = orbit.representation.weakly() if worst.flight < 0 and orbit.gamma < ALIKE else None
+    alike = worst.flight < 0 and orbit.gamma < ALIKE
+    weakly = orbit.representation.weakly(ALIKE) if alike else None
     if weakly is not None:
         worst = closest_idle(weakly)
     return _follow(orbit, worst.site, worst.time)

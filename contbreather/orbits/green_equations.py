@@ -27,17 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, restitution_ratio
+from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import periodic_green, responses, sinc, wave_slope
 from contbreather.orbits.closure import forcing_at
-from contbreather.orbits.section import (
-    Section,
-    check_both_walls,
-    told_apart,
-    told_apart_slopes,
-)
+from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -228,6 +225,7 @@ def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitE
 # --- two impacts of one site ----------------------------------------------------------------------
 
 NAMES = ("p", "t1", "t2", "c")
+EQUAL = 1e-9  # flights that differ by less are equal
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import state_rows
 from contbreather.errors import BadInput
-from contbreather.lattice import Ring
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
 from contbreather.lattice.modal_flow import ModalPropagator, driven, propagator

@@ -18,16 +18,19 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Branch, Point, Stop, fold, trace
+from contbreather.continuation.branch import Branch, Stop
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.equilibria import fold
+from contbreather.continuation.point import Point
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
-from contbreather.lattice import Forcing, forcing_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, drive_of, finite, stiffness_of
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import Inadmissible
-from contbreather.orbits.exact_modes import ExactModes
+from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
 from contbreather.orbits.grazing import grazing
-from contbreather.orbits.one_site import symmetric_orbits
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
@@ -205,7 +208,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     first = min(LOOSE, on.gamma) if loose else 0.0
     try:
         seed = ExactModes.from_times(replace(on, gamma=first), section, times)
-        start, _ = seed.problem().solve(tolerance=1e-11)
+        start, _ = seed.guess().solve(tolerance=1e-11)
     except NotConverged:
         return None
     orbit = orbit_at(start)

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.interpolant import tangent_at
 from contbreather.continuation.newton import OUT_OF_DOMAIN, Undefined
 from contbreather.continuation.normal_forms import solve
+from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit import Orbit
 

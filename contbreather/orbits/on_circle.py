@@ -2,7 +2,7 @@
 
 The map of an orbit says where it has a multiplier (`contbreather.stability.modal_map.Map`). How
 that changes along its unknowns is known in closed form to one representation
-(`contbreather.orbits.closed_slopes`); the others fly a perturbation beside the orbit.
+(`contbreather.orbits.closed_problem`); the others fly a perturbation beside the orbit.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences, directional
+from contbreather.continuation.point import DefiningSystem, Point
 
 Array = NDArray[np.float64]
 Conditions = Callable[[Curve, Array, Array], Array]

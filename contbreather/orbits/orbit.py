@@ -9,36 +9,37 @@ lattice.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, number, numbers, row, shown
-from contbreather.continuation import Point, Problem
-from contbreather.continuation.curve import Curve
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import InfiniteChain, Ring, lattice_of
+from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance
 from contbreather.orbits.periodic_motion import PeriodicMotion
-from contbreather.orbits.representation import REPRESENTATIONS
+from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
-from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
-from contbreather.tables import Sheet
+from contbreather.storage.serialise import serialised
 
 if TYPE_CHECKING:
     from contbreather.certified import Certificate
+    from contbreather.continuation.problem import Problem
+    from contbreather.stability.verdict import Verdict
+    from contbreather.tables import Sheet
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Make = TypeVar("Make", bound="Callable[..., Problem]")
 
 ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
@@ -71,6 +72,8 @@ class Orbit(PeriodicMotion, HtmlRepr):
     >>> round(b.p, 12), round(b.phi, 12)
     (0.680056001966, -2.519293143359)
     """
+
+    representation: Any
 
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Displacements and velocities of all sites at time ``t``, just after it at an impact.
@@ -197,6 +200,8 @@ class Orbit(PeriodicMotion, HtmlRepr):
         >>> b.stability().unstable, b.stability(sites=400).stable
         (2, False)
         """
+        from contbreather.stability.verdict import THRESHOLD, verdict
+
         orbit = self._on_ring(sites)
         if threshold is not None and orbit.lattice.sites is None:
             raise BadInput(
@@ -265,6 +270,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
     @property
     def problem(self) -> Problem:
         """The orbit as a start for `trace`: its equations with all its events."""
+        from contbreather.stability.verdict import THRESHOLD
+
         return self.representation.problem(THRESHOLD)
 
     def unfolded(self) -> Orbit:
@@ -292,6 +299,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def table(self) -> Sheet:
         """Its parameters, and what there is of p, phi, times, impulses."""
+        from contbreather.tables import Sheet
+
         rows = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
         if self.symmetric and self.section.count == 1:  # p and phi of (11), |u_1| of (15)
             rows |= {"p": self.p, "phi": self.phi, "chi": self.chi}
@@ -350,9 +359,8 @@ def orbit_of(
     )
     offsets = tuple(np.ravel(numbers("offsets", offsets)).tolist())
     while True:
-        for _, kind in sorted(REPRESENTATIONS.items()):  # the cheapest first
-            if kind.suits(on, section):
-                return Orbit(kind.through(on, section, times, impulses, offsets))
+        for kind in suitable(on, section):
+            return Orbit(kind.through(on, section, times, impulses, offsets))
         if not section.symmetric:
             break
         # u(t + T/2) = -u(t): the other wall half a period later, with the opposite impulse
@@ -400,24 +408,35 @@ def checked(orbit: Orbit, iterations: int | None = None) -> None:
 
 def orbit_at(problem: Problem) -> Orbit:
     """The orbit that a problem of orbits starts from."""
+    from contbreather.continuation.curve import Curve
+    from contbreather.continuation.point import Point
+
     curve = Curve(problem, ())
     orbit: Orbit = Point(curve, curve.start).solution
     return orbit
 
 
-def with_parameters(threshold: float, problem: Problem, names: tuple[str, ...]) -> Problem:
-    """A problem of an orbit in another representation, where its own lacks these parameters."""
-    orbit = orbit_at(problem)
-    on, section = orbit.conditions, orbit.section
-    wanted = [name for name in names if name in on.params]
-    for _, kind in sorted(REPRESENTATIONS.items()):
-        if wanted and kind.suits(on, section) and kind is not type(orbit.representation):
-            motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
-            return motion.problem(threshold)
-    if wanted:
-        raise BadInput(
-            f"{' and '.join(wanted)}: orbits of the infinite chain have no damping, and springs "
-            "only where, in equal flights, one site hits its walls in turn; take a finite lattice, "
-            "a ring of 100 sites for instance."
-        )
-    return problem
+def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
+    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
+    parameters are a representation by `of`, and that is a problem."""
+
+    def entered(problem: Make) -> Make:
+        serialised(kind)(partial(_from_dict, of, problem))
+        return problem
+
+    return entered
+
+
+def _from_dict(
+    of: Callable[..., Representation],
+    problem: Callable[..., Problem],
+    *,
+    conditions: Conditions,
+    section: Mapping[str, Any],
+    threshold: float,
+    start: Mapping[str, Any],
+    params: Mapping[str, float],
+) -> Problem:
+    # a dict keeps its order, which is that of the unknowns
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)

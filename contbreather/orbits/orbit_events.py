@@ -27,14 +27,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, real, shown
-from contbreather.continuation import DefiningSystem, Event, Point, Problem, branch_point
 from contbreather.continuation.branch_points import bordered
 from contbreather.continuation.defining_systems import Singular
+from contbreather.continuation.equilibria import branch_point
 from contbreather.continuation.newton import Undefined
-from contbreather.continuation.point import CodimensionTwo, EventWithRule, Examined, Many
+from contbreather.continuation.point import (
+    CodimensionTwo,
+    DefiningSystem,
+    Event,
+    EventWithRule,
+    Examined,
+    Many,
+    Point,
+)
 from contbreather.continuation.points import Points
+from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.grazing import grazing as grazed

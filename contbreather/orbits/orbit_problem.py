@@ -6,30 +6,30 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import Point, Problem, SwitchingProblem
-from contbreather.continuation.point import UnstableDimension
+from contbreather.continuation.point import Point, UnstableDimension
 from contbreather.continuation.points import Points
-from contbreather.lattice import InfiniteChain
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.switching import SwitchingProblem
+from contbreather.errors import BadInput
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.orbit import Orbit, with_parameters
+from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.periodic_motion import VANISHED
-from contbreather.orbits.representation import Representation
+from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
-from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 At = Callable[[FloatArray, Params], Representation]
-Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +39,7 @@ class OrbitProblem(Problem):
     Parameters
     ----------
     kind : str
-        By which files make it again, see `read_by`.
+        By which files make it again, see `orbit.read_by`.
     motion_at : callable
         The representation with given unknowns and parameters.
     conditions, section
@@ -74,7 +74,21 @@ class OrbitProblem(Problem):
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
-        return with_parameters(self.threshold, self, names)
+        # in another representation, where its own lacks these
+        orbit = orbit_at(self)
+        on, section = orbit.conditions, orbit.section
+        wanted = [name for name in names if name in on.params]
+        for kind in suitable(on, section):
+            if wanted and kind is not type(orbit.representation):
+                motion = kind.through(on, section, orbit.times, orbit.impulses, orbit.offsets)
+                return motion.problem(self.threshold)
+        if wanted:
+            raise BadInput(
+                f"{' and '.join(wanted)}: orbits of the infinite chain have no damping, and "
+                "springs only where, in equal flights, one site hits its walls in turn; take a "
+                "finite lattice, a ring of 100 sites for instance."
+            )
+        return self
 
 
 def orbit_problem(
@@ -102,32 +116,6 @@ def on_ring(lattice: Any, threshold: float) -> str:
     """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
     sites = lattice.sites
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
-
-
-def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
-    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
-    parameters are a representation by `of`, and that is a problem."""
-
-    def entered(problem: Make) -> Make:
-        serialised(kind)(partial(_from_dict, of, problem))
-        return problem
-
-    return entered
-
-
-def _from_dict(
-    of: Callable[..., Representation],
-    problem: Callable[..., Problem],
-    *,
-    conditions: Conditions,
-    section: Mapping[str, Any],
-    threshold: float,
-    start: Mapping[str, Any],
-    params: Params,
-) -> Problem:
-    # a dict keeps its order, which is that of the unknowns
-    x = np.concatenate([np.ravel(value) for value in start.values()])
-    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
 
 
 def _interpreted(at: At, point: Point) -> Orbit:

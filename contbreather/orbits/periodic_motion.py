@@ -7,7 +7,6 @@ What follows from the impacts of a section alone stands here; how a flight is ev
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import numbers
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing
 from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.forcing import Forcing
 from contbreather.orbits.section import Impact, Section
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +37,6 @@ class Hit(NamedTuple):
     acceleration: float
 
 
-@dataclass(frozen=True, repr=False)
 class PeriodicMotion:
     """What every `Orbit` is, see there."""
 

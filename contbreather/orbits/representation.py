@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point, Problem
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import SiteMotion, Terms
+
+if TYPE_CHECKING:
+    from contbreather.continuation.point import DefiningSystem, Point
+    from contbreather.continuation.problem import Problem
 
 FloatArray = NDArray[np.float64]
 Impacts = Sequence[Impact]
@@ -82,8 +86,8 @@ class Representation(Protocol):
     def motion(self) -> SiteMotion:
         """What the clearance from the walls is measured on."""
 
-    def weakly(self) -> SiteMotion | None:
-        """The same with a little coupling, if that is at hand: it tells idle sites apart."""
+    def weakly(self, gamma: float) -> SiteMotion | None:
+        """The same with so little coupling, if that is at hand: it tells idle sites apart."""
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
         """Where a multiplier is on a circle, `OnCircle`; as a complex one from an angle on."""
@@ -107,16 +111,15 @@ class Representation(Protocol):
         """The `Orbit` of another lattice by means of its own; None where that needs another."""
 
 
-# by rank: the closed form costs least, exact modes, which suit any finite lattice, most
-REPRESENTATIONS: dict[int, type[Representation]] = {}
-R = TypeVar("R", bound=type[Representation])
+# the closed form costs least, exact modes, which suit any finite lattice, most
+_KINDS = "closed_form.ClosedForm", "green_function.GreensFunction", "exact_modes.ExactModes"
 
 
-def representation(rank: int) -> Callable[[R], R]:
-    """Enter a representation; of several that suit an orbit the lowest rank takes it."""
-
-    def entered(kind: R) -> R:
-        REPRESENTATIONS[rank] = kind
-        return kind
-
-    return entered
+def suitable(on: Conditions, section: Section) -> Iterator[type[Representation]]:
+    """Those that suit an orbit, the cheapest first: each is fetched when those before do not, and
+    none knows the others."""
+    for path in _KINDS:
+        module, _, name = path.partition(".")
+        kind: type[Representation] = getattr(import_module(f"contbreather.orbits.{module}"), name)
+        if kind.suits(on, section):
+            yield kind

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from contbreather.checks import one_of
 from contbreather.errors import BadInput
-from contbreather.lattice import Ring, check_gamma
+from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 
 FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
 
 SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for polynomials of degree 5
 Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
 WEAK = 1e-6  # below this coupling sites hardly feel each other: rounding decides where they rest
@@ -330,20 +330,26 @@ def in_turn(section: Section, times: FloatArray) -> list[int]:
 # which takes the place of the second condition, vanishes there with that of the impact alone.
 
 
+@cache
+def _gauss() -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of Gauss's rule, exact for polynomials of degree 5."""
+    return np.polynomial.legendre.leggauss(3)
+
+
 def told_apart(
     section: Section, times: FloatArray, walls: FloatArray, speed: Speed | None = None
 ) -> FloatArray:
     """Conditions that impacts are on their walls, those of impacts that repeat at a wall per time
     since the one before: a mean velocity, from `speed` where a quotient would be all rounding."""
-    conditions = walls.copy()
+    conditions, (nodes, weights) = walls.copy(), _gauss()
     for i, j in section.repeats:
         gap = times[j] - times[i]
         near = speed is not None and abs(gap) < SHORT
         # Gauss's rule over the gap; its weights add up to 2
-        mean = speed(i, j, 0.5 * gap * (1.0 + _NODES)) if near and speed else None
+        mean = speed(i, j, 0.5 * gap * (1.0 + nodes)) if near and speed else None
         if mean is None and gap == 0.0:
             raise ArithmeticError(f"impacts {i + 1} and {j + 1} of one site come at one time")
-        conditions[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * _WEIGHTS @ mean
+        conditions[j] = (walls[j] - walls[i]) / gap if mean is None else 0.5 * weights @ mean
     return conditions
 
 

@@ -30,13 +30,7 @@ from contbreather.lattice.modal_flow import (
     propagator_slope,
     propagator_slope_in_damping,
 )
-from contbreather.orbits.section import (
-    Impact,
-    Section,
-    in_turn,
-    told_apart,
-    told_apart_slopes,
-)
+from contbreather.orbits.section import Impact, Section, in_turn, told_apart, told_apart_slopes
 from contbreather.stability.modal_map import ModalMap, ModalSaltation
 from contbreather.stability.saltation import saltation, saltation_entry
 

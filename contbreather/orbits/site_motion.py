@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice import Forcing, Lattice
+from contbreather.lattice.band_averages import Lattice
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.free_flight import POWERS, Responses, response_weights
 from contbreather.lattice.periodic_green import bounds, is_resonant, responses
 from contbreather.orbits.margins import IMAGE

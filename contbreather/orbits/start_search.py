@@ -10,16 +10,19 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import check_kind, one_of, whole
-from contbreather.continuation import Branch, Point, Problem, trace
 from contbreather.continuation.boundary import named_pair
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import Point
+from contbreather.continuation.problem import Problem
 from contbreather.continuation.settings import windows
 from contbreather.continuation.switching import switch
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice import forcing_of
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
+from contbreather.lattice.formula import forcing_of
+from contbreather.orbits.closed_form import rooted, symmetric_roots
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.constructors import rooted, symmetric_roots
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_search import up_to_the_fold
 from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of

@@ -10,21 +10,25 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Harmonic, InfiniteChain, Lattice
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, SpringResponse, restitution_ratio
+from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import ClosedFormMotion, Terms, phase
 from contbreather.parameters import parameter
-from contbreather.stability.half_period import HalfMap
+
+if TYPE_CHECKING:
+    from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -212,4 +216,6 @@ class SymmetricBreather:
 
     @cached_property
     def map(self) -> HalfMap:
+        from contbreather.stability.half_period import HalfMap
+
         return HalfMap(self.gamma, self.k, self.b, self.lattice)

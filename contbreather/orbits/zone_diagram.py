@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.columns import Columns, stacked
-from contbreather.continuation import Branch, Point
-from contbreather.continuation.point import CodimensionTwo
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import CodimensionTwo, Point
 from contbreather.continuation.settings import windows
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.clearance import least_margin
-from contbreather.orbits.constructors import symmetric_roots
-from contbreather.orbits.exact_modes import ExactModes
-from contbreather.orbits.one_site import Resonance, family_of
+from contbreather.orbits.closed_form import symmetric_roots
+from contbreather.orbits.exact_modes import ExactModes, Resonance, family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
 from contbreather.parameters import window_of

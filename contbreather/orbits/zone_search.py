@@ -17,23 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import (
-    Branch,
-    Event,
-    Point,
-    Problem,
-    Steps,
-    boundary,
-    refined,
-    trace,
-)
+from contbreather.continuation.boundary import boundary
+from contbreather.continuation.branch import Branch, refined
 from contbreather.continuation.checkpoint import Checkpoint
-from contbreather.continuation.point import CodimensionTwo
+from contbreather.continuation.point import CodimensionTwo, Event, Point
+from contbreather.continuation.problem import Problem
+from contbreather.continuation.settings import Steps
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.breathers_along import Piece, Row, rows
+from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
-from contbreather.orbits.constructors import symmetric_roots
-from contbreather.orbits.one_site import family_of
+from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting

@@ -11,9 +11,12 @@ from contbreather.checks import flag
 from contbreather.continuation.checkpoint import Inner, Save, checkpoint
 from contbreather.continuation.settings import windows
 from contbreather.errors import BadInput, add_partial_result, partial_result
-from contbreather.lattice import Forcing, Lattice, forcing_of, lattice_of
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice as Finite
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zone_search import Search

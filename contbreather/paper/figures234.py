@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import row
-from contbreather.continuation import trace
+from contbreather.continuation.trace import trace
 from contbreather.errors import partial_result
-from contbreather.orbits import Orbit, symmetric
-from contbreather.orbits import neimark_sacker as exact_event
+from contbreather.orbits.closed_form import symmetric
+from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit_events import neimark_sacker as exact_event
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.paper import threshold as rule

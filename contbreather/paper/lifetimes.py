@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.continuation import fold, trace
+from contbreather.continuation.equilibria import fold
+from contbreather.continuation.trace import trace
 from contbreather.errors import NotConverged, partial_result
-from contbreather.orbits import Orbit
-from contbreather.simulation import PeriodicMotion, Run, SmoothRun, State, periodic, simulate
+from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import completed
-from contbreather.simulation.smooth import let_go
+from contbreather.simulation.periodic import PeriodicMotion, periodic
+from contbreather.simulation.simulate import Run, completed, simulate
+from contbreather.simulation.smooth import SmoothRun, let_go
+from contbreather.simulation.states import State
 
 Array = NDArray[Any]
 

@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real, row, whole
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import InfiniteChain, Ring
-from contbreather.orbits import Orbit, smallest_amplitude, symmetric
+from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.orbits.closed_form import symmetric
+from contbreather.orbits.closure import smallest_amplitude
+from contbreather.orbits.orbit import Orbit
 from contbreather.parameters import parameter
 from contbreather.stability.characteristic import D
 from contbreather.stability.counting import unstable_multipliers

@@ -18,25 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
-from contbreather.orbits import Orbit, symmetric
-from contbreather.orbits.green_function import ACROSS, asymmetric_problem
-from contbreather.orbits.orbit import orbit_at, orbit_of
+from contbreather.orbits.closed_form import symmetric
+from contbreather.orbits.green_function import ACROSS
+from contbreather.orbits.green_problem import asymmetric_problem
+from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.paper.lifetimes import delocalised, gone, life, lives, lives_in_words
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
-from contbreather.simulation import (
-    PeriodicMotion,
-    Run,
-    Sample,
-    SmoothRun,
-    State,
-    periodic,
-    simulate,
-    simulate_smooth,
-    sweep,
-    verdict,
-)
-from contbreather.simulation.simulate import completed
-from contbreather.simulation.states import PERIOD
+from contbreather.simulation.classify import verdict
+from contbreather.simulation.integrator import Sample
+from contbreather.simulation.periodic import PeriodicMotion, periodic
+from contbreather.simulation.simulate import Run, completed, simulate
+from contbreather.simulation.smooth import SmoothRun, simulate_smooth
+from contbreather.simulation.states import PERIOD, State
+from contbreather.simulation.sweep import sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,38 +5,28 @@ Reads public types only: a figure can be drawn of anything that was computed, by
 
 from __future__ import annotations
 
-from contbreather.plotting.canvas import Drawn, new_figure, save_figure, style
-from contbreather.plotting.diagrams import plot_diagram
-from contbreather.plotting.fields import plot_profile, plot_space_time
-from contbreather.plotting.multipliers import plot_multipliers, plot_spectrum
-from contbreather.plotting.orbits import plot_orbit
-from contbreather.plotting.pictures import plot
-from contbreather.plotting.runs import (
-    plot_basin,
-    plot_localisation,
-    plot_motion,
-    plot_section,
-    plot_sweep,
-)
-from contbreather.plotting.zones import plot_atlas, plot_zones
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Drawn",
-    "new_figure",
-    "plot",
-    "plot_atlas",
-    "plot_basin",
-    "plot_diagram",
-    "plot_localisation",
-    "plot_motion",
-    "plot_multipliers",
-    "plot_orbit",
-    "plot_profile",
-    "plot_section",
-    "plot_space_time",
-    "plot_spectrum",
-    "plot_sweep",
-    "plot_zones",
-    "save_figure",
-    "style",
-]
+from contbreather.fronts import front
+
+if TYPE_CHECKING:
+    from .canvas import Drawn as Drawn
+    from .canvas import new_figure as new_figure
+    from .canvas import save_figure as save_figure
+    from .canvas import style as style
+    from .diagrams import plot_diagram as plot_diagram
+    from .fields import plot_profile as plot_profile
+    from .fields import plot_space_time as plot_space_time
+    from .multipliers import plot_multipliers as plot_multipliers
+    from .multipliers import plot_spectrum as plot_spectrum
+    from .orbits import plot_orbit as plot_orbit
+    from .pictures import plot as plot
+    from .runs import plot_basin as plot_basin
+    from .runs import plot_localisation as plot_localisation
+    from .runs import plot_motion as plot_motion
+    from .runs import plot_section as plot_section
+    from .runs import plot_sweep as plot_sweep
+    from .zones import plot_atlas as plot_atlas
+    from .zones import plot_zones as plot_zones
+
+__all__ = front(__name__)

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation import Branch, Point
+from contbreather.continuation.branch import Branch
 from contbreather.continuation.interpolant import between
+from contbreather.continuation.point import Point
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, marker, size, symbol

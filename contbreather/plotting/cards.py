@@ -7,12 +7,11 @@ from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from contbreather.continuation import Branch
-from contbreather.continuation.branch import Branches
+from contbreather.continuation.branch import Branch, Branches
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.run import Run as Kept
 from contbreather.errors import ContbreatherError
-from contbreather.orbits import Orbit
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.plotting.canvas import inline
 from contbreather.plotting.pictures import has_picture, plot

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import check_kind
-from contbreather.continuation import Branch, Point, refined, with_columns
+from contbreather.continuation.branch import Branch, refined, with_columns
 from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
 from contbreather.plotting.branches import ordinates, plot_branches
 from contbreather.plotting.canvas import Drawn

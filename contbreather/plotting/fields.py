@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number, row
-from contbreather.continuation import Point
+from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
-from contbreather.orbits import Orbit
+from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.canvas import BLUE, GREY, Drawn, drawing
 from contbreather.plotting.orbits import chosen_sites, orbit_of
-from contbreather.simulation import Record, Run, SmoothRun
+from contbreather.simulation.simulate import Record, Run
+from contbreather.simulation.smooth import SmoothRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,16 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.continuation import Branch, Point, Problem
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import Point
+from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.flows import Cycle
-from contbreather.lattice import Ring
-from contbreather.orbits import Orbit
+from contbreather.flows.orbit import Cycle
+from contbreather.lattice.chain import Ring
+from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.branches import value_of
 from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing, symbol
 from contbreather.plotting.labels import Labels
 from contbreather.plotting.orbits import no_orbit, solution_of
-from contbreather.simulation import PeriodicMotion
+from contbreather.simulation.periodic import PeriodicMotion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

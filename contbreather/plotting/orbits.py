@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import MOST, kind_of, whole
-from contbreather.continuation import Branch, Point, Problem
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import Point
+from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.flows import Cycle, Trajectory
-from contbreather.flows.orbit import CycleProblem
-from contbreather.orbits import Orbit
+from contbreather.flows.integrate import Trajectory
+from contbreather.flows.orbit import Cycle, CycleProblem
+from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, symbol
 
 if TYPE_CHECKING:

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import kind_of
-from contbreather.continuation import Branch, Point
+from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
+from contbreather.continuation.point import Point
 from contbreather.continuation.run import Run as Kept
 from contbreather.errors import BadInput
-from contbreather.flows import Cycle, Trajectory
-from contbreather.orbits import Orbit
+from contbreather.flows.integrate import Trajectory
+from contbreather.flows.orbit import Cycle
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.plotting.branches import plot_branches
 from contbreather.plotting.canvas import Drawn, drawing, symbol
@@ -22,8 +24,11 @@ from contbreather.plotting.diagrams import plot_diagram
 from contbreather.plotting.orbits import plot_orbit, solution_of
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
-from contbreather.simulation import Basin, Run, SmoothRun, Sweep
+from contbreather.simulation.basin import Basin
 from contbreather.simulation.classify import Verdict as Judged
+from contbreather.simulation.simulate import Run
+from contbreather.simulation.smooth import SmoothRun
+from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, one_of, row, whole
 from contbreather.errors import BadInput
-from contbreather.flows import Trajectory
+from contbreather.flows.integrate import Trajectory
 from contbreather.plotting.canvas import (
     BLUE,
     CYCLE,
@@ -24,9 +24,12 @@ from contbreather.plotting.canvas import (
     symbol,
 )
 from contbreather.plotting.orbits import draw_states
-from contbreather.simulation import Basin, Outcome, Record, Run, SmoothRun, Sweep
+from contbreather.simulation.basin import Basin, Outcome
 from contbreather.simulation.measures import localised
+from contbreather.simulation.simulate import Record, Run
+from contbreather.simulation.smooth import SmoothRun
 from contbreather.simulation.states import PERIOD
+from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

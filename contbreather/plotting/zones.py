@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, kind_of
-from contbreather.continuation import Branch
+from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput
-from contbreather.lattice import Harmonic
+from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words
 from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones

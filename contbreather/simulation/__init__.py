@@ -2,66 +2,45 @@
 
 from __future__ import annotations
 
-from contbreather.simulation.basin import Axis, Basin, Outcome, attraction
-from contbreather.simulation.classify import Kind, Verdict, judge, verdict
-from contbreather.simulation.integrator import RunStop, Sample
-from contbreather.simulation.measures import (
-    Localisation,
-    Lyapunov,
-    Rotation,
-    localisation,
-    lyapunov,
-    rotation,
-)
-from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.recording import Recording, open_recording, record
-from contbreather.simulation.simulate import Record, Run, simulate
-from contbreather.simulation.smooth import (
-    Explicit,
-    Implicit,
-    SmoothConditions,
-    SmoothRun,
-    Switching,
-    simulate_smooth,
-)
-from contbreather.simulation.states import State
-from contbreather.simulation.sweep import Sweep, sweep, there_and_back
-from contbreather.simulation.variation import variation
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Axis",
-    "Basin",
-    "Explicit",
-    "Outcome",
-    "Implicit",
-    "Kind",
-    "Localisation",
-    "Lyapunov",
-    "PeriodicMotion",
-    "Record",
-    "Recording",
-    "Rotation",
-    "Run",
-    "RunStop",
-    "Sample",
-    "SmoothConditions",
-    "SmoothRun",
-    "State",
-    "Sweep",
-    "Switching",
-    "Verdict",
-    "attraction",
-    "judge",
-    "localisation",
-    "lyapunov",
-    "open_recording",
-    "periodic",
-    "record",
-    "rotation",
-    "simulate",
-    "simulate_smooth",
-    "sweep",
-    "there_and_back",
-    "variation",
-    "verdict",
-]
+from contbreather.fronts import front
+
+if TYPE_CHECKING:
+    from .basin import Axis as Axis
+    from .basin import Basin as Basin
+    from .basin import Outcome as Outcome
+    from .basin import attraction as attraction
+    from .classify import Kind as Kind
+    from .classify import Verdict as Verdict
+    from .classify import judge as judge
+    from .classify import verdict as verdict
+    from .integrator import RunStop as RunStop
+    from .integrator import Sample as Sample
+    from .measures import Localisation as Localisation
+    from .measures import Lyapunov as Lyapunov
+    from .measures import Rotation as Rotation
+    from .measures import localisation as localisation
+    from .measures import lyapunov as lyapunov
+    from .measures import rotation as rotation
+    from .periodic import PeriodicMotion as PeriodicMotion
+    from .periodic import periodic as periodic
+    from .recording import Recording as Recording
+    from .recording import open_recording as open_recording
+    from .recording import record as record
+    from .simulate import Record as Record
+    from .simulate import Run as Run
+    from .simulate import simulate as simulate
+    from .smooth import Explicit as Explicit
+    from .smooth import Implicit as Implicit
+    from .smooth import SmoothConditions as SmoothConditions
+    from .smooth import SmoothRun as SmoothRun
+    from .smooth import Switching as Switching
+    from .smooth import simulate_smooth as simulate_smooth
+    from .states import State as State
+    from .sweep import Sweep as Sweep
+    from .sweep import sweep as sweep
+    from .sweep import there_and_back as there_and_back
+    from .variation import variation as variation
+
+__all__ = front(__name__)

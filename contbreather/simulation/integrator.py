@@ -21,7 +21,7 @@ from scipy import sparse
 
 from contbreather.checks import whole
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Ring
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.progress import Bar, line_of

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import flag, number, whole
-from contbreather.continuation import Event, Point, Problem, maps
+from contbreather.continuation import maps
 from contbreather.continuation.maps import multiplier_matrix, shorter, with_period
-from contbreather.continuation.point import UnstableDimension
+from contbreather.continuation.point import Event, Point, UnstableDimension
+from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
@@ -30,13 +31,7 @@ from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
 from contbreather.simulation.simulate import Run, advance, completed
 from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
-from contbreather.simulation.states import (
-    PERIOD,
-    ModelParameters,
-    State,
-    check_state,
-    reduced,
-)
+from contbreather.simulation.states import PERIOD, ModelParameters, State, check_state, reduced
 from contbreather.simulation.variation import variation
 from contbreather.storage.serialise import serialised
 

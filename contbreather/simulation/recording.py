@@ -32,9 +32,10 @@ from numpy.typing import NDArray
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.files import alone, named, write_whole
-from contbreather.lattice import Forcing, Fourier, Harmonic, Ring
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice
+from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
 from contbreather.parameters import NAMES
 from contbreather.progress import Bar, line_of
 from contbreather.simulation.integrator import (

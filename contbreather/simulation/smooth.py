@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 
 from contbreather.checks import number
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Forcing, Harmonic, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.lattice.forcing import Forcing, Harmonic
+from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, shown, state_rows
 from contbreather.errors import BadInput
-from contbreather.lattice import Forcing, Ring, forcing_of
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 
 Array = NDArray[Any]

@@ -43,7 +43,8 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import number, shown
 from contbreather.errors import BadInput
 from contbreather.kernels import Kernel
-from contbreather.lattice import InfiniteChain, check_gamma
+from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.chain import InfiniteChain
 from contbreather.stability import band_pairs
 from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW
 from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.periodic_green import check_coupling
 from contbreather.lattice.zeta import bernoulli, binomial
 from contbreather.parameters import parameter

@@ -33,7 +33,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import shown
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring, check_gamma
+from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability.band_pairs import EXACT, ORDERS, POWERS
 from contbreather.stability.saltation import check_finite

@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import InfiniteChain, Ring, check_gamma
+from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import NOISE, angle, curve, resolved_arc, sample, window
 from contbreather.stability.characteristic import NEAR, D, D_slope, checked, near_slope
 from contbreather.stability.ring_multipliers import even_multipliers

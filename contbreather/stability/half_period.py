@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import (
     OverReflection,
     on_arc,

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice import Ring
+from contbreather.lattice.chain import Ring
 from contbreather.lattice.modal_flow import ModalPropagator, free_multipliers, propagator
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (

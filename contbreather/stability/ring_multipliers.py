@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NotConverged
-from contbreather.lattice import Ring, check_gamma
+from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.chain import Ring
 from contbreather.stability.arc import resolved_arc
 from contbreather.stability.characteristic import (
     MODES,

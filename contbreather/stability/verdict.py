@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from contbreather.checks import real, shown
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
-from contbreather.lattice import InfiniteChain, Ring
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import OverReflection
 from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap

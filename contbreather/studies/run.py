@@ -11,10 +11,12 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from contbreather.continuation import Branch
+from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput, ContbreatherError, partial_result
 from contbreather.orbits.atlas import save_atlas, slices_of, surfaces
-from contbreather.plotting import plot, plot_atlas, plot_zones, save_figure
+from contbreather.plotting.canvas import save_figure
+from contbreather.plotting.pictures import plot
+from contbreather.plotting.zones import plot_atlas, plot_zones
 from contbreather.runs import Run, load
 from contbreather.studies.schema import Figure, Study, part
 from contbreather.studies.tasks import Task, Worker, dry_run

@@ -19,7 +19,8 @@ from pydantic import (
 )
 
 from contbreather.checks import number, real, spread
-from contbreather.lattice import Forcing, forcing_of
+from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import parameter

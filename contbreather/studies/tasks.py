@@ -12,8 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from contbreather.checks import combinations
-from contbreather.continuation import Branch, Point, Steps, boundary, trace
+from contbreather.continuation.boundary import boundary
+from contbreather.continuation.branch import Branch
+from contbreather.continuation.point import Point
+from contbreather.continuation.settings import Steps
 from contbreather.continuation.switching import switch
+from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import named, write_whole
 from contbreather.orbits.atlas import Slice, drawn

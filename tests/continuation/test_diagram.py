@@ -11,16 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from contbreather.continuation import (
-    Branch,
-    Event,
-    Problem,
-    Steps,
-    Stop,
-    branch_point,
-    load,
-    save,
-)
+from contbreather.continuation import Branch, Event, Problem, Steps, Stop, branch_point, load, save
 from contbreather.continuation.diagram import Diagram, diagram
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.switching import Seed, SwitchingProblem

@@ -14,7 +14,7 @@ import shapely
 
 import contbreather as cb
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.one_site import family_of
+from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.regions import regions
 from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import neimark_sacker, unstable_count

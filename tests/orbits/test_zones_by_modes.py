@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.one_site import family_of
+from contbreather.orbits.exact_modes import family_of
 
 WINDOW = {"gamma": (0.03, 0.032), "a": (0.72, 0.95)}
 

@@ -13,12 +13,7 @@ from scipy.linalg import expm
 
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.orbits import symmetric
-from contbreather.simulation import (
-    RunStop,
-    Sample,
-    simulate,
-    variation,
-)
+from contbreather.simulation import RunStop, Sample, simulate, variation
 from tests.orbits.field import dense
 
 PI = math.pi

@@ -1,4 +1,4 @@
-"""How a symmetric breather changes along p, phi and its parameters, for Newton's method.
+"""The symmetric breather as a problem to trace, and how it changes along p, phi and its parameters.
 
 Everything that can happen to it has a closed form, so each defining system has exact derivatives:
 one scalar for a fold and for a pitchfork, two equations and the unknown angle for a complex pair,
@@ -9,27 +9,155 @@ to the compiled steps besides (`contbreather.orbits.closure_kernels`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
-from contbreather.lattice import Lattice
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
+from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.conditions import SpringResponse, spring_response
+from contbreather.lattice.forcing import Forcing, Fourier
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closure_kernels as kernels
+from contbreather.orbits.closure import Closure
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle
+from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.orbit_events import events_of, saddle_node
+from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
 from contbreather.orbits.site_motion import phase
-from contbreather.orbits.symmetric_breather import SymmetricBreather, flight_slope_of
+from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
+from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
+from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 Array = NDArray[np.float64]
+
+# An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
+# forcing that is at a = 1, where the far field grazes.
+DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
+
+
+def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The closure (11) with the breather as its start, and all its events.
+
+    Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
+    multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
+    when asked for.
+    """
+    motion = breather.representation
+    forcing, lattice = motion.forcing, breather.lattice
+    if isinstance(lattice, Ring):
+        check_threshold(threshold)  # there NS is by the paper's rule
+    closure = Closure(forcing, lattice)
+    return orbit_problem(
+        "symmetric breather",
+        partial(type(motion).of, forcing, lattice),
+        breather,
+        threshold,
+        SymmetricProblem,
+        residual=closure.residual,
+        start={"p": motion.p, "phi": motion.phi},
+        params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
+        jacobian=closure.jacobian,
+        sensitivity=closure.sensitivity,
+        events=(saddle_node(), *events_of(HALF, lattice, threshold)),
+        record={"unstable": unstable_by(threshold)},
+        domain=_domain(breather),
+        label=f"symmetric breather{on_ring(lattice, threshold)}",
+        closure=closure,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SymmetricProblem(OrbitProblem):
+    """The closure (11) as a problem."""
+
+    closure: Closure = field(kw_only=True)
+
+    @property
+    def serialised(self) -> Mapping[str, Any]:
+        form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
+        return {"kind": self.kind, **form, "threshold": self.threshold}
+
+    def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
+        return _loops(self.closure, free, params)
+
+    def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
+        """None: half a symmetric orbit is its own."""
+        return ()
+
+    def simpler(self, point: Point) -> None:
+        """No orbit has fewer impacts."""
+
+    def with_parameters(self, names: tuple[str, ...]) -> Problem:
+        """On the infinite chain with the spring, as one of 0; on a ring by its modes."""
+        orbit = orbit_at(self)
+        if orbit.lattice.sites is not None or "spring" not in names:
+            return super().with_parameters(names)
+        # a spring of 0 changes no response, but it is one of its parameters
+        soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
+        return symmetric_problem(soft, self.threshold).having(*names)
+
+
+_PLACES = {"a": (kernels.A, 1.0), "gamma": (kernels.GAMMA, 1.0), "k": (kernels.K, 1.0)}
+
+
+def _loops(closure: Closure, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
+    """The equations with these parameters free, as functions that can be compiled; None with
+    springs, for the coupling of a ring, and on lattices of somebody else."""
+    defaults = closure.forcing.params
+    places = {**_PLACES, **_coefficients(closure.forcing)}
+    ring = closure.lattice.sites is not None and "gamma" in names
+    compilable = type(closure.lattice) in (InfiniteChain, Ring) and not isinstance(
+        closure.forcing, SpringResponse
+    )
+    if not compilable or ring or any(name not in places for name in names):
+        return None
+    f = closure.forcing.at(**{name: params[name] for name in defaults if name in params})
+    freed = [float(entry) for name in names for entry in places[name]]
+    values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
+    on, gamma = closure.lattice, values[1]
+    means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+    flat = [entry for harmonic in f.harmonics for entry in harmonic]
+    # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
+    head = [len(names), *freed, *(4 - 2 * len(names)) * [0.0], *values, *means, *4 * [0.0]]
+    head += [len(f.harmonics), kernels.FIRST + len(flat), 0]
+    data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
+    return Loops(kernels.closure, kernels.closure_slopes, data)
+
+
+def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
+    """Where the coefficients of a forcing are among its harmonics, and the factor for each."""
+    orders = [m for m, _, _ in forcing.harmonics] if isinstance(forcing, Fourier) else []
+    return {
+        f"{letter}{m}": (kernels.FIRST + 3 * i + 1 + side, -1.0 / m**2)
+        for i, m in enumerate(orders)
+        for side, letter in enumerate("cs")
+        if f"{letter}{m}" in forcing.params
+    }
+
+
+def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
+    """With springs as far as the band stays below the drive, along either parameter by itself."""
+    if "spring" not in breather.representation.forcing.params:
+        return DOMAIN
+    gamma = NUMBERS["gamma"]
+    stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
+    return {
+        **DOMAIN,
+        # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1
+        "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
+        "spring": (0.0, stiffest),  # spring + 4 gamma < 1
+    }
 
 
 def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
