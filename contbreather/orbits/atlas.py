@@ -19,7 +19,6 @@ from contbreather.lattice import Forcing, Lattice, forcing_of
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import zones
-from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.netcdf import ATLAS, checked, fill
 from contbreather.workers import Failed, each
 
@@ -48,7 +47,7 @@ def zones_many(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     past_folds: bool = False,
     site: int = 0,
     damping: float = 0.0,
@@ -151,7 +150,7 @@ def atlas(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     past_folds: bool = False,
     site: int = 0,
     damping: float = 0.0,

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, flag, number, numbers, row, shown
+from contbreather.checks import check_kind, flag, number, numbers, row
 from contbreather.continuation import Point, Problem
 from contbreather.continuation.curve import Curve
 from contbreather.display import HtmlRepr
@@ -31,7 +31,7 @@ from contbreather.orbits.representation import REPRESENTATIONS
 from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
-from contbreather.stability.verdict import THRESHOLD, Verdict, verdict
+from contbreather.stability.verdict import THRESHOLD, Verdict, threshold_on, verdict
 from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
@@ -198,12 +198,7 @@ class Orbit(PeriodicMotion, HtmlRepr):
         (2, False)
         """
         orbit = self._on_ring(sites)
-        if threshold is not None and orbit.lattice.sites is None:
-            raise BadInput(
-                f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is "
-                "exact; ask for stability(sites=N, threshold=...)."
-            )
-        answer = verdict(orbit.map, THRESHOLD if threshold is None else threshold)
+        answer = verdict(orbit.map, threshold_on(orbit.lattice, threshold))
         # where an impact vanishes (19) has a pole, and no multiplier means anything
         return answer if self.vanishing is None else answer.blank()
 

@@ -47,7 +47,7 @@ from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
-from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.stability.verdict import THRESHOLD, check_threshold, threshold_on
 from contbreather.stability.zeros import nearest, passing, upper
 from contbreather.storage.serialise import serialised
 
@@ -478,7 +478,9 @@ def neimark_sacker(
         return _deferred("NS")
     modulus = THRESHOLD if threshold is None else threshold
     form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}
-    if not (on is None or isinstance(on, InfiniteChain)):
+    if isinstance(on, InfiniteChain):
+        threshold_on(on, threshold)
+    elif on is not None:
         check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
         check_threshold(modulus)
     return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, every, form), form=form)

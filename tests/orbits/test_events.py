@@ -230,9 +230,19 @@ def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point() -> None:
     assert kinds(by_the_rule(200, 0.08, 0.23)) == ["EP", "NS", "EP"]
 
 
-def test_the_infinite_chain_has_no_threshold() -> None:
-    with pytest.raises(cb.BadInput, match="infinite chain has none"):
-        cb.symmetric(0.2, 0.08, 0.8).stability(threshold=1.01)
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda threshold: cb.symmetric(0.2, 0.08, 0.8).stability(threshold=threshold),
+        lambda threshold: cb.zones(k=0.8, threshold=threshold),
+        lambda threshold: cb.orbits.find_event("NS", ("gamma", "a"), k=0.8, threshold=threshold),
+        lambda threshold: cb.neimark_sacker(on=cb.InfiniteChain(), threshold=threshold),
+    ],
+)
+@pytest.mark.parametrize("threshold", [1.005, 1.01])
+def test_the_infinite_chain_has_no_threshold(asked: Any, threshold: float) -> None:
+    with pytest.raises(cb.BadInput, match=f"^threshold = {threshold}: the infinite chain has none"):
+        asked(threshold)
 
 
 def test_a_threshold_on_a_ring_must_exceed_one() -> None:
