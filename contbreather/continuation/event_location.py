@@ -252,7 +252,7 @@ def separated(samples: Samples) -> Iterator[Point]:
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:
         left, right = pieces.pop()
-        if abs(counts[left] - counts[right]) < 2:
+        if abs(counts[left] - counts[right]) <= 1:
             continue
         looks += 1
         middle = 0.5 * (left + right)

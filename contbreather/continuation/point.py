@@ -291,9 +291,9 @@ class Event:
         looks ahead as well. None where there is a `count` alone, of what all other events change:
         where it changes without one, the place is kept among the doubtful.
     count : callable, optional
-        ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
+        ``count(point)``, a number that changes by one where the test has a simple zero, of
         unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
-        are seen by it.
+        are seen by it where it changes by more than one.
     many : callable, optional
         ``many(points)``, arrays with the test and the count (None without one) at all points of a
         `Points`; or None where it cannot say these at once. It serves speed alone.

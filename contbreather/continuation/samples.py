@@ -74,7 +74,7 @@ def count_at(event: Event, point: Point) -> int | float:
 
 def counts_apart(event: Event, first: Point, last: Point) -> bool:
     """Whether the number beside a test tells of two zeros between two points."""
-    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) >= 2
+    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) > 1
 
 
 @dataclass
