@@ -308,6 +308,9 @@ class Event:
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
+    may_jump : bool
+        Whether nothing happens where the test changes its sign in a jump; else that is doubtful.
+
     Examples
     --------
     >>> Event("UZ", lambda point: point["x"] - 0.5).ends
@@ -322,6 +325,7 @@ class Event:
     locus: Callable[[Point], DefiningSystem] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
+    may_jump: bool = False
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):

@@ -188,7 +188,11 @@ def pair_leaves(
     pair = _Pair(threshold, lattice if elsewhere else None, every)
     count = pair.passed if endless or every else None
     many = pair.many if endless and not every else None
-    return Event("NS", pair.test, many=many, count=count, locus=pair.locus, examine=_examine_angle)
+    # where one outside turns real the test of a finite lattice goes on with the next
+    return Event(
+        "NS", pair.test, many=many, count=count, locus=pair.locus, examine=_examine_angle,
+        may_jump=not endless,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

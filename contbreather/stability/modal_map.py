@@ -29,7 +29,6 @@ from contbreather.stability.zeros import (
     newton,
     outermost,
     refined,
-    upper,
 )
 
 FloatArray = NDArray[np.float64]
@@ -200,11 +199,11 @@ class ModalMap:
 
     def outermost(self, radius: float) -> float:
         """By how much the first pair has left a circle, negative where none has (far inside by as
-        much as free modes); NaN where there is none."""
+        much as free modes), -1 where there is none."""
         margin = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
             margin = self._reduced.outermost(radius)
-        return outermost(upper(self.coupled), radius) if margin is None else margin
+        return outermost(self.coupled, radius) if margin is None else margin
 
     def pairs(self, radius: float) -> tuple[float, int]:
         """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can

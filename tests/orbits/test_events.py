@@ -226,8 +226,25 @@ def test_ring_rule_agrees_with_all_multipliers() -> None:
     assert largest == pytest.approx(1.005, abs=1e-10)
 
 
-def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point() -> None:
-    assert kinds(by_the_rule(200, 0.08, 0.23)) == ["EP", "NS", "EP"]
+def on_damped_ring(*, every: bool) -> cb.Branch:
+    on: dict[str, Any] = {"lattice": cb.Ring(7), "damping": 0.01}
+    event = cb.neimark_sacker(threshold=1.005, every=every)
+    start, window = cb.symmetric(0.26, 0.19, 0.957, **on), {"gamma": (0.0, 0.24)}
+    return cb.trace(start, "gamma", within=window, events=[event])
+
+
+@pytest.mark.parametrize(
+    ("branch", "points"),
+    [
+        (lambda: by_the_rule(200, 0.08, 0.23), 1),
+        (lambda: on_damped_ring(every=False), 1),
+        (lambda: on_damped_ring(every=True), 3),
+    ],
+)
+def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point(branch, points) -> None:
+    found = branch()
+    assert kinds(found) == ["EP", *["NS"] * points, "EP"]
+    assert not found.doubtful
 
 
 @pytest.mark.parametrize(
