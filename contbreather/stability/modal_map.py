@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice import Ring
-from contbreather.lattice.modal_flow import ModalPropagator, free_multipliers, propagator
+from contbreather.lattice.modal_flow import (
+    ModalPropagator,
+    check_modes,
+    free_multipliers,
+    propagator,
+)
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     REAL,
@@ -144,6 +149,7 @@ class ModalMap:
     @cached_property
     def matrix(self) -> FloatArray:
         """The map of the modes that impacts see, (2K, 2K)."""
+        check_modes(self.lattice, self.z.size)
         return np.asarray(self.applied(np.eye(2 * self.z.size)))
 
     @cached_property
