@@ -262,6 +262,20 @@ def test_the_infinite_chain_has_no_threshold(asked: Any, threshold: float) -> No
         asked(threshold)
 
 
+def test_two_real_multipliers_that_become_a_pair_do_not_end_the_curve_of_another() -> None:
+    start, window = cb.symmetric(0.127, 0.057, 0.7656, lattice=cb.Ring(49)), {"gamma": (0, 0.249)}
+    event = [cb.neimark_sacker(threshold=1.005)]
+    branch = cb.trace(start, "gamma", within=window, events=event)
+    second = [point for point in branch.special if point.kind == "NS"][1]
+    line = cb.boundary(second, ("gamma", "k"), within=window, towards="down")
+    assert not line.doubtful
+    ends = second, line.first("NS-NS")
+    first, last = (np.sort(abs(end.solution.multipliers()))[::-1] for end in ends)
+    assert first[0] > first[1] + 0.1 > 1.2  # real
+    assert last[0] == pytest.approx(last[1], abs=1e-9)
+    assert last[2:6] == pytest.approx(1.005, abs=1e-8)
+
+
 def test_a_threshold_on_a_ring_must_exceed_one() -> None:
     with pytest.raises(cb.BadInput, match="above 1"):
         cb.neimark_sacker(on=cb.Ring(10), threshold=1.0)
