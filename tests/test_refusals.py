@@ -191,6 +191,10 @@ CASES += [
         lambda: cb.symmetric(**HERE, spring=1.0, lattice=cb.OpenChain(9), site=0),
         "a mode of the open chain with free ends, 9 sites with the frequency 1 is in resonance",
     ),
+    (
+        lambda: cb.symmetric(**HERE, lattice=Ring(12_000), damping=0.01).stability(),
+        "^ring of 12000: its impacts move 6001 modes, and how an orbit changes is told by a matrix",
+    ),
     # what is larger than anything, or not even text
     (lambda: cb.OpenChain(10**400), "^sites is above 9007199254740992: no computer counts"),
     (lambda: cb.OpenChain(10_001), "^sites = 10001: a lattice by its matrix has at most"),

@@ -99,7 +99,7 @@ def boundary(
         raise BadInput(f"--pair {first} {second}: two different parameters are expected")
     params = where.need(*(name for name in NEEDED if name not in pair))
     within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
-    options = {**params, **on.given, "within": within, "threshold": on.threshold}
+    options = {**params, **on.given, "within": within, "threshold": where.threshold}
     steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(kind.upper(), pair, **options)
     locus = seed.event.locus if seed.event else None

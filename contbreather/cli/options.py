@@ -186,7 +186,7 @@ class ZoneOptions(LatticeOptions):
     def options(self, on: ModelParameters) -> dict[str, Any]:
         """All of it as `zones` takes it."""
         losses = {"damping": self.damping or 0.0, "spring": self.spring}
-        how = {"past_folds": self.past_folds, "within": self.within, "threshold": on.threshold}
+        how = {"past_folds": self.past_folds, "within": self.within, "threshold": self.threshold}
         return {**on.given, **how, **losses}
 
 

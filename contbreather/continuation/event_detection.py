@@ -185,7 +185,7 @@ def clear_steps(arclength: Array, tests: Array, counts: Sequence[Array]) -> int:
     calm = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(axis=0)
     for count in counts:
         # by one the count changes at a simple zero, which leaves its change of sign
-        calm &= abs(np.diff(count)) < 2
+        calm &= abs(np.diff(count)) <= 1
     return int(calm.argmin()) if not calm.all() else calm.size
 
 

@@ -91,6 +91,10 @@ def _in_bracket(samples: Samples, left: float, right: float) -> Iterator[Point]:
         else:
             samples.remember_event(0.5 * (low + high), left, right)
         yield special(samples, point, low, high)
+    if not jumps:  # one that may jump has changes left beside its jump
+        for low, high in samples.changes():
+            if left <= low and high <= right:
+                yield from _in_bracket(samples, low, high)
 
 
 def at_end(samples: Samples, u: float) -> Point:
@@ -131,6 +135,9 @@ def _zero(samples: Samples, left: float, right: float) -> Place | None:
     point, kind = samples.segment.at(u), samples.event.kind
     if abs(measure(samples.event, point)) <= 1e-6 * size:
         return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
+    if samples.event.may_jump:
+        samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
+        return None
     reason = f"the test of {kind} changes sign without a zero: it jumps or has a pole"
     return u, u, replace(point, detail={"reason": reason}, located=False)
 
@@ -252,7 +259,7 @@ def separated(samples: Samples) -> Iterator[Point]:
     pieces, looks = [(0.0, 1.0)], 0
     while pieces:
         left, right = pieces.pop()
-        if abs(counts[left] - counts[right]) < 2:
+        if abs(counts[left] - counts[right]) <= 1:
             continue
         looks += 1
         middle = 0.5 * (left + right)

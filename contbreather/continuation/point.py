@@ -291,9 +291,9 @@ class Event:
         looks ahead as well. None where there is a `count` alone, of what all other events change:
         where it changes without one, the place is kept among the doubtful.
     count : callable, optional
-        ``count(point) -> int``, a number that changes by one where the test has a simple zero, of
+        ``count(point)``, a number that changes by one where the test has a simple zero, of
         unstable eigenvalues for instance. Two zeros within a step, which leave no change of sign,
-        are seen by it.
+        are seen by it where it changes by more than one.
     many : callable, optional
         ``many(points)``, arrays with the test and the count (None without one) at all points of a
         `Points`; or None where it cannot say these at once. It serves speed alone.
@@ -308,6 +308,9 @@ class Event:
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
+    may_jump : bool
+        Whether nothing happens where the test changes its sign in a jump; else that is doubtful.
+
     Examples
     --------
     >>> Event("UZ", lambda point: point["x"] - 0.5).ends
@@ -322,6 +325,7 @@ class Event:
     locus: Callable[[Point], DefiningSystem] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
+    may_jump: bool = False
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):

@@ -21,6 +21,7 @@ Value = float | int
 
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
+_TOWARDS = 6  # halvings of the way to where a test has no value
 _LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
 
@@ -74,7 +75,7 @@ def count_at(event: Event, point: Point) -> int | float:
 
 def counts_apart(event: Event, first: Point, last: Point) -> bool:
     """Whether the number beside a test tells of two zeros between two points."""
-    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) >= 2
+    return event.count is not None and abs(count_at(event, first) - count_at(event, last)) > 1
 
 
 @dataclass
@@ -202,8 +203,8 @@ class Samples:
 
     def foresee(self) -> bool:
         """Look between the places where a test should have its zeros, so that each leaves its
-        change of sign; and beside an event at the start, where the sign is not known. Whether
-        there are any."""
+        change of sign; beside an event at the start, where the sign is not known; and towards an
+        end without a value, as where an impact vanishes. Whether there are any."""
         test, segment, look, places = self.event.test, self.segment, list[float](), np.empty(0)
         if isinstance(test, Singular) and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
@@ -218,4 +219,11 @@ class Samples:
             look.append(ASIDE + 1e-12 * size / segment.length)
         for u in look:
             self.glance(u)
+        gaps = [math.isnan(self.values[end]) for end in (0.0, 1.0)]
+        if gaps[0] != gaps[1]:
+            blank = float(gaps[1])
+            known = 1.0 - blank
+            for _ in range(_TOWARDS):
+                u = 0.5 * (known + blank)
+                known, blank = (known, u) if math.isnan(self.glance(u)) else (u, blank)
         return bool(places.size or look)

@@ -26,11 +26,22 @@ from contbreather.lattice.forcing import Forcing, Harmonics
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
+MOST = 5_000  # modes, two rows each: 10^8 numbers
 SMALL = 0.25  # |x| below which differences of c and s go by their series
 # a driven mode this close to a harmonic answers it beyond all bounds
 RESONANT = 1e-12
 # (s - c)/x by powers of x
 _SERIES = [1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45360.0, 1.0 / 3991680.0, -1.0 / 518918400.0]
+
+
+def check_modes(lattice: Finite, modes: int) -> None:
+    """Refuse more of them than a matrix of their perturbations is written down for."""
+    if modes > MOST:
+        raise BadInput(
+            f"{lattice.describe()}: its impacts move {modes} modes, and how an orbit changes is "
+            f"told by a matrix, of up to {MOST}; take fewer sites: with damping waves do not come "
+            "back. A ring without damping, springs and walls of its own needs no matrix."
+        )
 
 
 class ModalPropagator(NamedTuple):

@@ -21,7 +21,6 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import zones
-from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.netcdf import ATLAS, checked, fill
 from contbreather.workers import Failed, each
 
@@ -50,7 +49,7 @@ def zones_many(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     past_folds: bool = False,
     site: int = 0,
     damping: float = 0.0,
@@ -153,7 +152,7 @@ def atlas(
     forcing: Forcing | str | None = None,
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     past_folds: bool = False,
     site: int = 0,
     damping: float = 0.0,

@@ -166,7 +166,8 @@ class Row:
             if _dips(test)[steps].any():
                 return False
             # at a zero a count changes by one; where it says more the test is looked at closely
-            jumps = _changes(test) != (_changes(test) if count is None else abs(np.diff(count)))
+            passed = _changes(test) if count is None else np.rint(abs(np.diff(count)))
+            jumps = _changes(test) != passed
             for step in np.flatnonzero(jumps[steps]) + steps.start:
                 _, closer = self._closely(event, self.z[step : step + 2, 1])
                 if (_changes(closer) | _dips(closer)).any():

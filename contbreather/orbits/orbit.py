@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind, flag, number, numbers, row, shown
+from contbreather.checks import check_kind, flag, number, numbers, row
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
@@ -200,15 +200,10 @@ class Orbit(PeriodicMotion, HtmlRepr):
         >>> b.stability().unstable, b.stability(sites=400).stable
         (2, False)
         """
-        from contbreather.stability.verdict import THRESHOLD, verdict
+        from contbreather.stability.verdict import threshold_on, verdict
 
         orbit = self._on_ring(sites)
-        if threshold is not None and orbit.lattice.sites is None:
-            raise BadInput(
-                f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is "
-                "exact; ask for stability(sites=N, threshold=...)."
-            )
-        answer = verdict(orbit.map, THRESHOLD if threshold is None else threshold)
+        answer = verdict(orbit.map, threshold_on(orbit.lattice, threshold))
         # where an impact vanishes (19) has a pole, and no multiplier means anything
         return answer if self.vanishing is None else answer.blank()
 

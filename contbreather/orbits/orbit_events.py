@@ -56,13 +56,14 @@ from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
-from contbreather.stability.verdict import THRESHOLD, check_threshold
-from contbreather.stability.zeros import nearest, passing, upper
+from contbreather.stability.verdict import THRESHOLD, check_threshold, threshold_on
+from contbreather.stability.zeros import REAL, nearest, passing, upper
 from contbreather.storage.serialise import serialised
 
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
 BLURRED = 1e-4  # of rounding in a multiplier: neither a sign nor a count is to be had from it
 _ZERO = 1e-8  # the scalar of a real multiplier where that is located, relative to its terms
+_ON = 1e-8  # of a circle: what is closer is on it, as both pairs are where they meet
 _ALL_BUT = 1.0 - 1e-15
 _NEARLY = 1.0 - 1e-9  # what is on the circle at 1 is inside by more than rounding
 
@@ -197,7 +198,11 @@ def pair_leaves(
     pair = _Pair(threshold, lattice if elsewhere else None, every)
     count = pair.passed if endless or every else None
     many = pair.many if endless and not every else None
-    return Event("NS", pair.test, many=many, count=count, locus=pair.locus, examine=_examine_angle)
+    # where one outside turns real the test of a finite lattice goes on with the next
+    return Event(
+        "NS", pair.test, many=many, count=count, locus=pair.locus, examine=_examine_angle,
+        may_jump=not endless,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -277,7 +282,9 @@ class _Pair:
         if map.lattice.sites is None:
             return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
         if isinstance(map, HalfMap):
-            ends: tuple[Event, ...] = (_Next(self, circle.radius).event(),)
+            others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + _ON)
+            outside = passing(others, beyond)[1] + _real_pairs(others, beyond)
+            ends: tuple[Event, ...] = (_Next(self, circle.radius, outside).event(),)
         else:
             ends = tuple(_turns_real(circle.radius, point))
         return representation.locus(circle, point, angle, events=ends)
@@ -291,29 +298,45 @@ def _is_elastic(map: Any) -> bool:
 @dataclass(frozen=True)
 class _Next:
     """Where another pair of a ring reaches the circle as well: beyond, the one that was followed is
-    not the first to be there any more, and the rule's line goes on with the other."""
+    not the first to be there any more, and the rule's line goes on with the other. Of other pairs
+    so many were `outside` where it set out, two real multipliers alike in sign counting as one:
+    where these become a complex pair nothing ends."""
 
     pair: _Pair
     radius: float
+    outside: int
 
     def event(self) -> Event:
         base = Event("NS", self.pair.test, locus=self.locus, examine=_examine_angle)
         return CodimensionTwo("NS-NS", self.test, ends="domain", base=base, examine=self.examine)
 
     def others(self, point: Point) -> NDArray[np.complex128]:
-        mu = upper(self.pair.map(point).coupled)
-        followed = self.radius * cmath.exp(1j * math.pi * point["nu"])
-        return np.asarray(np.delete(mu, int(abs(mu - followed).argmin())))
+        return _others(self.pair.map(point), self.radius, point["nu"])
 
     def test(self, point: Point) -> float:
-        return self.radius - float(abs(self.others(point)).max(initial=0.0))
+        mu = self.others(point)
+        pairs = np.sort(abs(upper(mu)))[::-1]
+        known = max(self.outside - _real_pairs(mu, self.radius), 0)
+        return self.radius - float(pairs[known:].max(initial=0.0))
 
     def examine(self, point: Point) -> Mapping[str, Any]:
-        mu = self.others(point)
-        return {"next": float(np.angle(mu[abs(mu).argmax()])) / math.pi}
+        return {"next": nearest(self.others(point), self.radius)}
 
     def locus(self, point: Point) -> DefiningSystem:
         return self.pair.following(point, point.detail["next"])
+
+
+def _others(map: Any, radius: float, angle: float) -> NDArray[np.complex128]:
+    """The multipliers but for a pair on a circle."""
+    followed = radius * cmath.exp(1j * math.pi * angle)
+    pair = [int(abs(map.coupled - mu).argmin()) for mu in (followed, followed.conjugate())]
+    return np.asarray(np.delete(map.coupled, pair))
+
+
+def _real_pairs(mu: NDArray[np.complex128], radius: float) -> int:
+    """How many pairs the real multipliers outside a circle may become."""
+    real = mu[abs(mu.imag) <= REAL].real
+    return sum(int(np.count_nonzero(side * real > radius)) // 2 for side in (1, -1))
 
 
 def _turns_real(radius: float, point: Point) -> Iterator[Event]:
@@ -487,7 +510,9 @@ def neimark_sacker(
         return _deferred("NS")
     modulus = THRESHOLD if threshold is None else threshold
     form = {"kind": "NS", "on": on, "threshold": threshold, **({"every": True} if every else {})}
-    if not (on is None or isinstance(on, InfiniteChain)):
+    if isinstance(on, InfiniteChain):
+        threshold_on(on, threshold)
+    elif on is not None:
         check_kind(on, Ring, "InfiniteChain() or Ring(sites)")
         check_threshold(modulus)
     return DeferredEvent("NS", choose=partial(_pair_leaves, on, modulus, every, form), form=form)

@@ -24,6 +24,7 @@ from contbreather.lattice.finite import Basis, Finite
 from contbreather.lattice.modal_flow import (
     Driven,
     ModalPropagator,
+    check_modes,
     driven,
     free_multipliers,
     propagator,
@@ -391,6 +392,7 @@ class SectionFlight:
     def jacobian(self, names: Sequence[str] = ()) -> FloatArray:
         """Derivative of `residual` in (t, q, r) and `names`, shape ``(m + 2K, m + 2K + ...)``."""
         m, K, diagonal = self.t.size, self.q.size, np.arange(self.q.size)
+        check_modes(self.conditions.lattice, K)
         tangents, sign = self.tangents(names), self.section.sign
         walls = told_apart_slopes(self.section, self.t, self._walls, tangents.walls)
         matrix = np.vstack([walls, tangents.Y, tangents.R])

@@ -26,7 +26,7 @@ from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_search import up_to_the_fold
 from contbreather.parameters import NAMES, NEEDED, OPTIONAL, window_of
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import THRESHOLD, threshold_on
 
 REACH = 10.0  # how far a window without end is looked at
 Window = tuple[float, float]
@@ -138,7 +138,7 @@ def find_event(
     pair: tuple[str, str],
     *,
     within: Mapping[str, Window] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     **conditions: Any,
 ) -> Point:
     """The first event of a kind on branches of symmetric breathers, or on the arms that leave them:
@@ -153,7 +153,7 @@ def find_event(
         among `conditions`.
     within : dict, optional
         Windows of both.
-    threshold : float
+    threshold : float, optional
         Modulus over 2 pi from which a multiplier counts as unstable, on finite lattices; not for
         arms, which are judged by the paper's.
     **conditions
@@ -172,7 +172,7 @@ def find_event(
     """
     first, free = named_pair(pair)
     check_kind(kind, str, "the kind of an event, 'PF' for instance,")
-    if kind == "PD" and threshold != THRESHOLD:
+    if kind == "PD" and threshold not in (None, THRESHOLD):
         raise BadInput(
             f"threshold = {threshold:g}: PD is found on arms, which are judged by the paper's "
             f"{THRESHOLD}; leave it out"
@@ -190,7 +190,7 @@ def find_event(
         except BadInput as error:  # out of range here, perhaps not elsewhere in the window
             refusal = refusal or error
             continue
-        problem = problem_with(start, *pair, threshold=threshold)
+        problem = problem_with(start, *pair, threshold=threshold_on(start.lattice, threshold))
         events = tuple(map(up_to_the_fold, problem.events))
         branch = trace(problem, free, within={free: reach}, events=events, progress=False)
         # a symmetric breather breaks its symmetry (PF) before it can double its period

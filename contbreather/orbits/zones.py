@@ -22,7 +22,7 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zone_search import Search
 from contbreather.parameters import parameter
 from contbreather.progress import Counter, line_of
-from contbreather.stability.verdict import THRESHOLD
+from contbreather.stability.verdict import threshold_on
 
 
 class Drawn(TypedDict, total=False):
@@ -32,7 +32,7 @@ class Drawn(TypedDict, total=False):
     lattice: Lattice | None
     within: Mapping[str, tuple[float, float]] | None
     progress: bool | Counter | None
-    threshold: float
+    threshold: float | None
     past_folds: bool
     save: Save
     site: int
@@ -70,7 +70,7 @@ def zones(
     lattice: Lattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | Counter | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     past_folds: bool = False,
     save: Save = None,
     site: int = 0,
@@ -95,8 +95,9 @@ def zones(
         Windows of the two parameters, narrower than the defaults.
     progress : bool, optional
         As for `trace`.
-    threshold : float
-        Modulus over 2 pi of the paper's rule; for rings.
+    threshold : float, optional
+        Modulus over 2 pi beyond which a multiplier counts, the paper's 1.005 unless given; for
+        finite lattices only.
     past_folds : bool, optional
         Whether the diagram is of the lower breathers, too: those behind a fold, of one harmonic the
         ones with the smaller p. Unless asked for it is of the upper ones, whatever the forcing: the
@@ -147,7 +148,8 @@ def zones(
     value = _fixed(name, value)
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
     model["forcing"] = forcing_of(forcing)
-    search = Search(name, value, model, windows(within), threshold, past_folds)
+    modulus = threshold_on(model["lattice"], threshold)
+    search = Search(name, value, model, windows(within), modulus, past_folds)
     line = line_of(progress, lambda shown: Counter(shown, search.pair[0]))
     with (
         checkpoint(save, "zones") as search.kept,

@@ -240,10 +240,14 @@ class Window(NamedTuple):
         b runs to infinity where an impact vanishes."""
         return ((b - self.centre) ** 2 - self.square) / (1.0 + b * b)
 
-    def passed(self, b: float) -> int:
-        """How many of the two ends are below b."""
-        half = math.sqrt(max(self.square, 0.0))
-        return (b > self.centre - half) + 1 * (b > self.centre + half)
+    def passed(self, b: Any) -> Any:
+        """How many of the two ends are below b; without a window what leads from none to both, as
+        smoothly as the distance from one allows."""
+        off = b - self.centre
+        if self.square < 0.0:
+            return 1.0 + off / np.sqrt(off * off - self.square)
+        half = math.sqrt(self.square)
+        return (off > -half) + 1 * (off > half)
 
 
 @lru_cache(maxsize=64)

@@ -29,7 +29,7 @@ from contbreather.stability.counting import (
     unstable_multipliers,
 )
 from contbreather.stability.ring_multipliers import even_multipliers, half_multipliers
-from contbreather.stability.zeros import farthest, outermost, upper
+from contbreather.stability.zeros import farthest, outermost
 
 Array = NDArray[Any]
 
@@ -90,7 +90,7 @@ class HalfMap:
         it, and how many of both ends are below b; two that are passed in one step are seen. At
         k = 1 it has an end where the pitchfork is: on a curve of pitchforks that is rounding."""
         if self.lattice.sites is not None:
-            return -outermost(upper(self.coupled), radius), 0
+            return -outermost(self.coupled, radius), 0
         ends = window(self.gamma, self.k, self.lattice.spring)
         off = ends.miss(self.b)
         if self.k == 1.0:

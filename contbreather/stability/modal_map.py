@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.lattice.chain import Ring
-from contbreather.lattice.modal_flow import ModalPropagator, free_multipliers, propagator
+from contbreather.lattice.modal_flow import (
+    ModalPropagator,
+    check_modes,
+    free_multipliers,
+    propagator,
+)
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     REAL,
@@ -29,7 +34,6 @@ from contbreather.stability.zeros import (
     newton,
     outermost,
     refined,
-    upper,
 )
 
 FloatArray = NDArray[np.float64]
@@ -145,6 +149,7 @@ class ModalMap:
     @cached_property
     def matrix(self) -> FloatArray:
         """The map of the modes that impacts see, (2K, 2K)."""
+        check_modes(self.lattice, self.z.size)
         return np.asarray(self.applied(np.eye(2 * self.z.size)))
 
     @cached_property
@@ -200,11 +205,11 @@ class ModalMap:
 
     def outermost(self, radius: float) -> float:
         """By how much the first pair has left a circle, negative where none has (far inside by as
-        much as free modes); NaN where there is none."""
+        much as free modes), -1 where there is none."""
         margin = None
         if "coupled" not in self.__dict__ and 2 * self.z.size > LARGE and radius > 1.0:
             margin = self._reduced.outermost(radius)
-        return outermost(upper(self.coupled), radius) if margin is None else margin
+        return outermost(self.coupled, radius) if margin is None else margin
 
     def pairs(self, radius: float) -> tuple[float, int]:
         """How far the first pair is inside a circle, and nothing that counts; NaN where no pair can

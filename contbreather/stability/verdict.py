@@ -158,6 +158,16 @@ class Verdict(HtmlRepr):
         return f"<{self.describe()}>"
 
 
+def threshold_on(lattice: Any, threshold: float | None) -> float:
+    """The paper's unless one is given; the infinite chain takes none."""
+    if threshold is not None and lattice.sites is None:
+        raise BadInput(
+            f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
+            "name a finite lattice, Ring(400) for instance."
+        )
+    return THRESHOLD if threshold is None else threshold
+
+
 def check_threshold(threshold: float) -> None:
     """Refuse what is no threshold for a lattice without losses."""
     if not 1.0 < real(threshold) < math.inf:

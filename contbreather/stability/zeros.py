@@ -152,20 +152,19 @@ def beyond(mu: Array, place: float) -> int:
 
 
 def outermost(mu: Array, radius: float = 1.0) -> float:
-    """By how much the first pair has left a circle, negative where none has; NaN if there is none.
+    """By how much the first pair has left a circle, negative where none has, -1 if there is none.
 
     For rings, where one pair after the other follows the first and tells nothing new.
     """
-    pairs = np.abs(mu[mu.imag > 0.0])
-    return float(pairs.max()) / radius - 1.0 if pairs.size else math.nan
+    return float(np.abs(upper(mu)).max(initial=0.0)) / radius - 1.0
 
 
 def passing(mu: Array, radius: float = 1.0) -> tuple[float, int]:
     """How far off a circle the nearest pair is, with a sign that changes wherever one passes it,
-    positive where none is outside, NaN if there is none; and how many are outside."""
-    off = np.abs(mu[mu.imag > 0.0]) / radius - 1.0
+    positive where none is outside, 1 if there is none; and how many are outside."""
+    off = np.abs(upper(mu)) / radius - 1.0
     outside = int(np.count_nonzero(off > 0.0))
-    return (-1.0) ** outside * float(abs(off).min()) if off.size else math.nan, outside
+    return (-1.0) ** outside * float(abs(off).min(initial=1.0)), outside
 
 
 def upper(mu: Array) -> Array:

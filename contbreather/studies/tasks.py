@@ -229,8 +229,9 @@ def _zones(task: Task, folder: Path) -> Any:
     asked = task.asked
     chain, drive = _chain(asked)
     name = next(name for name in asked["at"] if name not in drive.params)
-    shared = {"threshold": chain.verge, "within": _within(task), "past_folds": asked["past_folds"]}
-    return drawn(Slice(name, asked["at"][name], drive), **chain.on, **shared)
+    how = {"within": _within(task), "past_folds": asked["past_folds"]}
+    plane = Slice(name, asked["at"][name], drive)
+    return drawn(plane, **chain.on, **how, threshold=chain.threshold)
 
 
 _COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {

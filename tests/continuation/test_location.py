@@ -154,6 +154,22 @@ def test_a_pole_or_a_step_of_a_float_test_is_no_event_but_is_told(test) -> None:
         assert "not located" in repr(point)
 
 
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_a_zero_next_to_where_a_test_has_no_value_is_found(start: float) -> None:
+    ends = Event("NA", lambda q: math.nan if q["mu"] > 0.97 or q["mu"] < -0.97 else q["mu"] - 0.9)
+    assert places(on_line(ends, start=start, steps=LONG)) == pytest.approx([0.9])
+
+
+@pytest.mark.parametrize("end", [0.55, 1.0])
+def test_a_jump_that_means_nothing_hides_no_zero_beside_it(end: float) -> None:
+    def jumps(q: Point) -> float:
+        return (q["mu"] - 0.3) * (q["mu"] - 0.7) * math.copysign(1.0, q["mu"] - 0.5)
+
+    branch = on_line(Event("PO", jumps, may_jump=True), within={"mu": (-1.0, end)}, steps=LONG)
+    assert places(branch) == pytest.approx([value for value in (0.3, 0.7) if value < end])
+    assert not branch.doubtful
+
+
 def blank(wrap: Callable[[float], float]) -> Callable[[Point], float]:
     return lambda q: math.nan if abs(q["mu"] - 0.3) < 0.1 else wrap(q["mu"] - 0.3)
 

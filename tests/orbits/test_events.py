@@ -226,13 +226,54 @@ def test_ring_rule_agrees_with_all_multipliers() -> None:
     assert largest == pytest.approx(1.005, abs=1e-10)
 
 
-def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point() -> None:
-    assert kinds(by_the_rule(200, 0.08, 0.23)) == ["EP", "NS", "EP"]
+def on_damped_ring(*, every: bool) -> cb.Branch:
+    on: dict[str, Any] = {"lattice": cb.Ring(7), "damping": 0.01}
+    event = cb.neimark_sacker(threshold=1.005, every=every)
+    start, window = cb.symmetric(0.26, 0.19, 0.957, **on), {"gamma": (0.0, 0.24)}
+    return cb.trace(start, "gamma", within=window, events=[event])
 
 
-def test_the_infinite_chain_has_no_threshold() -> None:
-    with pytest.raises(cb.BadInput, match="infinite chain has none"):
-        cb.symmetric(0.2, 0.08, 0.8).stability(threshold=1.01)
+@pytest.mark.parametrize(
+    ("branch", "points"),
+    [
+        (lambda: by_the_rule(200, 0.08, 0.23), 1),
+        (lambda: on_damped_ring(every=False), 1),
+        (lambda: on_damped_ring(every=True), 3),
+    ],
+)
+def test_a_pair_that_turns_real_on_a_ring_is_no_neimark_sacker_point(branch, points) -> None:
+    found = branch()
+    assert kinds(found) == ["EP", *["NS"] * points, "EP"]
+    assert not found.doubtful
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda threshold: cb.symmetric(0.2, 0.08, 0.8).stability(threshold=threshold),
+        lambda threshold: cb.zones(k=0.8, threshold=threshold),
+        lambda threshold: cb.orbits.find_event("NS", ("gamma", "a"), k=0.8, threshold=threshold),
+        lambda threshold: cb.neimark_sacker(on=cb.InfiniteChain(), threshold=threshold),
+    ],
+)
+@pytest.mark.parametrize("threshold", [1.005, 1.01])
+def test_the_infinite_chain_has_no_threshold(asked: Any, threshold: float) -> None:
+    with pytest.raises(cb.BadInput, match=f"^threshold = {threshold}: the infinite chain has none"):
+        asked(threshold)
+
+
+def test_two_real_multipliers_that_become_a_pair_do_not_end_the_curve_of_another() -> None:
+    start, window = cb.symmetric(0.127, 0.057, 0.7656, lattice=cb.Ring(49)), {"gamma": (0, 0.249)}
+    event = [cb.neimark_sacker(threshold=1.005)]
+    branch = cb.trace(start, "gamma", within=window, events=event)
+    second = [point for point in branch.special if point.kind == "NS"][1]
+    line = cb.boundary(second, ("gamma", "k"), within=window, towards="down")
+    assert not line.doubtful
+    ends = second, line.first("NS-NS")
+    first, last = (np.sort(abs(end.solution.multipliers()))[::-1] for end in ends)
+    assert first[0] > first[1] + 0.1 > 1.2  # real
+    assert last[0] == pytest.approx(last[1], abs=1e-9)
+    assert last[2:6] == pytest.approx(1.005, abs=1e-8)
 
 
 def test_a_threshold_on_a_ring_must_exceed_one() -> None:

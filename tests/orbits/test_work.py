@@ -13,6 +13,7 @@ import contbreather as cb
 from contbreather import kernels
 from contbreather.continuation import Steps, compiled_steps
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.interpolant import StepInterpolant
 from contbreather.orbits import margins
 from contbreather.orbits.grazing import other_contacts, solution_at
 from contbreather.orbits.symmetric_breather import SymmetricBreather
@@ -59,6 +60,14 @@ def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.Monkey
     own = window(found["gamma"], 0.8)
     assert abs(own.miss(found.solution.representation.b)) < 1e-10
     assert [own.low, own.high] == pytest.approx([point.nu for point in ends], abs=1e-12)
+
+
+@pytest.mark.parametrize(("free", "most"), [("a", 5), ("gamma", 8)])
+def test_where_there_is_no_window_of_a_pair_none_is_looked_for(counted, free, most) -> None:
+    placed = counted(StepInterpolant, "at")
+    start, windows = cb.symmetric(0.3, 0.08, 0.8), {"a": (0.05, 0.95), "gamma": (0, 0.15)}
+    cb.trace(start, free, within=windows, events=[cb.neimark_sacker()])
+    assert placed["calls"] <= most  # 28 and 50 to bisect the place where b passes its centre
 
 
 @pytest.mark.parametrize(("floor", "most"), [(0.3, 18), (1e-2, 25)])
