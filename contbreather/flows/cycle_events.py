@@ -375,7 +375,7 @@ def events_of(equations: Equations) -> tuple[Event, ...]:
     events = [FOLD, BRANCH_POINT, FLIP, ROTATION]
     if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
         events.append(SHRUNK)
-    if equations.autonomous and equations.smooth:
+    if equations.autonomous:
         events.append(HOMOCLINIC)
     if any(flow.until for flow in equations.flows):
         events.append(IMPACT)
