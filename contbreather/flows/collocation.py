@@ -21,7 +21,7 @@ from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Flow, Params, slopes, values
 
-_MOST_POINTS = 12
+_MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 _ITERATIONS = 12
 _SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
@@ -174,20 +174,22 @@ class TrajectorySegment:
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
         return j, (s - self.knots[j]) / self.steps[j]
 
-    def on(self, knots: Array) -> TrajectorySegment:
+    def on(self, knots: Array, scheme: Collocation | None = None) -> TrajectorySegment:
         """The same flight on another mesh, by interpolation: a start for it."""
-        steps = np.diff(knots)
-        inner = knots[:-1, None] + steps[:, None] * self.scheme.nodes
+        steps, scheme = np.diff(knots), scheme or self.scheme
+        inner = knots[:-1, None] + steps[:, None] * scheme.nodes
         rates = self.rates(inner.ravel()).reshape(len(self.states), *inner.shape)
         states, slopes = self.at(knots[:-1]), rates * steps[:, None]
-        return TrajectorySegment(self.scheme, knots, self.start, self.duration, states, slopes)
+        return TrajectorySegment(scheme, knots, self.start, self.duration, states, slopes)
 
     def halved(self) -> TrajectorySegment:
-        """The same flight on twice as many intervals."""
+        """The same flight on twice as many intervals; where these are many, of the highest order:
+        the tail after a jump is in one of them, however many they are."""
         between = 0.5 * (self.knots[1:] + self.knots[:-1])
         knots = np.insert(self.knots, range(1, self.knots.size), between)
-        scheme = replace(self.scheme, intervals=2 * self.scheme.intervals)
-        return replace(self.on(knots), scheme=scheme)
+        many = 2 * self.scheme.intervals
+        points = _MOST_POINTS if many > _MANY else self.scheme.points
+        return self.on(knots, Collocation(many, points))
 
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there."""

@@ -31,7 +31,7 @@ from .time_dependence import refuse_false_period
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
-MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
+_MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has more stays
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = (
@@ -247,7 +247,7 @@ class CycleProblem(Problem):
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals where the mesh is too coarse at a point."""
-        if not self.unresolved(point) or len(self.start["mesh"]) > MOST_INTERVALS:
+        if not self.unresolved(point) or len(self.start["mesh"]) > _MOST_INTERVALS:
             return None
         if along is None:
             return self.halved(), None
