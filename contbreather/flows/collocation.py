@@ -29,7 +29,7 @@ _STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest,
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
 _HALVINGS = 50
 _ADAPTIONS = 4
-_AT_REST = 1e-7  # how far an orbit goes at least, in its size: what does not move has a mesh, too
+_AT_REST = 0.1  # how far an orbit goes at least, in its size: what sets out from rest keeps a mesh
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
@@ -114,6 +114,8 @@ class TrajectorySegment:
     states : ndarray, shape (n, intervals)
     slopes : ndarray, shape (n, intervals, points)
         At the Gauss points, in units of the length of each interval.
+    rounds : int
+        How many times around the orbit is that it was doubled from.
     """
 
     scheme: Collocation
@@ -122,6 +124,7 @@ class TrajectorySegment:
     duration: float
     states: Array
     slopes: Array
+    rounds: int = 1
 
     @cached_property
     def begins(self) -> Array:
@@ -180,7 +183,7 @@ class TrajectorySegment:
         inner = knots[:-1, None] + steps[:, None] * scheme.nodes
         rates = self.rates(inner.ravel()).reshape(len(self.states), *inner.shape)
         states, slopes = self.at(knots[:-1]), rates * steps[:, None]
-        return TrajectorySegment(scheme, knots, self.start, self.duration, states, slopes)
+        return replace(self, scheme=scheme, knots=knots, states=states, slopes=slopes)
 
     def halved(self) -> TrajectorySegment:
         """The same flight on twice as many intervals; where these are many, of the highest order:
@@ -217,8 +220,12 @@ class TrajectorySegment:
     def _paces(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """How far it moves at Gauss points, the squares of that, and the density of the mesh."""
         steps, moved = self.steps[:, None], self.slopes / (sizes * length)[:, None, None]
-        path = (steps * (_AT_REST / length)) ** 2 + (moved * moved).sum(axis=0)
+        path = (steps * (self._least / length)) ** 2 + (moved * moved).sum(axis=0)
         return moved, path, np.sqrt(steps * steps + path)
+
+    @property
+    def _least(self) -> float:
+        return _AT_REST * self.rounds  # so that a doubled orbit has the same mesh twice
 
     @property
     def _unit(self) -> Array:
@@ -229,7 +236,9 @@ class TrajectorySegment:
         """The unit of the path for which all shares add up to their number, or a little more."""
         low, high = 1e-8, 1e8  # ln 1e16 = 37, halved fifty times: to 3e-14
         steps = self.steps[:, None]
-        square = (steps * _AT_REST) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(axis=0)
+        square = (steps * self._least) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(
+            axis=0
+        )
         for _ in range(_HALVINGS):
             length = math.sqrt(low * high)
             long = (np.sqrt(steps**2 + square / length**2) @ self.scheme.weights).sum() > _WHOLE
@@ -246,9 +255,10 @@ class TrajectorySegment:
             flight = self.on(knots)
         return flight
 
-    def unresolved(self) -> tuple[float, float]:
-        """The largest share of the highest coefficient in the motion, and where."""
-        left = abs(self.slopes @ self.scheme.highest) / (abs(self.states).max() or 1.0)
+    def unresolved(self, least: float = 1e-300) -> tuple[float, float]:
+        """The largest share of the highest coefficient in the motion, or in the least that is no
+        rounding, and where."""
+        left = abs(self.slopes @ self.scheme.highest) / max(abs(self.states).max(), least)
         j = int(left.max(axis=0).argmax())
         return float(left.max()), float(self.knots[j])
 

@@ -406,8 +406,9 @@ def _closed(
     for _ in range(2):
         equations, solved = _solved(equations, params, events, label)
         flights = equations.flights(solved.x, params)
-        extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-        _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
+        if equations.autonomous:  # what is forced may rest, as where a parameter swings
+            extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
+            _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))

@@ -24,7 +24,7 @@ from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
-_AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
+_AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others is measured by them
 _ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
@@ -188,7 +188,7 @@ class Equations:
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
         states = x[self.layout.nodes[i]].T
-        flight = TrajectorySegment(self.start[i].scheme, knots, t, duration, states, np.empty(0))
+        flight = replace(self.start[i], knots=knots, start=t, duration=duration, states=states)
         if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
         return flight
@@ -390,9 +390,10 @@ class Equations:
             knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
             # slopes are per interval: twice the duration and half the steps leave them as they are
             states, slopes = np.hstack([flight.states] * 2), np.hstack([flight.slopes] * 2)
-            twice = TrajectorySegment(
-                flight.scheme, knots, flight.start, 2 * flight.duration, states, slopes
-            )
+            twice = replace(
+                flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
+                rounds=2 * flight.rounds,
+            )  # fmt: skip
             return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
@@ -446,7 +447,9 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
         states = flight.sampled(2)[1]
         # what hardly moves is measured by its value: its motion may be rounding
         size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
-        sizes.append(np.maximum(size, 1e-3 * size.max()))
+        # and what is zero, as beside a branch that leaves a subspace, by what moves most
+        least = _AT_REST * size.max()
+        sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
     largest = max(size.max() for size in sizes) or 1.0
     rests = [size.max() < _AT_REST * largest for size in sizes]
     return tuple(

@@ -32,6 +32,7 @@ from .time_dependence import refuse_false_period
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
 _MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has more stays
+_ROUNDING = 1e-8  # of its size at the start: smaller orbits are
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = (
@@ -150,7 +151,8 @@ class Cycle(HtmlRepr):
     def coarse(self) -> str:
         """What the mesh does not resolve, empty if it resolves the orbit."""
         off = abs(self.trivial - 1)
-        left = [flight.unresolved() for flight in self.flights]
+        pairs = zip(self.flights, self.equations.sizes, strict=True)
+        left = [flight.unresolved(_ROUNDING * size.max()) for flight, size in pairs]
         i = max(range(len(left)), key=lambda i: left[i][0])
         if not (off > COARSE or (math.isnan(off) and left[i][0] > UNRESOLVED)):
             return ""
