@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,6 +21,8 @@ from ..checks import whole
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Flow, Params, slopes, values
+
+Guess = tuple[Array, Array | None]  # slopes inside, and perhaps an inverse that finds them
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 _ITERATIONS = 12
@@ -103,28 +106,15 @@ class Collocation:
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySegment:
-    """One flow over its duration: states where its intervals begin, and the slopes inside.
-
-    Attributes
-    ----------
-    scheme : Collocation
-    knots : ndarray, shape (intervals + 1,)
-        Where intervals meet, from 0 to 1 in units of the duration.
-    start, duration : float
-    states : ndarray, shape (n, intervals)
-    slopes : ndarray, shape (n, intervals, points)
-        At the Gauss points, in units of the length of each interval.
-    rounds : int
-        How many times around the orbit is that it was doubled from.
-    """
+    """One flow over its duration: states where its intervals begin, and the slopes inside."""
 
     scheme: Collocation
-    knots: Array
+    knots: Array  # (intervals + 1,), where they meet, from 0 to 1 in units of the duration
     start: float
     duration: float
-    states: Array
-    slopes: Array
-    rounds: int = 1
+    states: Array  # (n, intervals)
+    slopes: Array  # (n, intervals, points), in units of the length of each interval
+    rounds: int = 1  # how many times around the orbit is that it was doubled from
 
     @cached_property
     def begins(self) -> Array:
@@ -292,27 +282,21 @@ class Slopes:
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(
-    flow: Flow,
-    flight: TrajectorySegment,
-    p: Params,
-    unit: float,
-    near: tuple[Array, Array | None] | None = None,
+    flow: Flow, flight: TrajectorySegment, p: Params, unit: float, near: Guess | None = None
 ) -> TrajectorySegment:
     """The flight from these states on, solved for the slopes inside.
 
     To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
-    of one near by; from what a Runge-Kutta method gives, or where the flow is stiff from slopes as
-    they are where each interval begins.
+    of one near by; or from slopes as they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
-    for way in (near, _predicted, _constant) if near else (_predicted, _constant):
-        try:
-            guess, inverse = (way(flow, flight, p), None) if callable(way) else way
-            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse, unit))
-        except Undefined as error:
-            failed = error
-    raise failed
+    if near:
+        with suppress(Undefined):
+            return replace(flight, slopes=_newton(flow, flight, p, *near, unit))
+    k = values(flow.f, flight.begins, flight.states, p) * flight.lengths
+    k = np.repeat(k[..., None], flight.scheme.points, axis=2)
+    return replace(flight, slopes=_newton(flow, flight, p, k, None, unit))
 
 
 def _newton(
@@ -349,26 +333,6 @@ def _newton(
         "an interval of the mesh is too long for its flow: the period grows without bound, or more "
         "intervals are needed"
     )
-
-
-def _constant(flow: Flow, flight: TrajectorySegment, p: Params) -> Array:
-    slopes = values(flow.f, flight.begins, flight.states, p) * flight.lengths
-    return np.repeat(slopes[..., None], flight.scheme.points, axis=2)
-
-
-def _predicted(flow: Flow, flight: TrajectorySegment, p: Params) -> Array:
-    """The slopes inside by the classical Runge-Kutta method, from node to node."""
-    x, t, lengths = flight.states, flight.begins, flight.lengths
-    inside, f = [], flow.f
-    for step in np.diff(flight.scheme.nodes, prepend=0.0):
-        h = step * lengths
-        k1 = values(f, t, x, p)
-        k2 = values(f, t + h / 2, x + h / 2 * k1, p)
-        k3 = values(f, t + h / 2, x + h / 2 * k2, p)
-        k4 = values(f, t + h, x + h * k3, p)
-        x, t = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
-        inside.append(values(f, t, x, p) * lengths)
-    return np.stack(inside, axis=-1)
 
 
 def derivatives(flow: Flow, flight: TrajectorySegment, p: Params, names: tuple[str, ...]) -> Slopes:

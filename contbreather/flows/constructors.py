@@ -271,9 +271,8 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
     for back in range(1, _RETURNS + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
-        if ran.pieces[-1 - back].number != ran.pieces[-1].number:
-            continue
-        if event.after.shape != last.after.shape:
+        alike = ran.pieces[-1 - back].number == ran.pieces[-1].number
+        if not alike or event.after.shape != last.after.shape:
             continue
         off = float(abs(last.after - event.after).max()) / size
         if length is not None:
@@ -300,13 +299,7 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 
 def _smooth(
-    flow: Flow,
-    run: Run,
-    params: Params,
-    begin: Begin,
-    length: float | None,
-    settle: float,
-    size: float,
+    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float
 ) -> Stretch:
     """One period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin

@@ -19,7 +19,7 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import Slopes, TrajectorySegment, derivatives, flown
+from .collocation import Guess, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
@@ -69,29 +69,14 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """A cycle of flows, discretised.
-
-    Parameters
-    ----------
-    flows : tuple of Flow
-    start : tuple of TrajectorySegment
-        The orbit at which all began: its meshes, and the first guess of what is between.
-    period : callable or None
-        ``period(t, x, p)``, of which only `p` is used; None if the cycle is autonomous.
-    turns : int
-        Over how many of these periods it closes.
-    states : tuple of str
-        Names of the states, for those who look at orbits.
-    sizes : tuple of ndarray
-        The units in which meshes measure the motion of each flow, as from `sizes_of`.
-    """
+    """A cycle of flows, discretised."""
 
     flows: tuple[Flow, ...]
-    start: tuple[TrajectorySegment, ...]
-    period: Callable[..., Any] | None
-    turns: int
-    states: tuple[str, ...]
-    sizes: tuple[Array, ...]
+    start: tuple[TrajectorySegment, ...]  # the orbit at which all began: meshes and first guesses
+    period: Callable[..., Any] | None  # (t, x, p), of which p is used; None if it is autonomous
+    turns: int  # over how many of these periods it closes
+    states: tuple[str, ...]  # their names, for those who look at orbits
+    sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
     _recent: dict[Any, Place] = field(default_factory=dict, init=False)
     _linear: dict[Any, Place] = field(default_factory=dict, init=False)
 
@@ -169,7 +154,7 @@ class Equations:
 
     def _guess(
         self, i: int, flight: TrajectorySegment, p: Params, near: Place, known: Place | None
-    ) -> tuple[Array, Array | None]:
+    ) -> Guess:
         """What the slopes inside of a flow are to first order, and the inverse that finds them."""
         if known is None or not near.params:
             return near.flights[i].slopes, None

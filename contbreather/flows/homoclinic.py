@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
-from .equations import Equations, sizes_of
+from .equations import sizes_of
 from .flow import slopes, values
+from .layout import Places
 from .orbit import Cycle, equations_of
 
 _OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit has come to rest
@@ -88,16 +89,11 @@ class _Saddle:
     state: Array
     leading: NDArray[np.complex128]
 
-    @property
-    def quantity(self) -> float:
-        """Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit."""
-        return float(self.leading.sum().real)
-
     def __str__(self) -> str:
         shown = " and ".join(
             f"{v.real:.6g}" + (f" +- {abs(v.imag):.6g}i" if v.imag else "") for v in self.leading
         )
-        return f"leading eigenvalues {shown}, saddle quantity {self.quantity:.6g}"
+        return f"leading eigenvalues {shown}, saddle quantity {self.leading.sum().real:.6g}"
 
     def images(self) -> Iterator[_Saddle]:
         """This one, and of half a symmetric orbit its mirror image."""
@@ -139,30 +135,32 @@ def _examine(point: Point) -> Examined:
         return orbit.coarse
     slow, *more = _passages(orbit)
     if slow.saddle is not None:
-        return _description(orbit, [slow.saddle, *filter(None, (p.saddle for p in more))])
+        return _description([slow.saddle, *filter(None, (passage.saddle for passage in more))])
     flight = orbit.flights[slow.flow]
     there = slow.near(flight.at(np.linspace(0.0, 1.0, _LOOKS)).T, slow.state)
     if there.mean() * flight.duration < _MOSTLY * orbit.period:
         return "it is slow without an equilibrium"
-    what = f"an equilibrium is about to appear on it, at {_named(orbit, slow.state)}"
-    return {"equilibrium": slow.state, "said": f"{_GROWS}: {what}"}
+    said = f"{_GROWS}: an equilibrium is about to appear on it, at {_named(orbit, slow.state)}"
+    return {"equilibrium": slow.state, "said": said}
 
 
-def _description(orbit: Cycle, rests: list[_Saddle]) -> dict[str, Any]:
+def _description(rests: list[_Saddle]) -> dict[str, Any]:
     """What a cycle ends in that rests at these, the longest at the first."""
-    (first, *_), saddles = rests, list[_Saddle]()
+    first, saddles = rests[0], list[_Saddle]()
     for saddle in (image for rest in rests for image in rest.images()):
         if not any(map(saddle.same, saddles)):
             saddles.append(saddle)
+    orbit = first.at.orbit
     if len(saddles) > 1:
         names = " and ".join(f"{_named(orbit, s.state)} ({s})" for s in saddles)
         said = f"{_GROWS}, to a heteroclinic cycle between the saddles {names}"
         return {"equilibrium": first.state, "said": said}
     kind = "saddle-focus" if first.leading.imag.any() else "saddle"
     times = f", which it passes {len(rests)} times" if len(rests) > 1 else ""
-    name = f"{kind} {_named(orbit, first.state)}{times}"
-    said = f"{_GROWS}, to an orbit homoclinic to the {name}; {first}"
-    return {"equilibrium": first.state, "saddle_quantity": first.quantity, "said": said}
+    said = f"to an orbit homoclinic to the {kind} {_named(orbit, first.state)}{times}; {first}"
+    # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit
+    quantity = float(first.leading.sum().real)
+    return {"equilibrium": first.state, "saddle_quantity": quantity, "said": f"{_GROWS}, {said}"}
 
 
 def _named(orbit: Cycle, state: Array) -> str:
@@ -171,10 +169,19 @@ def _named(orbit: Cycle, state: Array) -> str:
 
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
-    equations, period = equations_of(point.base_point), point.base_point.solution.period
-    held = _Held(equations, period)
+    lengths = equations_of(point.base_point).layout.lengths
+    longer = partial(_longer, lengths, point.base_point.solution.period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    return DefiningSystem({}, held.condition, held.derivative, events=(_MOVES,), meets=nothing)
+    derivative = partial(_derivative, lengths)
+    return DefiningSystem({}, longer, derivative, events=(_MOVES,), meets=nothing)
+
+
+def _longer(lengths: Places, period: float, curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([z[lengths].sum() - period])
+
+
+def _derivative(lengths: Places, curve: Curve, z: Array, extra: Array) -> Array:
+    return np.isin(np.arange(z.size), lengths)[None].astype(float)
 
 
 def _rests(point: Point) -> float:
@@ -182,26 +189,7 @@ def _rests(point: Point) -> float:
 
 
 def _examine_moving(point: Point) -> Examined:
-    said = (
-        "the orbit comes to rest no more: this period is too short here, trace it to a longer one"
-    )
-    return {"said": said}
-
-
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """The period stays what it was."""
-
-    equations: Equations
-    period: float
-
-    def condition(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([z[self.equations.layout.lengths].sum() - self.period])
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        row = np.zeros((1, z.size))
-        row[0, self.equations.layout.lengths] = 1.0
-        return row
+    return {"said": "it comes to rest no more: this period is too short here, trace a longer one"}
 
 
 _MOVES = Event("HOM", _rests, examine=_examine_moving, ends="branch")

@@ -35,9 +35,7 @@ _MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has m
 _ROUNDING = 1e-8  # of its size at the start: smaller orbits are
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
-UNRESOLVED = (
-    5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
-)
+UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,7 +94,7 @@ def test_a_homoclinic_curve_ends_before_its_period_is_short_near_a_bogdanov_take
     line = cb.boundary(end, ("b2", "b1"), within={"b2": (-0.6, -0.001)})
     assert [at.kind for at in line.special] == ["EP", "HOM"]
     assert line[-1]["b1"] / line[-1]["b2"] ** 2 == pytest.approx(-6 / 25, abs=1e-2)
-    assert "this period is too short here, trace it to a longer one" in line.reason
+    assert "this period is too short here, trace a longer one" in line.reason
 
 
 def well(s: float):
