@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,7 +22,9 @@ from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
 from .flow import Flow, Params, slopes, values
 
-_MOST_POINTS = 12
+Guess = tuple[Array, Array | None]  # slopes inside, and perhaps an inverse that finds them
+
+_MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 _ITERATIONS = 12
 _SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
@@ -29,7 +32,7 @@ _STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest,
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
 _HALVINGS = 50
 _ADAPTIONS = 4
-_AT_REST = 1e-7  # how far an orbit goes at least, in its size: what does not move has a mesh, too
+_AT_REST = 0.1  # how far an orbit goes at least, in its size: what sets out from rest keeps a mesh
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
 
 
@@ -103,25 +106,15 @@ class Collocation:
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySegment:
-    """One flow over its duration: states where its intervals begin, and the slopes inside.
-
-    Attributes
-    ----------
-    scheme : Collocation
-    knots : ndarray, shape (intervals + 1,)
-        Where intervals meet, from 0 to 1 in units of the duration.
-    start, duration : float
-    states : ndarray, shape (n, intervals)
-    slopes : ndarray, shape (n, intervals, points)
-        At the Gauss points, in units of the length of each interval.
-    """
+    """One flow over its duration: states where its intervals begin, and the slopes inside."""
 
     scheme: Collocation
-    knots: Array
+    knots: Array  # (intervals + 1,), where they meet, from 0 to 1 in units of the duration
     start: float
     duration: float
-    states: Array
-    slopes: Array
+    states: Array  # (n, intervals)
+    slopes: Array  # (n, intervals, points), in units of the length of each interval
+    rounds: int = 1  # how many times around the orbit is that it was doubled from
 
     @cached_property
     def begins(self) -> Array:
@@ -174,20 +167,22 @@ class TrajectorySegment:
         j = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.knots.size - 2)
         return j, (s - self.knots[j]) / self.steps[j]
 
-    def on(self, knots: Array) -> TrajectorySegment:
+    def on(self, knots: Array, scheme: Collocation | None = None) -> TrajectorySegment:
         """The same flight on another mesh, by interpolation: a start for it."""
-        steps = np.diff(knots)
-        inner = knots[:-1, None] + steps[:, None] * self.scheme.nodes
+        steps, scheme = np.diff(knots), scheme or self.scheme
+        inner = knots[:-1, None] + steps[:, None] * scheme.nodes
         rates = self.rates(inner.ravel()).reshape(len(self.states), *inner.shape)
         states, slopes = self.at(knots[:-1]), rates * steps[:, None]
-        return TrajectorySegment(self.scheme, knots, self.start, self.duration, states, slopes)
+        return replace(self, scheme=scheme, knots=knots, states=states, slopes=slopes)
 
     def halved(self) -> TrajectorySegment:
-        """The same flight on twice as many intervals."""
+        """The same flight on twice as many intervals; where these are many, of the highest order:
+        the tail after a jump is in one of them, however many they are."""
         between = 0.5 * (self.knots[1:] + self.knots[:-1])
         knots = np.insert(self.knots, range(1, self.knots.size), between)
-        scheme = replace(self.scheme, intervals=2 * self.scheme.intervals)
-        return replace(self.on(knots), scheme=scheme)
+        many = 2 * self.scheme.intervals
+        points = _MOST_POINTS if many > _MANY else self.scheme.points
+        return self.on(knots, Collocation(many, points))
 
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there."""
@@ -215,8 +210,12 @@ class TrajectorySegment:
     def _paces(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """How far it moves at Gauss points, the squares of that, and the density of the mesh."""
         steps, moved = self.steps[:, None], self.slopes / (sizes * length)[:, None, None]
-        path = (steps * (_AT_REST / length)) ** 2 + (moved * moved).sum(axis=0)
+        path = (steps * (self._least / length)) ** 2 + (moved * moved).sum(axis=0)
         return moved, path, np.sqrt(steps * steps + path)
+
+    @property
+    def _least(self) -> float:
+        return _AT_REST * self.rounds  # so that a doubled orbit has the same mesh twice
 
     @property
     def _unit(self) -> Array:
@@ -227,7 +226,9 @@ class TrajectorySegment:
         """The unit of the path for which all shares add up to their number, or a little more."""
         low, high = 1e-8, 1e8  # ln 1e16 = 37, halved fifty times: to 3e-14
         steps = self.steps[:, None]
-        square = (steps * _AT_REST) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(axis=0)
+        square = (steps * self._least) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(
+            axis=0
+        )
         for _ in range(_HALVINGS):
             length = math.sqrt(low * high)
             long = (np.sqrt(steps**2 + square / length**2) @ self.scheme.weights).sum() > _WHOLE
@@ -244,9 +245,10 @@ class TrajectorySegment:
             flight = self.on(knots)
         return flight
 
-    def unresolved(self) -> tuple[float, float]:
-        """The largest share of the highest coefficient in the motion, and where."""
-        left = abs(self.slopes @ self.scheme.highest) / (abs(self.states).max() or 1.0)
+    def unresolved(self, least: float = 1e-300) -> tuple[float, float]:
+        """The largest share of the highest coefficient in the motion, or in the least that is no
+        rounding, and where."""
+        left = abs(self.slopes @ self.scheme.highest) / max(abs(self.states).max(), least)
         j = int(left.max(axis=0).argmax())
         return float(left.max()), float(self.knots[j])
 
@@ -280,27 +282,21 @@ class Slopes:
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(
-    flow: Flow,
-    flight: TrajectorySegment,
-    p: Params,
-    unit: float,
-    near: tuple[Array, Array | None] | None = None,
+    flow: Flow, flight: TrajectorySegment, p: Params, unit: float, near: Guess | None = None
 ) -> TrajectorySegment:
     """The flight from these states on, solved for the slopes inside.
 
     To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
-    of one near by; from what a Runge-Kutta method gives, or where the flow is stiff from slopes as
-    they are where each interval begins.
+    of one near by; or from slopes as they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
-    for way in (near, _predicted, _constant) if near else (_predicted, _constant):
-        try:
-            guess, inverse = (way(flow, flight, p), None) if callable(way) else way
-            return replace(flight, slopes=_newton(flow, flight, p, guess, inverse, unit))
-        except Undefined as error:
-            failed = error
-    raise failed
+    if near:
+        with suppress(Undefined):
+            return replace(flight, slopes=_newton(flow, flight, p, *near, unit))
+    k = values(flow.f, flight.begins, flight.states, p) * flight.lengths
+    k = np.repeat(k[..., None], flight.scheme.points, axis=2)
+    return replace(flight, slopes=_newton(flow, flight, p, k, None, unit))
 
 
 def _newton(
@@ -337,26 +333,6 @@ def _newton(
         "an interval of the mesh is too long for its flow: the period grows without bound, or more "
         "intervals are needed"
     )
-
-
-def _constant(flow: Flow, flight: TrajectorySegment, p: Params) -> Array:
-    slopes = values(flow.f, flight.begins, flight.states, p) * flight.lengths
-    return np.repeat(slopes[..., None], flight.scheme.points, axis=2)
-
-
-def _predicted(flow: Flow, flight: TrajectorySegment, p: Params) -> Array:
-    """The slopes inside by the classical Runge-Kutta method, from node to node."""
-    x, t, lengths = flight.states, flight.begins, flight.lengths
-    inside, f = [], flow.f
-    for step in np.diff(flight.scheme.nodes, prepend=0.0):
-        h = step * lengths
-        k1 = values(f, t, x, p)
-        k2 = values(f, t + h / 2, x + h / 2 * k1, p)
-        k3 = values(f, t + h / 2, x + h / 2 * k2, p)
-        k4 = values(f, t + h, x + h * k3, p)
-        x, t = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
-        inside.append(values(f, t, x, p) * lengths)
-    return np.stack(inside, axis=-1)
 
 
 def derivatives(flow: Flow, flight: TrajectorySegment, p: Params, names: tuple[str, ...]) -> Slopes:

@@ -22,7 +22,7 @@ from .equations import Equations, sizes_of
 from .filippov import Filippov
 from .flow import Flow, Function, Params, value_at, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
-from .orbit import MOST_INTERVALS, UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
+from .orbit import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import length_of, refuse_false_period, refuse_time
 from .walls import lowest, sliding
 
@@ -36,6 +36,7 @@ _AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _LONGER = (1, 3, 9, 27)  # and then
 _DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
+_MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
 _BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
 _SAMPLES = 8  # looks into each step of a simulation for a return
@@ -270,9 +271,8 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
     for back in range(1, _RETURNS + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
-        if ran.pieces[-1 - back].number != ran.pieces[-1].number:
-            continue
-        if event.after.shape != last.after.shape:
+        alike = ran.pieces[-1 - back].number == ran.pieces[-1].number
+        if not alike or event.after.shape != last.after.shape:
             continue
         off = float(abs(last.after - event.after).max()) / size
         if length is not None:
@@ -299,13 +299,7 @@ def _first_close(returns: Sequence[tuple[float, Any]], ran: Trajectory) -> Any:
 
 
 def _smooth(
-    flow: Flow,
-    run: Run,
-    params: Params,
-    begin: Begin,
-    length: float | None,
-    settle: float,
-    size: float,
+    flow: Flow, run: Run, params: Params, begin: Begin, length: Any, settle: float, size: float
 ) -> Stretch:
     """One period: of the forcing, or from a plane across the flow back to it."""
     t0, state, _ = begin
@@ -405,14 +399,15 @@ def _closed(
     for _ in range(2):
         equations, solved = _solved(equations, params, events, label)
         flights = equations.flights(solved.x, params)
-        extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
-        _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
+        if equations.autonomous:  # what is forced may rest, as where a parameter swings
+            extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
+            _refuse_rest(np.array(extents), flights[0].states[:, 0], size)
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))
     closed: Any = problem_at(equations, params, events, label).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
-        while cycle_of(closed).coarse and closed.start["mesh"].size <= MOST_INTERVALS:
+        while cycle_of(closed).coarse and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
     return closed
@@ -428,7 +423,7 @@ def _solved(
         except (NotConverged, Undefined) as error:
             count = sum(flight.knots.size - 1 for flight in equations.start)
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
-            if not coarse or count > MOST_INTERVALS:
+            if not coarse or count > _MOST_INTERVALS:
                 finer = f"; {count} intervals do not resolve it, let it settle (settle=)"
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}{finer if coarse else ''}",

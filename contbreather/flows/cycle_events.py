@@ -27,6 +27,7 @@ from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
 
 Values = NDArray[np.complex128]
+Triplet = tuple[float, Array, Array]  # the least singular value and its vectors
 
 _NEAR = 1e-5  # how far off its place a multiplier of a located event may be
 _REAL = 1e-6  # imaginary part below which a pair of multipliers is real
@@ -73,7 +74,7 @@ def _flip_locus(point: Point) -> DefiningSystem:
     return DefiningSystem({}, flip.conditions, flip.derivative, events=ends, meets=MEETINGS["PD"])
 
 
-def _inverse_iteration(factors: Any, size: int, **how: bool) -> tuple[float, Array, Array]:
+def _inverse_iteration(factors: Any, size: int, **how: bool) -> Triplet:
     """The least singular value, with the sign of the determinant, and its vectors w and v:
     w* B v = value."""
     left = right = any_vector(size)
@@ -96,13 +97,11 @@ class _Flip:
 
     equations: Equations
 
-    def _weak(self, curve: Curve, z: Array) -> tuple[float, Array, Array]:
-        triplet: tuple[float, Array, Array] = curve.cached(
-            "flip", z, lambda z: self._least(curve.jacobian(z))
-        )
-        return triplet
+    def _weak(self, curve: Curve, z: Array) -> Triplet:
+        weak: Triplet = curve.cached("flip", z, lambda z: self._least(curve.jacobian(z)))
+        return weak
 
-    def _least(self, matrix: Matrix) -> tuple[float, Array, Array]:
+    def _least(self, matrix: Matrix) -> Triplet:
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
         closings = (Factors(closing(self.equations, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         factors = next((factors for factors in closings if factors.sign()), None)
@@ -330,7 +329,10 @@ def _branches(point: Point) -> float:
     """About the least singular value with the row of the tangent below, by one factorisation."""
     matrix = bordered(point)
     if not isinstance(matrix, np.ndarray):
-        return signed_smallest(matrix)
+        try:
+            return signed_smallest(matrix)
+        except ZeroDivisionError:  # its inverse is infinite: where an orbit at rest branches
+            return 0.0
     factors = Dense(matrix)
     return _inverse_iteration(factors, len(matrix))[0] if factors.exact else 0.0
 
@@ -363,10 +365,7 @@ SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 MEETINGS: dict[str, dict[str, tuple[Event, ...]]] = {
     "LP": {"PD": (_beside("LPPD", 1.0, -1.0, FLIP),), "NS": (_pair_beside("LPNS", 1.0),)},
     "PD": {"LP": (_beside("LPPD", -1.0, 1.0, FOLD),), "NS": (_pair_beside("PDNS", -1.0),)},
-    "NS": {
-        "LP": (_beside("LPNS", None, 1.0, FOLD),),
-        "PD": (_beside("PDNS", None, -1.0, FLIP),),
-    },
+    "NS": {"LP": (_beside("LPNS", None, 1.0, FOLD),), "PD": (_beside("PDNS", None, -1.0, FLIP),)},
 }
 
 
@@ -375,7 +374,7 @@ def events_of(equations: Equations) -> tuple[Event, ...]:
     events = [FOLD, BRANCH_POINT, FLIP, ROTATION]
     if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
         events.append(SHRUNK)
-    if equations.autonomous and equations.smooth:
+    if equations.autonomous:
         events.append(HOMOCLINIC)
     if any(flow.until for flow in equations.flows):
         events.append(IMPACT)

@@ -19,12 +19,12 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import Slopes, TrajectorySegment, derivatives, flown
+from .collocation import Guess, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
 _CLOSE = 0.1  # of its size: from a solution this near the next one is begun
-_AT_REST = 1e-6  # a flow that moves less, relative to the others, is measured by them
+_AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others is measured by them
 _ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
@@ -69,29 +69,14 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """A cycle of flows, discretised.
-
-    Parameters
-    ----------
-    flows : tuple of Flow
-    start : tuple of TrajectorySegment
-        The orbit at which all began: its meshes, and the first guess of what is between.
-    period : callable or None
-        ``period(t, x, p)``, of which only `p` is used; None if the cycle is autonomous.
-    turns : int
-        Over how many of these periods it closes.
-    states : tuple of str
-        Names of the states, for those who look at orbits.
-    sizes : tuple of ndarray
-        The units in which meshes measure the motion of each flow, as from `sizes_of`.
-    """
+    """A cycle of flows, discretised."""
 
     flows: tuple[Flow, ...]
-    start: tuple[TrajectorySegment, ...]
-    period: Callable[..., Any] | None
-    turns: int
-    states: tuple[str, ...]
-    sizes: tuple[Array, ...]
+    start: tuple[TrajectorySegment, ...]  # the orbit at which all began: meshes and first guesses
+    period: Callable[..., Any] | None  # (t, x, p), of which p is used; None if it is autonomous
+    turns: int  # over how many of these periods it closes
+    states: tuple[str, ...]  # their names, for those who look at orbits
+    sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
     _recent: dict[Any, Place] = field(default_factory=dict, init=False)
     _linear: dict[Any, Place] = field(default_factory=dict, init=False)
 
@@ -169,7 +154,7 @@ class Equations:
 
     def _guess(
         self, i: int, flight: TrajectorySegment, p: Params, near: Place, known: Place | None
-    ) -> tuple[Array, Array | None]:
+    ) -> Guess:
         """What the slopes inside of a flow are to first order, and the inverse that finds them."""
         if known is None or not near.params:
             return near.flights[i].slopes, None
@@ -188,7 +173,7 @@ class Equations:
         if not duration > 0:
             raise Undefined("a flow ends where it began: its duration goes to zero")
         states = x[self.layout.nodes[i]].T
-        flight = TrajectorySegment(self.start[i].scheme, knots, t, duration, states, np.empty(0))
+        flight = replace(self.start[i], knots=knots, start=t, duration=duration, states=states)
         if not flight.steps.min() > 0:
             raise Undefined("intervals of the mesh overtake each other")
         return flight
@@ -390,9 +375,10 @@ class Equations:
             knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
             # slopes are per interval: twice the duration and half the steps leave them as they are
             states, slopes = np.hstack([flight.states] * 2), np.hstack([flight.slopes] * 2)
-            twice = TrajectorySegment(
-                flight.scheme, knots, flight.start, 2 * flight.duration, states, slopes
-            )
+            twice = replace(
+                flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
+                rounds=2 * flight.rounds,
+            )  # fmt: skip
             return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
@@ -446,7 +432,9 @@ def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
         states = flight.sampled(2)[1]
         # what hardly moves is measured by its value: its motion may be rounding
         size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
-        sizes.append(np.maximum(size, 1e-3 * size.max()))
+        # and what is zero, as beside a branch that leaves a subspace, by what moves most
+        least = _AT_REST * size.max()
+        sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))
     largest = max(size.max() for size in sizes) or 1.0
     rests = [size.max() < _AT_REST * largest for size in sizes]
     return tuple(

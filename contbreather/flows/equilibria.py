@@ -150,7 +150,11 @@ def _born(point: Point) -> SwitchingProblem:
         if solution.converged:
             first = Point(curve, solution.z)
             equations = replace(equations, start=equations.flights(first.x, first.params))
-            cycle = replace(problem_at(equations, first.params), again=partial(_again, point))
+            cycle = problem_at(equations, first.params)
+            # beside the origin the orbit says nothing of what it grows to: a hundred times itself
+            unit = max(cycle.scales["orbit"], size * amplitude / _AMPLITUDES[0])
+            scales = {**cycle.scales, "orbit": unit}
+            cycle = replace(cycle, again=partial(_again, point), scales=scales)
             return _Born(cycle, free, both=False)
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")
 

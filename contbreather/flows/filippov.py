@@ -86,12 +86,8 @@ class Filippov:
 
     plus = property(lambda self: self.flows[_PLUS], doc="In h > 0, up to the surface.")
     minus = property(lambda self: self.flows[_MINUS], doc="In h < 0, up to the surface.")
-    to_plus = property(
-        lambda self: self.flows[_TO_PLUS], doc="Along the surface, until f_plus points away."
-    )
-    to_minus = property(
-        lambda self: self.flows[_TO_MINUS], doc="Along the surface, until f_minus points away."
-    )
+    to_plus = property(lambda self: self.flows[_TO_PLUS], doc="Along it, until f_plus leaves.")
+    to_minus = property(lambda self: self.flows[_TO_MINUS], doc="Along it, until f_minus leaves.")
 
     def sliding(self, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
         """The velocity along the surface, between those of both sides."""

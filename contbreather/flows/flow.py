@@ -244,29 +244,11 @@ _CALLING, _SCHEMES = WeakKeyDictionary[Any, _Calling](), WeakKeyDictionary[Any, 
 
 
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
-    """A user's function of (t, x, p) at K states, the columns of `x`.
+    """A user's function of (t, x, p) at K states, the columns of `x`, as m rows: one of a function
+    that returns a number. NaN where it has no value.
 
-    Parameters
-    ----------
-    function : callable
-        `f`, `until`, `reset` or one of `walls` of a `Flow`.
-    t : float or array, shape (K,)
-        Times.
-    x : array, shape (n, K)
-        States, one a column.
-    p : dict
-        Parameters.
-
-    Returns
-    -------
-    array, shape (m, K)
-        m = 1 for a function that returns a number. NaN where the function has no value.
-
-    Raises
-    ------
-    Undefined
-        Where the function raises `ValueError` or `ArithmeticError`. Other errors are bugs: they
-        pass, with a note that says for which t, x and p.
+    Raises `Undefined` where the function raises `ValueError` or `ArithmeticError`. Other errors are
+    bugs: they pass, with a note that says for which t, x and p.
     """
     if np.shape(t) != x.shape[1:]:
         t = np.broadcast_to(t, x.shape[1:])
@@ -368,14 +350,11 @@ def _aside(x: Array) -> Array:
 def slopes(
     function: Function, t: Any, x: Array, p: Params, names: tuple[str, ...] = ()
 ) -> tuple[Array, Array]:
-    """As `values`, with the derivatives in the state, in time and in named parameters.
+    """As `values`, and the derivatives in the state, in time and in named parameters, of shape
+    (m, n + 1 + len(names), K).
 
-    Returns
-    -------
-    values : array, shape (m, K)
-    derivatives : array, shape (m, n + 1 + len(names), K)
-        By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
-        differences, whose steps suit it. Decided once for each function, beside the first states.
+    By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
+    differences, whose steps suit it. Decided once for each function, beside the first states.
     """
     n, count = x.shape
     t = np.broadcast_to(np.asarray(t, dtype=float), count)

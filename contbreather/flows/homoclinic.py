@@ -1,16 +1,19 @@
-"""HOM: the period grows without bound, for the cycle comes to rest at an equilibrium.
+"""HOM: the period grows without bound, for the cycle comes to rest at equilibria.
 
 A cycle of a long period T is as good as the homoclinic orbit. The parameter is off by about
 ``exp(-a T)`` with a the smaller one, in size, of the leading eigenvalues +-a and -+b, one to each
 side, while the orbit slows down by ``d = exp(-a b T / (a + b))``: so by ``d^(1 + a / b)``. Beyond
 rounding and the mesh decide where it folds. So it is found where a branch ends, and followed in two
-parameters at the period it has there.
+parameters at the period it has there. Where the orbit comes to rest more than once a period, how
+the time is shared is as undetermined: that is told less closely.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,128 +22,175 @@ from numpy.typing import NDArray
 from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
-from .equations import Equations
+from .equations import sizes_of
 from .flow import slopes, values
+from .layout import Places
 from .orbit import Cycle, equations_of
 
 _OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit has come to rest
-_SLOW = 1e-3  # of its largest speed: an equilibrium is looked for
+_SHARED = 1e-6  # the same where it rests a second time
+_LEFT = 1e-4  # and on a curve in two parameters where it is as good as homoclinic no more
+_SLOW, _FAST = 1e-2, 0.1  # of its largest speed: it may rest, and it is on its way again
 _UNKNOWN = 0.5  # a / b where there is none, as before a saddle-node
 _CLOSE = 1e-2  # of its size: an equilibrium this close is what it rests at
 _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about to appear
 _ITERATIONS, _SOLVED = 30, 1e-12
+_GROWS = "the period grows without bound"
+_NEUTRAL = 1e-9  # an eigenvalue this small, relative to the largest, is that of what stays constant
 
 
-def _slowest(orbit: Cycle) -> tuple[float, Array]:
-    """The smallest speed relative to the largest, and the state where that is."""
-    flow, flight = orbit.equations.flows[0], orbit.flights[0]
-    moved = values(flow.f, flight.begins, flight.states, orbit.params)
-    speeds = np.linalg.norm(moved / orbit.equations.sizes[0][:, None], axis=0)
-    j = int(speeds.argmin())
-    return float(speeds[j] / speeds.max()), flight.states[:, j]
+@dataclass(frozen=True, eq=False)
+class _Passage:
+    """Where an orbit is slowest on its way from fast to fast: its speed relative to the largest,
+    the flow, the state, and how much the states of that flow move."""
 
+    pace: float
+    orbit: Cycle
+    flow: int
+    state: Array
+    sizes: Array
 
-def _pace(point: Point) -> float:
-    orbit: Cycle = point.base_point.solution
-    pace, slow = _slowest(orbit)
-    ratio, near = _UNKNOWN, _saddle(orbit, slow) if pace < _SLOW else None
-    if near is not None:
-        sizes = abs(near.leading.real)
+    def near(self, states: Array, place: Array) -> Any:
+        return np.linalg.norm((states - place) / self.sizes, axis=-1) < _CLOSE
+
+    def off(self, most: float) -> float:
+        """ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
+        sizes = abs(self.saddle.leading.real) if self.saddle else np.array([_UNKNOWN, 1.0])
         ratio = sizes.min() / sizes.max()
-    # ln of d^(1 + a/b) over _OFF, with the least speed for d
-    return (1 + ratio) * math.log(max(pace, 1e-300)) - math.log(_OFF)
+        return float((1 + ratio) * math.log(max(self.pace, 1e-300)) - math.log(most))
 
-
-def _examine(point: Point) -> Examined:
-    """Which equilibrium that is: a relaxation oscillation is slow without one."""
-    orbit: Cycle = point.base_point.solution
-    if orbit.coarse:
-        return orbit.coarse
-    _, slow = _slowest(orbit)
-    near = _saddle(orbit, slow)
-    if near is not None:
-        return near.description(orbit)
-    sizes = orbit.equations.sizes[0]
-    states = orbit.flights[0].at(np.linspace(0.0, 1.0, _LOOKS))
-    there = np.linalg.norm((states - slow[:, None]) / sizes[:, None], axis=0) < _CLOSE
-    if there.mean() < _MOSTLY:
-        return "it is slow without an equilibrium"
-    what = f"an equilibrium is about to appear on it, at {_named(orbit, slow)}"
-    return {"equilibrium": slow, "said": f"the period grows without bound: {what}"}
+    @cached_property
+    def saddle(self) -> _Saddle | None:
+        """The saddle close by, by Newton's iteration from there; None if there is none."""
+        f, x, sizes = self.orbit.equations.flows[self.flow].f, self.state, self.sizes
+        for _ in range(_ITERATIONS):
+            velocity, derivative = slopes(f, 0.0, x[:, None], self.orbit.params)
+            matrix = derivative[:, : x.size, 0]
+            step = np.linalg.lstsq(matrix, velocity[:, 0])[0]  # some states may always stay
+            x = x - step
+            if not self.near(x, self.state):
+                return None
+            if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
+                break
+        values = np.linalg.eigvals(matrix)
+        least = _NEUTRAL * abs(values).max()
+        inwards, outwards = values[values.real < -least], values[values.real > least]
+        if not (inwards.size and outwards.size):
+            return None
+        leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
+        return _Saddle(self, np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
 
 
 @dataclass(frozen=True, eq=False)
 class _Saddle:
     """A saddle, and its eigenvalues next to the imaginary axis on either side."""
 
+    at: _Passage
     state: Array
     leading: NDArray[np.complex128]
 
-    def description(self, orbit: Cycle) -> dict[str, Any]:
-        # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit
-        quantity = float(self.leading.sum().real)
-        kind = "saddle-focus" if self.leading.imag.any() else "saddle"
+    def __str__(self) -> str:
         shown = " and ".join(
             f"{v.real:.6g}" + (f" +- {abs(v.imag):.6g}i" if v.imag else "") for v in self.leading
         )
-        return {
-            "equilibrium": self.state,
-            "saddle_quantity": quantity,
-            "said": "the period grows without bound, to an orbit homoclinic to the "
-            f"{kind} {_named(orbit, self.state)}; leading eigenvalues {shown}, saddle quantity "
-            f"{quantity:.6g}",
-        }
+        return f"leading eigenvalues {shown}, saddle quantity {self.leading.sum().real:.6g}"
+
+    def images(self) -> Iterator[_Saddle]:
+        """This one, and of half a symmetric orbit its mirror image."""
+        yield self
+        equations = self.at.orbit.equations
+        mirror = equations.flows[self.at.flow].reset
+        if equations.smooth and mirror is not None:
+            image = values(mirror, 0.0, self.state[:, None], self.at.orbit.params)[:, 0]
+            yield replace(self, state=image + 0.0)
+
+    def same(self, other: _Saddle) -> bool:
+        return self.at.flow == other.at.flow and bool(self.at.near(self.state, other.state))
+
+
+def _passages(orbit: Cycle) -> list[_Passage]:
+    """All slow ones, the slowest first; at least one."""
+    flows, sizes, places, speeds = orbit.equations.flows, sizes_of(orbit.flights), [], []
+    for i, (flight, size) in enumerate(zip(orbit.flights, sizes, strict=True)):
+        moved = values(flows[i].f, flight.begins, flight.states, orbit.params)
+        speeds += np.linalg.norm(moved / size[:, None], axis=0).tolist()
+        places += [(i, state, size) for state in flight.states.T]
+    first = int(np.argmax(speeds))  # from there on around
+    pace = np.roll(speeds, -first) / speeds[first]
+    stretches = np.split(np.arange(pace.size), np.flatnonzero(pace > _FAST))
+    least = sorted((min(s, key=pace.item) for s in stretches if s.size), key=pace.item)
+    slow = [j for j in least if pace[j] < _SLOW] or least[:1]
+    return [_Passage(float(pace[j]), orbit, *places[(j + first) % pace.size]) for j in slow]
+
+
+def _pace(point: Point) -> float:
+    passages = _passages(point.base_point.solution)
+    return min(passage.off(_SHARED if i else _OFF) for i, passage in enumerate(passages))
+
+
+def _examine(point: Point) -> Examined:
+    """Which equilibria these are: a relaxation oscillation is slow without one."""
+    orbit: Cycle = point.base_point.solution
+    if orbit.coarse:
+        return orbit.coarse
+    slow, *more = _passages(orbit)
+    if slow.saddle is not None:
+        return _description([slow.saddle, *filter(None, (passage.saddle for passage in more))])
+    flight = orbit.flights[slow.flow]
+    there = slow.near(flight.at(np.linspace(0.0, 1.0, _LOOKS)).T, slow.state)
+    if there.mean() * flight.duration < _MOSTLY * orbit.period:
+        return "it is slow without an equilibrium"
+    said = f"{_GROWS}: an equilibrium is about to appear on it, at {_named(orbit, slow.state)}"
+    return {"equilibrium": slow.state, "said": said}
+
+
+def _description(rests: list[_Saddle]) -> dict[str, Any]:
+    """What a cycle ends in that rests at these, the longest at the first."""
+    first, saddles = rests[0], list[_Saddle]()
+    for saddle in (image for rest in rests for image in rest.images()):
+        if not any(map(saddle.same, saddles)):
+            saddles.append(saddle)
+    orbit = first.at.orbit
+    if len(saddles) > 1:
+        names = " and ".join(f"{_named(orbit, s.state)} ({s})" for s in saddles)
+        said = f"{_GROWS}, to a heteroclinic cycle between the saddles {names}"
+        return {"equilibrium": first.state, "said": said}
+    kind = "saddle-focus" if first.leading.imag.any() else "saddle"
+    times = f", which it passes {len(rests)} times" if len(rests) > 1 else ""
+    said = f"to an orbit homoclinic to the {kind} {_named(orbit, first.state)}{times}; {first}"
+    # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit
+    quantity = float(first.leading.sum().real)
+    return {"equilibrium": first.state, "saddle_quantity": quantity, "said": f"{_GROWS}, {said}"}
 
 
 def _named(orbit: Cycle, state: Array) -> str:
     return ", ".join(f"{n} = {v:.6g}" for n, v in zip(orbit.equations.states, state, strict=False))
 
 
-def _saddle(orbit: Cycle, x: Array) -> _Saddle | None:
-    """The saddle close to a state, by Newton's iteration from there; None if there is none."""
-    flow, sizes, start = orbit.equations.flows[0], orbit.equations.sizes[0], x
-    for _ in range(_ITERATIONS):
-        velocity, derivative = slopes(flow.f, 0.0, x[:, None], orbit.params)
-        matrix = derivative[:, : x.size, 0]
-        try:
-            step = np.linalg.solve(matrix, velocity[:, 0])
-        except np.linalg.LinAlgError:
-            return None
-        x = x - step
-        if not np.linalg.norm((x - start) / sizes) < _CLOSE:
-            return None
-        if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
-            break
-    eigenvalues = np.linalg.eigvals(matrix)
-    inwards, outwards = eigenvalues[eigenvalues.real < 0], eigenvalues[eigenvalues.real > 0]
-    if not (inwards.size and outwards.size):
-        return None
-    leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
-    return _Saddle(np.where(abs(x) > _SOLVED * sizes, x, 0.0), leading)
-
-
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
-    equations, period = equations_of(point.base_point), point.base_point.solution.period
-    held = _Held(equations, period)
+    lengths = equations_of(point.base_point).layout.lengths
+    longer = partial(_longer, lengths, point.base_point.solution.period)
     nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
-    return DefiningSystem({}, held.condition, held.derivative, meets=nothing)
+    derivative = partial(_derivative, lengths)
+    return DefiningSystem({}, longer, derivative, events=(_MOVES,), meets=nothing)
 
 
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """The period stays what it was."""
-
-    equations: Equations
-    period: float
-
-    def condition(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([z[self.equations.layout.lengths].sum() - self.period])
-
-    def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        row = np.zeros((1, z.size))
-        row[0, self.equations.layout.lengths] = 1.0
-        return row
+def _longer(lengths: Places, period: float, curve: Curve, z: Array, extra: Array) -> Array:
+    return np.array([z[lengths].sum() - period])
 
 
+def _derivative(lengths: Places, curve: Curve, z: Array, extra: Array) -> Array:
+    return np.isin(np.arange(z.size), lengths)[None].astype(float)
+
+
+def _rests(point: Point) -> float:
+    return _passages(point.base_point.solution)[0].off(_LEFT)
+
+
+def _examine_moving(point: Point) -> Examined:
+    return {"said": "it comes to rest no more: this period is too short here, trace a longer one"}
+
+
+_MOVES = Event("HOM", _rests, examine=_examine_moving, ends="branch")
 HOMOCLINIC = Event("HOM", _pace, locus=_long, examine=_examine, ends="branch")

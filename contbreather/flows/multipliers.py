@@ -143,8 +143,9 @@ def of_cycle(equations: Equations, x: Array, p: Params) -> tuple[NDArray[np.comp
     """
     factors, velocities = _factors(equations, equations.linearised(x, p))
     if any(np.isnan(stack).any() for stack in factors):
-        count = equations.start[0].states.shape[0] - equations.autonomous
-        return np.append(np.inf, np.full(count - 1, np.nan)).astype(complex), np.nan
+        lost = np.full(len(equations.start[0].states) - equations.autonomous, np.nan, complex)
+        lost[:1] = np.inf
+        return lost, np.nan
     if not equations.autonomous:
         return multipliers(factors), np.nan
     rest, trivial = without_direction(factors, velocities)

@@ -31,12 +31,11 @@ from .time_dependence import refuse_false_period
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
-MOST_INTERVALS = 400  # of all flows together; a mesh that has more is not made finer
+_MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has more stays
+_ROUNDING = 1e-8  # of its size at the start: smaller orbits are
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
-UNRESOLVED = (
-    5e-3  # and, where there is none, the highest term of its polynomials; that is about as far
-)
+UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +149,8 @@ class Cycle(HtmlRepr):
     def coarse(self) -> str:
         """What the mesh does not resolve, empty if it resolves the orbit."""
         off = abs(self.trivial - 1)
-        left = [flight.unresolved() for flight in self.flights]
+        pairs = zip(self.flights, self.equations.sizes, strict=True)
+        left = [flight.unresolved(_ROUNDING * size.max()) for flight, size in pairs]
         i = max(range(len(left)), key=lambda i: left[i][0])
         if not (off > COARSE or (math.isnan(off) and left[i][0] > UNRESOLVED)):
             return ""
@@ -247,7 +247,7 @@ class CycleProblem(Problem):
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
         """Twice as many intervals where the mesh is too coarse at a point."""
-        if not self.unresolved(point) or len(self.start["mesh"]) > MOST_INTERVALS:
+        if not self.unresolved(point) or len(self.start["mesh"]) > _MOST_INTERVALS:
             return None
         if along is None:
             return self.halved(), None

@@ -118,10 +118,11 @@ def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
     [
         (van_der_pol, {"mu": 5.0}, 0.0, 11.61223067),
         (van_der_pol, {"mu": 20.0}, 40.0, 34.68232331),
+        (van_der_pol, {"mu": 50.0}, 100.0, 82.50833389),
         (lambda t, x, p: [(x[0] - x[0] ** 3 / 3 - x[1]) / p["eps"], x[0]], {"eps": 1e-3}, 5.0,
          1.68007149),
     ],
-    ids=["5", "20", "Lienard, 1000"],
+    ids=["5", "20", "50", "Lienard, 1000"],
 )  # fmt: skip
 def test_a_relaxation_is_closed_on_as_many_intervals_as_it_needs(f, params, settle, period) -> None:
     """Periods of van der Pol's oscillator by Radau's method at a tolerance of 1e-12."""

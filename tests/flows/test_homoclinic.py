@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import BAND, lorenz, roessler
+from .zoo import BAND, CASES, lorenz, roessler
 
+# The rimless wheel of the zoo: its speed after a step just does to get over the top.
+STALLS = brentq(
+    lambda g: 2 * math.sin(0.3) * math.sin(g) / math.tan(0.6) ** 2 - 1 + math.cos(0.3 - g),
+    0.01,
+    0.2,
+)
 LONG = cb.Steps(largest=1e5)  # where the period grows by thousands
 
 
@@ -75,6 +83,77 @@ def test_a_homoclinic_orbit_is_followed_in_two_parameters(planar) -> None:
     assert line["mu"] == pytest.approx(0, abs=2e-8)
 
 
+def test_a_homoclinic_curve_ends_before_its_period_is_short_near_a_bogdanov_takens_point() -> None:
+    """The curve b1 = -6/25 b2^2 + O(b2^(5/2)) of its normal form; times grow as |b2|^(-1/2)."""
+
+    def takens(t, x, p):
+        return [x[1], p["b1"] + p["b2"] * x[0] + x[0] ** 2 - x[0] * x[1]]
+
+    start, params = {"x": -0.6, "y": 0.0}, {"b1": -0.1, "b2": -0.5}
+    end = born(takens, start, params, "b1", (-1.0, 0.1)).first("HOM")
+    line = cb.boundary(end, ("b2", "b1"), within={"b2": (-0.6, -0.001)})
+    assert [at.kind for at in line.special] == ["EP", "HOM"]
+    assert line[-1]["b1"] / line[-1]["b2"] ** 2 == pytest.approx(-6 / 25, abs=1e-2)
+    assert "this period is too short here, trace a longer one" in line.reason
+
+
+def well(s: float):
+    """Cycles of x'' + s (x^3 - x) = (mu - H) x' are the curves H = mu of its energy H, up to where
+    these meet saddles: the origin at mu = 0 for s = 1, x = +-1 at 1/4 for s = -1."""
+
+    def f(t, x, p):
+        H = x[1] ** 2 / 2 + s * (x[0] ** 4 / 4 - x[0] ** 2 / 2)
+        return [x[1], s * (x[0] - x[0] ** 3) + x[1] * (p["mu"] - H)]
+
+    return f
+
+
+def pausing(t, x, p):
+    """The angle turns by a - cos, once in 2 pi / sqrt(a^2 - 1)."""
+    growth, turn = 0.02 * (1 - x[0] ** 2 - x[1] ** 2), p["a"] - x[0]
+    return [growth * x[0] - turn * x[1], growth * x[1] + turn * x[0]]
+
+
+def may_leonard(t, x, p):
+    """Without eps the corners attract in turn, for a + b > 2."""
+    return [x[i] * (1 - x[i] - 0.7 * x[i - 2] - 1.6 * x[i - 1]) + p["eps"] for i in range(3)]
+
+
+HALF = cb.Flow(well(-1.0), reset=lambda t, x, p: [-x[0], -x[1]])
+NEURON = cb.Flow(
+    lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0.0]
+)
+EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalues -1.41421 and 1.4"
+
+
+@pytest.mark.parametrize(
+    ("flows", "start", "params", "how", "end", "words"),
+    [
+        (well(1.0), {"x": 1.7, "v": 0.0}, {"mu": 0.3}, {}, 0.0,
+         "homoclinic to the saddle x = 0, v = 0, which it passes 2 times; .* quantity"),
+        (well(-1.0), {"x": 0.5, "v": 0.2}, {"mu": 0.1}, {}, 0.25, EDGES.format("(-1|1)")),
+        (HALF, {"x": 0.5, "v": 0.2}, {"mu": 0.1}, {}, 0.25, EDGES.format("(-1|1)")),
+        (may_leonard, {"x": 0.9, "y": 0.05, "z": 0.1}, {"eps": 1e-3}, {"steps": LONG}, 0.0,
+         "a heteroclinic cycle between the saddles .* and .* and "),
+        (pausing, {"x": -1.0, "y": 0.0}, {"a": 1.005}, {"steps": LONG}, 1.0,
+         "an equilibrium is about to appear on it, at x = 1, y = "),
+        (CASES["pendulum clock"], {}, {"J": 0.5}, {}, 1.0, "cycle .* x = 3.14159, v = 0"),
+        (CASES["rimless wheel"], {}, {"g": 0.15}, {}, STALLS, "homoclinic to the saddle a = 0, w"),
+        (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "equilibrium is about to appear on it, at v = "),
+    ],
+    ids=["figure of eight", "heteroclinic", "half of it", "May-Leonard", "saddle-node on a circle",
+         "pendulum clock", "rimless wheel", "neuron"],
+)  # fmt: skip
+def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
+    problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=300)
+    ((free, value),) = params.items()
+    branch = cb.trace(problem, free, towards="up" if end > value else "down", **how)
+    assert [at.kind for at in branch.special if at.kind != "LP"] == ["EP", "HOM"]
+    assert branch[-1][free] == pytest.approx(end, abs=2e-5)
+    assert re.search(words, branch.reason)
+    assert not branch.doubtful
+
+
 def test_lorenz_s_homoclinic_orbit_is_where_it_is_known_to_be(butterfly) -> None:
     end = butterfly.first("HOM")
     assert end["r"] == pytest.approx(13.926557, abs=2e-5)
@@ -128,22 +207,6 @@ def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
     assert double["trivial"].max() < 1e-4
     assert double[0]["period"] == pytest.approx(2 * single.first("PD")["period"], rel=1e-5)
     assert double.first("PD")["c"] == pytest.approx(3.8373581, abs=2e-5)
-
-
-def test_an_equilibrium_that_appears_on_a_cycle_ends_it() -> None:
-    """The angle turns by a - cos, once in 2 pi / sqrt(a^2 - 1)."""
-
-    def pausing(t, x, p):
-        growth, turn = 0.02 * (1 - x[0] ** 2 - x[1] ** 2), p["a"] - x[0]
-        return [growth * x[0] - turn * x[1], growth * x[1] + turn * x[0]]
-
-    fine = Collocation(intervals=80)
-    ring = cb.cycle(pausing, {"x": -1.0, "y": 0.0}, {"a": 1.005}, collocation=fine)
-    branch = cb.trace(ring, "a", within={"a": (0.5, 1.5)}, towards="down", steps=LONG)
-    end = branch.first("HOM")
-    assert "an equilibrium is about to appear on it, at x = 1" in branch.reason
-    assert 0 < end["a"] - 1 < 1e-5
-    assert end["period"] == pytest.approx(2 * math.pi / math.sqrt(end["a"] ** 2 - 1), rel=1e-6)
 
 
 def test_slow_motion_without_an_equilibrium_is_no_end() -> None:

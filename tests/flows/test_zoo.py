@@ -110,6 +110,17 @@ def test_the_doubled_orbit_of_the_moebius_strip_is_the_closed_form() -> None:
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize("name", ["shaken pendulum", "pest control"])
+def test_branches_leave_what_is_at_rest(name: str) -> None:
+    """The pendulum begins to swing; pests come, and as the equations go less than none."""
+    (start,) = (at for at in CASES[name].branch.special if at.kind != "EP")
+    arms = cb.switch(start, within={CASES[name].free: CASES[name].window})
+    assert len(arms) == 1 + (start.kind == "BP")
+    for arm in arms:
+        assert arm.stop.name == "BOUND"
+        assert not arm.doubtful
+
+
 def test_a_pitchfork_of_cycles_has_both_arms() -> None:
     arms = cb.switch(CASES["pitchfork of cycles"].branch.first("BP"), within={"mu": (-0.5, 0.5)})
     ends = sorted(arm[-1]["max(z)"] for arm in arms)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq, fsolve
-from scipy.special import ellipk
+from scipy.special import ellipk, mathieu_a, mathieu_b
 
 import contbreather as cb
 from contbreather.flows import Collocation
@@ -496,6 +496,28 @@ enter(
     "F", (0.2, 3.0), (("GR", abs(1 - 1.5**2 + 0.3j)),), along_linear,
 )  # fmt: skip
 
+# Mathieu's equation with q = 1, at rest: the two ends of its second gap.
+enter(
+    "mathieu",
+    cycle(
+        lambda t, x, p: [x[1], -(p["a"] - 2 * np.cos(2 * t)) * x[0]],
+        {"x": 0.0, "v": 0.0}, {"a": 3.0}, period=np.pi,
+    ),
+    "a", (2.5, 6.0), (("BP", mathieu_b(2, 1)), ("BP", mathieu_a(2, 1))),
+    lambda at: [(at.solution.others.prod(), 1.0)],
+)  # fmt: skip
+
+# A pendulum whose pivot is shaken, hanging at rest: where the variational equations, integrated by
+# scipy's DOP853 to 2e-14, have det(M + 1) = 0.
+enter(
+    "shaken pendulum",
+    cycle(
+        lambda t, x, p: [x[1], -0.1 * x[1] - (1 + p["A"] * np.cos(2 * t)) * np.sin(x[0])],
+        {"x": 0.0, "v": 0.0}, {"A": 0.05}, period=np.pi,
+    ),
+    "A", (0.0, 1.0), (("PD", 0.200109342149),),
+)  # fmt: skip
+
 
 # --- hybrid ---------------------------------------------------------------------------------------
 
@@ -944,6 +966,118 @@ enter(
     "impact oscillator, doubling",
     cycle(SLOW.flow, {"x": 0.9, "v": -1.0}, {"F": 1.0, "w": 0.9}, period=turn, settle=200),
     "F", (0.1, 1.2), (("PD", SLOW.doubling(0.3, 0.6)), ("VI", SLOW.touching)), SLOW.along,
+)  # fmt: skip
+
+
+# A current that rises at a rate 1 up to 1 and falls at m until the clock strikes.
+enter(
+    "peak current",
+    cycle(
+        [cb.Flow(lambda t, x, p: [1 + 0 * x[0]], until=lambda t, x, p: 1 - x[0]),
+         cb.Flow(lambda t, x, p: [-p["m"] + 0 * x[0]], at=0)],
+        {"i": 0.7}, {"m": 0.6}, period=0.5, settle=30,
+    ),
+    "m", (0.2, 3.0), (("PD", 1.0),),
+    lambda at: [(at.solution.others, [-at["m"]]),
+                (at["min(i)"], 1 - at["m"] * 0.5 / (1 + at["m"]))],
+)  # fmt: skip
+
+# A damped rotor at rest that is kicked by K sin x: det = q = exp(-g), trace = 1 + q + K (1 - q)/g.
+LOSS = math.exp(-0.3)
+enter(
+    "kicked rotor",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[1], -0.3 * x[1]], at=0,
+                reset=lambda t, x, p: [x[0], x[1] + p["K"] * np.sin(x[0])]),
+        {"x": 0.0, "v": 0.0}, {"K": -1.0}, period=1.0,
+    ),
+    "K", (-6.0, 1.0), (("PD", -2 * 0.3 * (1 + LOSS) / (1 - LOSS)), ("BP", 0.0)),
+    lambda at: [(at.solution.others.sum(), 1 + LOSS + at["K"] * (1 - LOSS) / 0.3)],
+)  # fmt: skip
+
+# Predators y of a pest x, released each T = 2: without pests the mean of y is p/(d T), and these
+# grow where that is less than their rate 1.
+enter(
+    "pest control",
+    cycle(
+        cb.Flow(lambda t, x, p: [x[0] * (1 - x[0] - x[1]), x[1] * (0.5 * x[0] - 0.5)], at=0,
+                reset=lambda t, x, p: [x[0], x[1] + p["p"]]),
+        {"x": 0.0, "y": 1.0}, {"p": 2.0}, period=2.0, settle=40,
+    ),
+    "p", (0.1, 3.0), (("BP", 1.0),),
+    lambda at: [(at["max(y)"], at["p"] / (1 - math.exp(-1))),
+                (np.sort(at.solution.others.real),
+                 np.sort([math.exp(-1), math.exp(2 * (1 - at["p"]))]))],
+)  # fmt: skip
+
+
+# A ball in a box that is shaken by A sin t, between walls at +-1: each in turn is hit at a phase
+# with A cos = -k (1 + A sin), k = 2 (1 - e)/(pi (1 + e)), so A is at least k/sqrt(1 + k^2); half a
+# period later with det = e^2, trace = 2 e - ((1 + e) pi)^2/4 A sin/(1 + A sin), which is -(1 + e^2)
+# where A sin = 4/(pi^2 - 4): the symmetry is lost.
+def shaken(side: int) -> cb.Flow:
+    return cb.Flow(
+        lambda t, x, p: [x[1], 0.0],
+        until=lambda t, x, p: 1 + side * (p["A"] * np.sin(t) - x[0]),
+        reset=lambda t, x, p: [x[0], -0.6 * x[1] + 1.6 * p["A"] * np.cos(t)],
+    )
+
+
+K_OF_BOX, SINE_OF_BOX = 2 * 0.4 / (1.6 * math.pi), 4 / (math.pi**2 - 4)
+enter(
+    "ball in a box",
+    cycle(
+        [shaken(-1), shaken(1)], {"x": 0.9, "v": -0.7}, {"A": 0.5}, period=2 * np.pi, t0=3.0,
+        settle=200,
+    ),
+    "A", (0.1, 1.2),
+    (("LP", K_OF_BOX / math.hypot(1, K_OF_BOX)), ("VI", 1.0),
+     ("BP", math.hypot(SINE_OF_BOX, K_OF_BOX * (1 + SINE_OF_BOX)))),
+)  # fmt: skip
+
+
+# The simplest walker of Garcia, Chatterjee, Ruina & Coleman (1998), through the mid-stance, where
+# both legs are in line, and on to its next heel strike: its doubling, at a slope of 0.015, by
+# Newton's iteration on det(M + 1) = 0 with the variational equations integrated by scipy's DOP853.
+def walk(t: Any, x: Any, p: Any) -> Any:
+    leg, swing, rate, swinging = x
+    fall = np.sin(leg - p["g"])
+    return [rate, swinging, fall,
+            fall + (rate**2 - np.cos(leg - p["g"])) * np.sin(swing)]  # fmt: skip
+
+
+def strike(t: Any, x: Any, p: Any) -> Any:
+    kept = np.cos(2 * x[0])
+    return [-x[0], -2 * x[0], kept * x[2], kept * (1 - kept) * x[2]]
+
+
+enter(
+    "simplest walker",
+    cycle(
+        [cb.Flow(walk, until=lambda t, x, p: x[1] - 2 * x[0]),
+         cb.Flow(walk, until=lambda t, x, p: 2 * x[0] - x[1], reset=strike)],
+        {"leg": 0.2003109, "swing": 0.4006218, "u": -0.1998325, "w": -0.0158230}, {"g": 0.009},
+    ),
+    "g", (0.004, 0.018), (("PD", 0.015088437941),),
+    lambda at: [(at["period"], 3.91240921248)] if at.kind == "PD" else [],
+)  # fmt: skip
+
+# A hopper whose leg is a spring, 20, stiffer on the way up, 30, which leaves e of its speed: it
+# bends by b = 2 (1 - e^2)/(20 - 30 e^2), with the speed v^2 = 20 b^2 - 2 b.
+enter(
+    "hopper",
+    cycle(
+        [cb.Flow(lambda t, x, p: [x[1], -1 + 0 * x[0]], until=lambda t, x, p: x[0] - 1),
+         cb.Flow(lambda t, x, p: [x[1], -1 - 20 * (x[0] - 1)], until=lambda t, x, p: -x[1]),
+         cb.Flow(lambda t, x, p: [x[1], -1 - 30 * (x[0] - 1)], until=lambda t, x, p: 1 - x[0],
+                 reset=lambda t, x, p: [x[0], p["e"] * x[1]])],
+        {"y": 1.2, "v": 0.0}, {"e": 0.7}, settle=60,
+    ),
+    "e", (0.3, 0.75), (),
+    lambda at: (lambda e, b: [
+        (at["max(y)"], 1 + 10 * b**2 - b),
+        (max(at.solution.others.real), e**2 * (60 * b - 2) / (40 * b - 2)),
+    ])(at["e"], 2 * (1 - at["e"] ** 2) / (20 - 30 * at["e"] ** 2)),
 )  # fmt: skip
 
 
