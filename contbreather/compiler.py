@@ -9,7 +9,6 @@ else this package depends on is installed, and begins at once.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import subprocess
@@ -253,7 +252,7 @@ def _compile(path: Path, kernel: Kernel) -> None:
     except NotCompiled as reason:
         _keep(path.with_name(f"{path.name}.failed"), str(reason).encode())
     else:
-        _keep(path, hashlib.sha256(code).digest() + code)
+        _keep(path, kernels.sealed(code))
 
 
 def _keep(path: Path, text: bytes) -> None:

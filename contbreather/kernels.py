@@ -11,17 +11,17 @@ else, for later ones; nobody ever waits for it.
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import os
 import stat
 import struct
 import sys
 import threading
+import zlib
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache, cached_property, lru_cache
 from importlib import import_module
-from importlib.util import find_spec
+from importlib.util import find_spec, source_hash
 from pathlib import Path
 from types import FunctionType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
@@ -68,7 +68,8 @@ NEVER = (
     "NRT_MemInfo_call_dtor",
 )
 
-_FORMAT = 4  # of what is kept, and of how it is compiled
+SEAL = 4  # bytes before the code that tell whether it is whole
+_FORMAT = 5  # of what is kept, and of how it is compiled
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH  # who might write besides the owner
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, tuple[int, Any]] = {}  # by file: the address, and what keeps it alive
@@ -461,16 +462,20 @@ def machine() -> tuple[Any, ...]:
 
 def file_name(kernel: Kernel) -> str:
     """Of its object file: of all texts on one machine it begins alike."""
-    digest = hashlib.sha256(repr(machine()).encode()).hexdigest()[:8]
-    begin = f"{kernel.function.__name__}.{sys.implementation.cache_tag}.{digest}"
-    return f"{begin}-{_key(kernel.function, kernel.signature)[:24]}.o"
+    begin = f"{kernel.function.__name__}.{sys.implementation.cache_tag}.{_digest(machine())[:8]}"
+    return f"{begin}-{_key(kernel.function, kernel.signature)}.o"
 
 
 @lru_cache(maxsize=256)
 def _key(function: Function, kinds: str) -> str:
     """A name for a function as it is in memory and for all else that its code depends on."""
     contents = [_content(part) for part in called(function)]
-    return hashlib.sha256(repr((_FORMAT, contents, kinds, machine())).encode()).hexdigest()
+    return _digest((_FORMAT, contents, kinds, machine()))
+
+
+def _digest(value: tuple[Any, ...]) -> str:
+    # as .pyc files have it: hashlib loads all of OpenSSL, a thirtieth of a first breather
+    return source_hash(repr(value).encode()).hex()
 
 
 def _content(function: Function) -> tuple[Any, ...]:
@@ -522,10 +527,15 @@ def read(path: Path) -> bytes:
         raise NotCompiled(f"{path} cannot be read: {error.strerror}; remove it") from error
     if reason:
         raise NotCompiled(reason)
-    code = text[32:]
-    if hashlib.sha256(code).digest() != text[:32]:
+    code = text[SEAL:]
+    if sealed(code) != text:
         raise NotCompiled(f"{path} is not what was written there; remove it")
     return code
+
+
+def sealed(code: bytes) -> bytes:
+    """With a checksum before it."""
+    return zlib.crc32(code).to_bytes(SEAL, "little") + code
 
 
 def target(**options: Any) -> Any:

@@ -122,7 +122,7 @@ def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
 @pytest.fixture
 def kept(tmp_path: Path) -> Path:
     path = tmp_path / "one.o"
-    compiler._keep(path, kernels.hashlib.sha256(b"code").digest() + b"code")
+    compiler._keep(path, kernels.sealed(b"code"))
     return path
 
 

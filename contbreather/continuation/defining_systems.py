@@ -417,6 +417,9 @@ class ExtendedProblem(Problem):
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
 
+    def unresolved(self, point: Point) -> str:
+        return point.base_point.problem.unresolved(point.base_point)
+
 
 def extended(
     base: Curve,

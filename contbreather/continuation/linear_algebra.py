@@ -109,7 +109,7 @@ def _dense(matrix: Array) -> LeastSingular:
 
 
 def _sparse(factors: Factors) -> LeastSingular:
-    from scipy.sparse.linalg import LinearOperator, eigsh
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     matrix, n = factors.matrix, factors.matrix.shape[0]
 
@@ -119,7 +119,10 @@ def _sparse(factors: Factors) -> LeastSingular:
 
     inverse = LinearOperator((n, n), matvec=both, dtype=float)
     # the second tells how well the least stands out, `second`
-    values, vectors = eigsh(inverse, k=2, which="LM", v0=any_vector(n), tol=1e-9)
+    try:
+        values, vectors = eigsh(inverse, k=2, which="LM", v0=any_vector(n), tol=1e-9)
+    except ArpackError as error:
+        raise Undefined("the derivative is singular to the last digit: no null vectors") from error
     least = int(values.argmax())
     left, sizes = vectors[:, least], 1 / np.sqrt(abs(values))
     # one more step from left gives right: A right = size left to rounding, not to ARPACK's 1e-9
@@ -185,7 +188,10 @@ class Bordered:
         x, size = any_vector(self.row.size), math.inf
         for _ in range(_LOOKS):  # x <- (M M^T)^-1 x, whose largest eigenvalue is 1 / size^2
             y = self.solve(x)
-            x = self.transposed(y / np.linalg.norm(y))
+            grown = np.linalg.norm(y)
+            if not grown < math.inf:  # singular to the last digit, as where what rests branches
+                return 0.0
+            x = self.transposed(y / grown)
             size = 1 / float(np.linalg.norm(x))
             x = x * size
         return self.factors.sign(self.row[None, :]) * size

@@ -329,10 +329,7 @@ def _branches(point: Point) -> float:
     """About the least singular value with the row of the tangent below, by one factorisation."""
     matrix = bordered(point)
     if not isinstance(matrix, np.ndarray):
-        try:
-            return signed_smallest(matrix)
-        except ZeroDivisionError:  # its inverse is infinite: where an orbit at rest branches
-            return 0.0
+        return signed_smallest(matrix)
     factors = Dense(matrix)
     return _inverse_iteration(factors, len(matrix))[0] if factors.exact else 0.0
 

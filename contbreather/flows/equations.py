@@ -195,7 +195,7 @@ class Equations:
         ]
         rows.append(np.array([self._condition(i, x, f, p) for i, f in enumerate(flights)]))
         if self.phased:
-            rows.append(np.array([self._over(x, p)]))
+            rows.append(np.array([self._over(None, x, p)]))
         return np.concatenate(rows)
 
     def _after(self, i: int, flight: TrajectorySegment, p: Params) -> Array:
@@ -220,13 +220,22 @@ class Equations:
             return float(
                 self._phase[i] @ (x[self.layout.nodes[i]] - self.start[i].states.T).ravel()
             )
-        return self._over(x, p)
+        return self._over(i, x, p)
 
-    def _over(self, x: Array, p: Params) -> float:
-        """By how much the durations exceed the period."""
+    def _over(self, i: int | None, x: Array, p: Params) -> float:
+        """By how much durations exceed their periods."""
         assert self.period is not None
         whole = float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
-        return float(x[self.layout.lengths].sum() - self.turns * whole)
+        taken, turns = self._timed(i)
+        return float(taken @ x[self.layout.lengths] - turns * whole)
+
+    def _timed(self, i: int | None) -> tuple[Array, float]:
+        """Which flows take how many periods: all of them; of a cycle that was doubled those up to
+        the end of the round of a flow that only the period ends, or their split would be free."""
+        rounds = [j for j, flow in enumerate(self.flows) if flow.until is None]
+        part = 1.0 if i is None else (rounds.index(i) + 1) / len(rounds)
+        taken = np.arange(len(self.flows)) < part * len(self.flows)
+        return taken.astype(float), part * self.turns
 
     @cached_property
     def _phase(self) -> tuple[Array, ...]:
@@ -296,9 +305,9 @@ class Equations:
             if piece.condition is not None:
                 yield self._carried(i, flight, piece.condition, last)
             else:
-                yield self._phase[i] if self.autonomous else self._of_period(p, names)
+                yield self._phase[i] if self.autonomous else self._of_period(i, p, names)
         if self.phased:
-            yield self._of_period(p, names)
+            yield self._of_period(None, p, names)
 
     def _spread(self, i: int, flight: TrajectorySegment, slope: Array) -> Array:
         """The derivative of something of each interval in its state, its beginning, its length and
@@ -359,11 +368,12 @@ class Equations:
         derivative[:, -1] = rise
         return derivative
 
-    def _of_period(self, p: Params, names: tuple[str, ...]) -> Array:
+    def _of_period(self, i: int | None, p: Params, names: tuple[str, ...]) -> Array:
         assert self.period is not None
         slope = slopes(self.period, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
         # of the sum of durations - turns T(p)
-        return np.append(np.ones(self.layout.lengths.size), -self.turns * slope)
+        taken, turns = self._timed(i)
+        return np.append(taken, -turns * slope)
 
     # --- other cycles -----------------------------------------------------------------------------
 
