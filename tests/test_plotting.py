@@ -310,7 +310,10 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
         (lambda b, z: plot(b, z), "only branches are drawn together, or zones; a Zones was"),
         (lambda b, z: plot(z, y="p"), "y says nothing of the picture of a Zones"),
         (lambda b, z: plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),
-        (lambda b, z: plot(b[0].curve), "nothing is known to draw of a Curve"),
+        (
+            lambda b, z: plot(b[0].curve),
+            "a branch, zones or an orbit, say, was expected, got a Curve",
+        ),
         (lambda b, z: plot_zones(b), "a zone diagram was expected, got a Branch; plot draws"),
         (lambda b, z: save_figure("x.png", plot(b)), r"first, save_figure\(figure, 'x.png'\)"),
     ],

@@ -119,7 +119,7 @@ def plot(
         raise BadInput(f"only branches are drawn together, or zones; {other} was among them")
     value, draw = _drawn(drawn[0])
     if draw is None:
-        raise BadInput(f"nothing is known to draw of {kind_of(value)}; of branches, for instance")
+        raise BadInput(f"a branch, zones or an orbit, say, was expected, got {kind_of(value)}")
     if unknown := [*wanted.keys() - signature(draw).parameters.keys()]:
         raise BadInput(f"{unknown[0]} says nothing of the picture of {kind_of(value)}")
     return draw(value, **wanted)
