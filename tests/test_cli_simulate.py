@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import threading
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,6 @@ import pytest
 import contbreather as cb
 from contbreather import progress
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED
-from contbreather.simulation import classify
 from contbreather.simulation.integrator import EventDriven
 
 from .typed import table
@@ -203,7 +203,7 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
         raise KeyboardInterrupt
 
     interrupt(monkeypatch, 120)
-    monkeypatch.setattr(classify, "judge", again)
+    monkeypatch.setattr(import_module("contbreather.simulation.classify"), "judge", again)
     line = f"{STABLE} --sites 4 --periods 100000 --csv s.csv --final f.json"
     status, out, err = run(line)
     assert status == INTERRUPTED
@@ -219,7 +219,7 @@ def test_interruption_while_judging_a_finished_run_keeps_its_files(run, monkeypa
         assert Path("s.csv").exists()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(classify, "judge", stopped)
+    monkeypatch.setattr(import_module("contbreather.simulation.classify"), "judge", stopped)
     status, out, _ = run(f"{STABLE} --sites 4 --periods 120 --csv s.csv --json")
     content = json.loads(out)
     assert (status, content["interrupted"], content["periods"]) == (INTERRUPTED, True, 120)

@@ -79,7 +79,7 @@ def test_the_coupling_has_one_limit() -> None:
 
 # Where one name has several meanings: whose is whose, as the pages of these functions say.
 WHOSE = {
-    "simulation.verdict": {"settle": 4000, "periods": 4096},
+    "simulation.classify": {"settle": 4000, "periods": 4096},
     "simulation.lyapunov": {"settle": 0, "count": 2, "seed": 0},
     "simulation.attraction": {"periods": 500, "tolerance": 1e-3, "site": 0},
     "simulation.periodic": {"periods": 1, "symmetric": False},

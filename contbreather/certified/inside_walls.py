@@ -28,7 +28,7 @@ OVERLAP = 1e-13  # of neighbouring balls of times: none is lost to the rounding 
 FARTHEST = 400  # sites looked at one by one
 
 
-class Verdict(NamedTuple):
+class Proven(NamedTuple):
     """True and False are proved, None is neither; the reason says what was found or is missing."""
 
     holds: bool | None
@@ -144,14 +144,14 @@ def inside(path: Motion, pieces: int) -> tuple[bool | None, float]:
 # --- all sites ----------------------------------------------------------------------------------
 
 
-def admissible(values: Mapping[str, Ball]) -> Verdict:
+def admissible(values: Mapping[str, Ball]) -> Proven:
     """Whether all sites keep off the walls at all times, except site 0 at its impacts.
 
     Far sites are bounded together: from site N on, ``|u_n| <= a max |f| + p reach(N)``. The sites
     before N are settled one by one.
     """
     if not values["p"] > 0:
-        return Verdict(None, "that the impact has p > 0 is not proved")
+        return Proven(None, "that the impact has p > 0 is not proved")
     drive = far_field(values)
     pieces = PIECES * drive.highest
     holds, when = inside(motion(values, 0), pieces)
@@ -164,11 +164,11 @@ def admissible(values: Mapping[str, Ball]) -> Verdict:
     for n in range(1, FARTHEST):
         room = 1 - values["p"] * averages.reach(values["gamma"], n)
         if room > ceiling and below(drive, room, pieces)[0]:
-            return Verdict(True)
+            return Proven(True)
         holds, when = below(motion(values, n), arb(1), pieces)
         if holds is not True:
             return _verdict(holds, f"site {n}", when)
-    return Verdict(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
+    return Proven(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
 
 
 def _ceiling(drive: Motion) -> float:
@@ -179,7 +179,7 @@ def _ceiling(drive: Motion) -> float:
     return 0.5 * (1.0 + top)
 
 
-def _verdict(holds: bool | None, what: str, when: float) -> Verdict:
+def _verdict(holds: bool | None, what: str, when: float) -> Proven:
     if holds is False:
-        return Verdict(False, f"{what} goes through a wall, {when + HALF:.9g} after an impact")
-    return Verdict(None, f"{what} comes too close to a wall, {when + HALF:.9g} after an impact")
+        return Proven(False, f"{what} goes through a wall, {when + HALF:.9g} after an impact")
+    return Proven(None, f"{what} comes too close to a wall, {when + HALF:.9g} after an impact")

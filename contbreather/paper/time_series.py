@@ -24,7 +24,7 @@ from contbreather.orbits.green_problem import asymmetric_problem
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.paper.lifetimes import delocalised, gone, life, lives, lives_in_words
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
-from contbreather.simulation.classify import verdict
+from contbreather.simulation.classify import classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.periodic import PeriodicMotion, periodic
 from contbreather.simulation.simulate import Run, completed, simulate
@@ -464,7 +464,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     then, sample = (long.strobe.u[first], long.strobe.v[first]), Sample(SHOWN, CIRCLES // 2)
     window = _run(then, m, periods=6, sample=sample, **conditions)
     stats = lives(exact, m, lost, **RINGS)
-    torus = verdict(
+    torus = classify(
         symmetric(TORUS["a"], TORUS["gamma"], RESTITUTION).state(SITES),
         settle=8000, periods=3000, **TORUS,
     )  # fmt: skip

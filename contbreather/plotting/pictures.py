@@ -25,7 +25,7 @@ from contbreather.plotting.orbits import plot_orbit, solution_of
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation.basin import Basin
-from contbreather.simulation.classify import Verdict as Judged
+from contbreather.simulation.classify import Classification
 from contbreather.simulation.simulate import Run
 from contbreather.simulation.smooth import SmoothRun
 from contbreather.simulation.sweep import Sweep
@@ -139,7 +139,7 @@ def _drawn(value: Any) -> tuple[Any, Any]:
     match value:
         case Kept():
             return _drawn(next(iter(value.values()), None))
-        case Judged():
+        case Classification():
             return _drawn(value.run)
         case Point():
             return value, plot_orbit if isinstance(solution_of(value), Orbit | Cycle) else _place

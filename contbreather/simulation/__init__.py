@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from .basin import Basin as Basin
     from .basin import Outcome as Outcome
     from .basin import attraction as attraction
+    from .classify import Classification as Classification
     from .classify import Kind as Kind
-    from .classify import Verdict as Verdict
+    from .classify import classify as classify
     from .classify import judge as judge
-    from .classify import verdict as verdict
     from .integrator import RunStop as RunStop
     from .integrator import Sample as Sample
     from .measures import Localisation as Localisation

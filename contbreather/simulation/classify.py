@@ -57,7 +57,7 @@ class Kind(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Verdict(HtmlRepr):
+class Classification(HtmlRepr):
     """What a motion is, and the numbers that say so.
 
     Attributes
@@ -95,7 +95,7 @@ class Verdict(HtmlRepr):
         return f"<{self}>"
 
 
-def verdict(
+def classify(
     state: Any,
     *,
     settle: int = 4000,
@@ -103,7 +103,7 @@ def verdict(
     m: float | None = None,
     t0: float = 0.0,
     **on: Unpack[ModelParameters],
-) -> Verdict:
+) -> Classification:
     """Let a lattice settle, watch it, and say what its motion is.
 
     Parameters
@@ -120,7 +120,7 @@ def verdict(
     --------
     >>> from contbreather.orbits import symmetric
     >>> b = symmetric(a=0.3, gamma=0.05, k=0.8)
-    >>> found = verdict(b.state(8), a=0.3, gamma=0.05, k=0.8, damping=0.05, periods=200)
+    >>> found = classify(b.state(8), a=0.3, gamma=0.05, k=0.8, damping=0.05, periods=200)
     >>> found.kind.name, round(found.evidence["multiplier"], 3)
     ('PERIODIC', 0.876)
     """
@@ -131,12 +131,12 @@ def verdict(
     if run.stop is RunStop.DONE:
         run = completed(let_go(run.final, conditions, periods=length, t0=t0))
     if run.stop is not RunStop.DONE:
-        return Verdict(Kind.UNDECIDED, run.reason, {}, run, Kind.UNDECIDED)
+        return Classification(Kind.UNDECIDED, run.reason, {}, run, Kind.UNDECIDED)
     return judge(run)
 
 
-def judge(run: Run | SmoothRun) -> Verdict:
-    """The verdict on a run that has settled; see `verdict`.
+def judge(run: Run | SmoothRun) -> Classification:
+    """The verdict on a run that has settled; see `classify`.
 
     Examples
     --------
@@ -155,16 +155,16 @@ def judge(run: Run | SmoothRun) -> Verdict:
     if isinstance(run, Run) and run.noise:
         kicked, reason = _kicked(run, evidence)
         reason = f"{reason}, under noise of strength {run.noise:g}"
-        return Verdict(kicked, reason, evidence, run, Kind.NOISY)
+        return Classification(kicked, reason, evidence, run, Kind.NOISY)
     kind, reason = _lost(run, evidence) or (None, "")
     long = isinstance(run, SmoothRun) and run.sites > LONG
     if kind is Kind.SYNCHRONISED or (kind is not None and long):
-        return Verdict(kind, reason, evidence, run, kind)
+        return Classification(kind, reason, evidence, run, kind)
     closed, repelling = _closed(run, evidence)
     motion, why = closed or _open(run, evidence, repelling, lost=kind is not None)
     if kind is None:
-        return Verdict(motion, why, evidence, run, motion)
-    return Verdict(kind, f"{reason}; {motion.name.lower()}, {why}", evidence, run, motion)
+        return Classification(motion, why, evidence, run, motion)
+    return Classification(kind, f"{reason}; {motion.name.lower()}, {why}", evidence, run, motion)
 
 
 def _where(run: Ran) -> dict[str, float]:

@@ -13,13 +13,13 @@ from contbreather.paper.lifetimes import smooth_breather
 from contbreather.simulation import (
     Explicit,
     Kind,
+    classify,
     judge,
     periodic,
     rotation,
     simulate,
     simulate_smooth,
     sweep,
-    verdict,
 )
 from contbreather.simulation.measures import weighted_mean
 from tests.simulation.zoo import breather
@@ -116,7 +116,7 @@ PAPER = [
 def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
     state = symmetric(a, gamma, 0.8).state(20)
     conditions = {"a": a, "gamma": gamma, "k": 0.8, "damping": damping}
-    found = verdict(state, **conditions, settle=settle, periods=300 if settle == 500 else 1000)
+    found = classify(state, **conditions, settle=settle, periods=300 if settle == 500 else 1000)
     assert found.kind is kind, str(found)
     assert found.kind.value in str(found)
     assert found.reason
@@ -125,7 +125,7 @@ def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
 
 
 def test_verdict_on_the_torus_carries_its_evidence(torus):
-    found = verdict(torus.final, **TORUS, settle=0, periods=3000)
+    found = classify(torus.final, **TORUS, settle=0, periods=3000)
     assert found.kind is Kind.QUASI_PERIODIC
     assert found.evidence["rotation"] == pytest.approx(0.39159998, abs=1e-8)
     assert abs(found.evidence["exponent"]) < 1e-9
@@ -136,7 +136,7 @@ def test_verdict_on_the_torus_carries_its_evidence(torus):
 
 
 def test_too_short_a_look_at_a_torus_is_undecided_and_says_what_it_saw(torus):
-    found = verdict(torus.final, **TORUS, settle=0, periods=100)
+    found = classify(torus.final, **TORUS, settle=0, periods=100)
     assert found.kind is Kind.UNDECIDED, str(found)
     assert found.reason.startswith(f"rotation number {found.evidence['rotation']:.10f} (")
     assert "largest exponent" in found.reason
@@ -146,7 +146,7 @@ def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
     """gamma = 0.0845 of the theory notes: exponents 0 and -1.2e-4, hard to tell apart."""
     conditions = {"a": 0.1, "gamma": 0.0845, "k": 0.8, "damping": 0.005}
     state = symmetric(0.1, 0.082, 0.8).state(20)
-    found = verdict(state, **conditions, settle=20000, periods=3000)
+    found = classify(state, **conditions, settle=20000, periods=3000)
     assert found.kind is Kind.QUASI_PERIODIC
     assert found.evidence["rotation"] == pytest.approx(0.4590294719, abs=1e-9)
     assert found.evidence["frequencies"] <= 1
@@ -156,14 +156,14 @@ def test_second_torus_bifurcation_gives_a_breather_with_two_frequencies():
     """Two Lyapunov exponents vanish: frequencies beside the forcing's."""
     conditions = {"a": 0.2, "gamma": 0.1087, "k": 0.8, "damping": 0.03}
     state = symmetric(0.2, 0.1087, 0.8).state(20)
-    found = verdict(state, **conditions, settle=12000, periods=6000)
+    found = classify(state, **conditions, settle=12000, periods=6000)
     assert found.kind is Kind.QUASI_PERIODIC
     assert found.evidence["frequencies"] == 2
     assert found.reason.endswith("2 exponents are zero: a torus of 2 frequencies beside 1")
 
 
 def test_verdict_on_chaos_of_a_single_site():
-    found = verdict(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.95, settle=200, periods=2000)
+    found = classify(([0.1], [0.3]), a=2.0, gamma=0.0, k=0.95, settle=200, periods=2000)
     assert found.kind is Kind.CHAOTIC
     assert found.evidence["exponent"] > 0.2
 
@@ -175,7 +175,7 @@ def test_period_doubled_orbit_is_locked_one_to_two(a):
     branch = cb.trace(symmetric(0.6, 0.0, 0.8), "a", within={"a": (0.6, 0.95)})
     (arm, _) = cb.switch(branch.first("PF"), within={"a": (0.6, a)})
     u, v = arm[-1].state(1)
-    found = verdict((u, v + 1e-6), a=a, gamma=0.0, k=0.8, periods=500)
+    found = classify((u, v + 1e-6), a=a, gamma=0.0, k=0.8, periods=500)
     assert found.kind is Kind.LOCKED
     assert (found.evidence["p"], found.evidence["q"]) == (1, 2)
     assert found.evidence["multiplier"] < 1.0
@@ -199,7 +199,7 @@ def test_run_next_to_a_motion_that_repels_is_undecided(
     t0 = 0.5 * math.pi if k == 1.0 else 0.0  # with k = 1 it hits at t = 0
     own = breather(sites, t0=t0, **conditions)
     assert own.largest > 1.01
-    found = verdict(own.state, settle=settle, periods=periods, t0=t0, **conditions)
+    found = classify(own.state, settle=settle, periods=periods, t0=t0, **conditions)
     assert found.kind is Kind.UNDECIDED, str(found)
     assert found.evidence["multiplier"] == pytest.approx(own.largest, rel=1e-6)
     assert "it repels" in found.reason
@@ -210,7 +210,7 @@ def test_small_torus_around_a_motion_that_repels_is_a_torus():
     conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
     own = breather(20, **conditions)
     assert own.largest > 1.0 + 1e-7
-    found = verdict((0.999 * own.state.u, own.state.v), settle=30000, periods=3000, **conditions)
+    found = classify((0.999 * own.state.u, own.state.v), settle=30000, periods=3000, **conditions)
     assert np.abs(found.run.strobe.u - own.state.u).max() < 0.1
     assert found.kind is Kind.QUASI_PERIODIC, str(found)
     assert abs(found.evidence["exponent"]) < 1e-5
@@ -223,7 +223,7 @@ BANDS = [(1.0409, 0.0086), (1.0411, 0.0089), (1.04115, 0.0104)]
 @pytest.mark.parametrize(("a", "exponent"), BANDS)
 def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
     """Two rows of bands: a rotation number of 1/2 to ten digits, and repelling orbits within."""
-    found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7)
+    found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7)
     assert found.kind is Kind.CHAOTIC, str(found)
     assert found.evidence["rotation"] == pytest.approx(0.5, abs=1e-6)
     assert found.evidence["exponent"] == pytest.approx(exponent, abs=2e-3)
@@ -234,7 +234,7 @@ def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
 @pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000)])
 def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
     for a, _ in BANDS:
-        found = verdict(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
+        found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
         assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
 
 
@@ -245,7 +245,7 @@ def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(
     start = sweep(
         symmetric(0.93, 0.0, 0.8).state(1), "a", slowly, periods=60, a=a, gamma=0.0, k=0.8
     )
-    found = verdict(start.final, a=a, gamma=0.0, k=0.8, periods=500)
+    found = classify(start.final, a=a, gamma=0.0, k=0.8, periods=500)
     own = periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
     assert found.kind is Kind.LOCKED
     assert (found.evidence["q"], own.largest < 1.0) == (q, True)

@@ -19,13 +19,13 @@ from contbreather.simulation import (
     Outcome,
     RunStop,
     attraction,
+    classify,
     integrator,
     periodic,
     simulate,
     simulate_smooth,
     smooth,
     sweep,
-    verdict,
 )
 from contbreather.simulation.classify import judge
 from contbreather.simulation.states import State
@@ -63,7 +63,7 @@ def ctrl_c(monkeypatch):
 
 
 CALLS = {
-    "verdict": lambda: verdict(STATE, settle=300, periods=300, **SET),
+    "classify": lambda: classify(STATE, settle=300, periods=300, **SET),
     "growth": lambda: growth(periodic(STATE, symmetric=True, **SET), 40),
     "figure 6": figure6,
     "figure 7": figure7,

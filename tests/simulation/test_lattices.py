@@ -20,6 +20,7 @@ from contbreather.simulation import (
     Outcome,
     Sample,
     attraction,
+    classify,
     localisation,
     lyapunov,
     open_recording,
@@ -30,7 +31,6 @@ from contbreather.simulation import (
     simulate_smooth,
     sweep,
     variation,
-    verdict,
 )
 from tests.orbits.field import Field, dense
 
@@ -202,7 +202,7 @@ def test_streams_sweeps_and_verdicts_know_the_lattice(tmp_path):
     other = cb.Lattice.from_graph(nx.path_graph(6))
     with pytest.raises(BadInput, match="another run: lattice is another graph, 6 sites than here"):
         record(tmp_path / "run", state, periods=40, **{**shared, "lattice": other})
-    found = verdict(state, settle=300, periods=100, **shared)
+    found = classify(state, settle=300, periods=100, **shared)
     assert found.kind is Kind.PERIODIC
     largest = np.abs(orbit.multipliers()).max()
     assert found.evidence["multiplier"] == pytest.approx(largest, rel=1e-6)

@@ -20,6 +20,7 @@ from contbreather.simulation import (
     RunStop,
     Sample,
     attraction,
+    classify,
     localisation,
     lyapunov,
     periodic,
@@ -28,7 +29,6 @@ from contbreather.simulation import (
     simulate_smooth,
     sweep,
     there_and_back,
-    verdict,
 )
 from contbreather.simulation.states import PERIOD
 
@@ -144,7 +144,7 @@ def test_a_run_that_ends_early_is_undecided_with_its_reason(monkeypatch) -> None
     monkeypatch.setattr("contbreather.simulation.integrator.MOST", 500)
     fast = {"a": 0.5, "gamma": 0.0, "k": 1.0}
     for settle in (0, 1):
-        found = verdict(([0.1], [1e3]), settle=settle, periods=100, **fast)
+        found = classify(([0.1], [1e3]), settle=settle, periods=100, **fast)
         assert found.kind is Kind.UNDECIDED
         assert found.reason.startswith("site 0 has more than")
         assert found.evidence == {}

@@ -18,6 +18,7 @@ from contbreather.simulation import (
     Explicit,
     Sample,
     attraction,
+    classify,
     localisation,
     lyapunov,
     periodic,
@@ -26,7 +27,6 @@ from contbreather.simulation import (
     simulate_smooth,
     sweep,
     there_and_back,
-    verdict,
 )
 from contbreather.simulation.states import conditions_of
 
@@ -39,7 +39,7 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {  # each as it would be answered
     "lattice": (cb.simulate, {"state": ([0.0] * 5, [0.0] * 5), "periods": 1, **RING,
         "lattice": cb.OpenChain(5), "walls": {2: (-0.5, 0.5), 3: (None, 0.7)}}),
     "record": (record, {"path": "unused", "periods": 1, **ONE}),
-    "verdict": (verdict, ONE),
+    "classify": (classify, ONE),
     "lyapunov": (lyapunov, {"periods": 10, "state": (np.zeros(3), np.zeros(3)), **RING}),
     "sweep": (sweep, {"name": "a", "values": [0.2, 0.21], "periods": 5, **ONE}),
     "periodic": (periodic, ONE),
@@ -82,9 +82,9 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"noise": 0.1, "sample": Sample()}, "not recorded densely under noise"),
         *(
             (call, {"noise": 0.1}, r"noise = 0.1: noise is for simulate\(\) alone")
-            for call in ("smooth", "record", "verdict", "sweep", "attraction", "lyapunov")
+            for call in ("smooth", "record", "classify", "sweep", "attraction", "lyapunov")
         ),
-        ("verdict", {"noise": 0.1, "m": 6}, r"noise = 0.1: noise is for simulate\(\) alone"),
+        ("classify", {"noise": 0.1, "m": 6}, r"noise = 0.1: noise is for simulate\(\) alone"),
         ("smooth", {"m": 0}, "^m = 0: the hardness of the wall .* 0.5 <= m <= 1e4"),
         ("smooth", {"m": 0.1}, "^m = 0.1"),
         ("smooth", {"m": math.nan}, "^m = nan"),
@@ -123,9 +123,9 @@ TABLES = "rows of states, or tables with a column for each site"
         ("lattice", {"sample": Sample((7,))}, "sample: there is no site 7 among 5"),
         ("record", {"periods": 2.5}, "^periods = 2.5"),
         ("record", {"periods": -1}, "^periods = -1"),
-        ("verdict", {"periods": 50}, "^periods = 50: a whole number, at least"),
-        ("verdict", {"periods": 200.5}, "^periods = 200.5: a whole number, at least"),
-        ("verdict", {"settle": -1}, "^settle = -1: a whole number, at least"),
+        ("classify", {"periods": 50}, "^periods = 50: a whole number, at least"),
+        ("classify", {"periods": 200.5}, "^periods = 200.5: a whole number, at least"),
+        ("classify", {"settle": -1}, "^settle = -1: a whole number, at least"),
         ("lyapunov", {"count": 7}, "count = 7: 3 sites have 6 exponents"),
         ("lyapunov", {"count": 0}, "^count = 0: a whole number, at least"),
         ("lyapunov", {"periods": 9}, "^periods = 9: a whole number, at least"),
@@ -207,7 +207,7 @@ def test_a_name_has_one_default_wherever_it_is_given() -> None:
     plain = {"t0": 0.0, "forcing": None, "sample": None, "progress": None}
     assert defaults(Conditions)["damping"] == 0.0
     seen = set()
-    makers = (cb.simulate, simulate_smooth, record, verdict, sweep, attraction, periodic, lyapunov,
+    makers = (cb.simulate, simulate_smooth, record, classify, sweep, attraction, periodic, lyapunov,
               localisation, conditions_of)  # fmt: skip
     for of in makers:
         own = defaults(of)

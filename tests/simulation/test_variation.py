@@ -12,7 +12,7 @@ from contbreather.continuation import trace
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
-from contbreather.simulation import Kind, lyapunov, periodic, simulate, variation, verdict
+from contbreather.simulation import Kind, classify, lyapunov, periodic, simulate, variation
 from contbreather.stability import dense_half_map
 from tests.simulation.zoo import breather
 
@@ -116,7 +116,7 @@ def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
     assert found["gamma"] == pytest.approx(0.0832031649, abs=1e-9)
     assert found["largest"] == pytest.approx(1.0, abs=1e-9)
     for gamma, kind in ((0.083, Kind.PERIODIC), (0.0845, Kind.QUASI_PERIODIC)):
-        seen = verdict(start.state, gamma=gamma, **conditions, settle=20000, periods=1000)
+        seen = classify(start.state, gamma=gamma, **conditions, settle=20000, periods=1000)
         assert seen.kind is kind, str(seen)
 
 
