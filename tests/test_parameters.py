@@ -14,7 +14,7 @@ import pytest
 import contbreather as cb
 from contbreather.cli import main
 from contbreather.errors import BadInput
-from contbreather.explorer.forms import Forms
+from contbreather.explorer.forms import PageForms
 from contbreather.explorer.session import Session
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import (
@@ -50,7 +50,7 @@ def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(
         assert f"--{name}" in said
         assert " ".join(one.help.split()) in said
     assert {*Chain.model_fields, *Branch.model_fields} >= {*DECLARED}
-    assert set(Forms(Session()).breather) == {*DECLARED, "root"}
+    assert set(PageForms(Session()).breather) == {*DECLARED, "root"}
     assert {row[0] for row in table()} == {*DECLARED, *SMOOTH}
 
 

@@ -36,7 +36,7 @@ class Proven(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Motion:
+class ProvenMotion:
     """``sum of C cos(m y) + S sin(m y) + P(y) + error``, its derivatives with it."""
 
     harmonics: tuple[tuple[int, Ball, Ball], ...]
@@ -63,7 +63,7 @@ class Motion:
         return self.at(y, 0) + self.at(y, 1) * spread(radius) + bend
 
 
-def far_field(values: Mapping[str, Ball]) -> Motion:
+def far_field(values: Mapping[str, Ball]) -> ProvenMotion:
     """``a f``, what sites far away do."""
     turned = []
     for m, cosine, sine in response(values):
@@ -71,10 +71,10 @@ def far_field(values: Mapping[str, Ball]) -> Motion:
         a = values["a"]
         turned.append((m, a * (cosine * c + sine * s), a * (sine * c - cosine * s)))
     nothing = arb_poly([0])
-    return Motion(tuple(turned), (nothing,) * 3, (arb(0),) * 3)
+    return ProvenMotion(tuple(turned), (nothing,) * 3, (arb(0),) * 3)
 
 
-def motion(values: Mapping[str, Ball], n: int) -> Motion:
+def motion(values: Mapping[str, Ball], n: int) -> ProvenMotion:
     """Site n of the breather."""
     drive, p = far_field(values), values["p"]
     amplitude, powers, errors = averages.flight(values["gamma"], n)
@@ -82,7 +82,7 @@ def motion(values: Mapping[str, Ball], n: int) -> Motion:
     cosine, sine = harmonics.get(1, (arb(0), arb(0)))
     harmonics[1] = (cosine, sine - p * amplitude)
     path = p * powers
-    return Motion(
+    return ProvenMotion(
         tuple((m, *pair) for m, pair in harmonics.items()),
         (path, path.derivative(), path.derivative().derivative()),
         tuple(p * e for e in errors),
@@ -111,18 +111,18 @@ def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
     return True, 0.0
 
 
-def below(path: Motion, ceiling: Ball, pieces: int) -> tuple[bool | None, float]:
+def below(path: ProvenMotion, ceiling: Ball, pieces: int) -> tuple[bool | None, float]:
     """Whether ``|u| < ceiling`` at all times."""
     return everywhere(lambda middle, radius: _under(path, ceiling, middle, radius), pieces)
 
 
-def _under(path: Motion, ceiling: Ball, middle: float, radius: float) -> bool | None:
+def _under(path: ProvenMotion, ceiling: Ball, middle: float, radius: float) -> bool | None:
     if abs(path.over(middle, radius)) < ceiling:
         return True
     return False if abs(path.at(arb(middle), 0)) > ceiling else None
 
 
-def inside(path: Motion, pieces: int) -> tuple[bool | None, float]:
+def inside(path: ProvenMotion, pieces: int) -> tuple[bool | None, float]:
     """Whether site 0 is off both walls between the impact at +1 and the next, at -1.
 
     At both ends of its flight it is at a wall. On a ball of times that holds an end it is proved
@@ -171,7 +171,7 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
     return Proven(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
 
 
-def _ceiling(drive: Motion) -> float:
+def _ceiling(drive: ProvenMotion) -> float:
     """Half way from the highest value of the far field on a fine grid to the wall: only a choice of
     how many sites are looked at one by one."""
     grid = (HALF * (2.0 * i / (64 * drive.highest) - 1.0) for i in range(64 * drive.highest))

@@ -167,7 +167,7 @@ Place = tuple[float, ...]  # p, phi, parameter
 
 
 @dataclass(frozen=True)
-class Sheet:
+class BranchSheet:
     """The equations of a branch, in p, phi and its parameter."""
 
     fixed: Mapping[str, Ball]
@@ -219,7 +219,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class Piece:
+class ProvenPiece:
     """A tile between two points of the branch, as it is worked on: the box in which a zero is the
     only one, and the smaller one it is in."""
 
@@ -243,11 +243,11 @@ class Piece:
         return not self.admissible or self.unstable is not None or self.width <= COUNTED
 
 
-def _proved(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> Piece:
+def _proved(sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> ProvenPiece:
     """What can be proved between two points without halving; at an outer end of the branch a tile
     does not reach beyond it."""
     along = sheet.coordinate(ends, any(outer))
-    piece = Piece(ends, along, why="that breathers exist")
+    piece = ProvenPiece(ends, along, why="that breathers exist")
     chord = _halfway(*ends)
     middle = sheet.on_curve(along, chord)
     tangent = sheet.tangent(middle)
@@ -265,7 +265,9 @@ def _proved(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -
     return piece
 
 
-def _reach(sheet: Sheet, ends: tuple[Place, Place], along: int, outer: Sequence[bool]) -> Ball:
+def _reach(
+    sheet: BranchSheet, ends: tuple[Place, Place], along: int, outer: Sequence[bool]
+) -> Ball:
     first, last = (end[along] for end in ends)
     side = OVERLAP if last > first else -OVERLAP
     low, high = sorted((first - side * (not outer[0]), last + side * (not outer[1])))
@@ -273,7 +275,7 @@ def _reach(sheet: Sheet, ends: tuple[Place, Place], along: int, outer: Sequence[
     return hull(max(low, bottom), min(high, top))
 
 
-def _settled(sheet: Sheet, piece: Piece) -> Piece:
+def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     """With what is proved of all breathers of a tile."""
     values = {**sheet.fixed, **dict(zip(sheet.names, piece.box, strict=True))}
     clear = admissible(values)
@@ -285,7 +287,9 @@ def _settled(sheet: Sheet, piece: Piece) -> Piece:
     return replace(piece, admissible=True, unstable=count.unstable, why=why)
 
 
-def _cover(sheet: Sheet, ends: tuple[Place, Place], outer: tuple[bool, bool]) -> list[Piece]:
+def _cover(
+    sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bool]
+) -> list[ProvenPiece]:
     """Pieces from one point to the other: the widest that is not done is halved, until all are or
     there are too many."""
     pieces = [(_proved(sheet, ends, outer), outer)]
@@ -305,7 +309,7 @@ def _halfway(begin: Place, end: Place) -> Place:
     return tuple(0.5 * (x + y) for x, y in zip(begin, end, strict=True))
 
 
-def _joined(sheet: Sheet, first: Piece, second: Piece) -> bool:
+def _joined(sheet: BranchSheet, first: ProvenPiece, second: ProvenPiece) -> bool:
     """Whether the point that two tiles share is proved to be in both."""
     place, along = first.ends[1], first.along
     if not (first.box and second.box):
@@ -320,7 +324,7 @@ def _joined(sheet: Sheet, first: Piece, second: Piece) -> bool:
     )
 
 
-def _tile(sheet: Sheet, piece: Piece) -> Tile:
+def _tile(sheet: BranchSheet, piece: ProvenPiece) -> Tile:
     """As it is handed out."""
     first, last = (end[-1] for end in piece.ends)
     low, high = sorted((first, last))
@@ -334,8 +338,8 @@ def _tile(sheet: Sheet, piece: Piece) -> Tile:
 def certify_curve(params: Mapping[str, float], free: str, places: Sequence[Place]) -> Covering:
     """The proof of a branch through these points; `params` are its other parameters."""
     with working():
-        sheet = Sheet({name: arb(x) for name, x in params.items() if name != free}, free)
-        pieces: list[Piece] = []
+        sheet = BranchSheet({name: arb(x) for name, x in params.items() if name != free}, free)
+        pieces: list[ProvenPiece] = []
         last = len(places) - 2
         for i, ends in enumerate(pairwise(places)):
             pieces += _cover(sheet, ends, (i == 0, i == last))

@@ -29,7 +29,7 @@ from .event_location import (
 from .interpolant import StepInterpolant
 from .newton import Array, Undefined
 from .point import Event, Point
-from .samples import ASIDE, Samples, Value, counts_apart, measure
+from .samples import ASIDE, StepSamples, Value, counts_apart, measure
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
 _POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
@@ -86,7 +86,7 @@ def find(
         values = earlier[1], before, after
         quiet = without_candidate(events, pace, *values, (segment.first, segment.last))
     tests = [
-        Samples(segment, event, {0.0: before[i], 1.0: after[i]}, calm=i in quiet)
+        StepSamples(segment, event, {0.0: before[i], 1.0: after[i]}, calm=i in quiet)
         for i, event in enumerate(events)
     ]
     for samples in tests:
@@ -236,7 +236,7 @@ def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, 
     return tuple(kept)
 
 
-def _events_on(tests: Sequence[Samples], ends: Ends) -> Iterator[Point]:
+def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
     active = [samples for samples in tests if not samples.calm]
     for samples in active:
         yield from _at_ends(samples, ends)
@@ -259,7 +259,7 @@ def _events_on(tests: Sequence[Samples], ends: Ends) -> Iterator[Point]:
             yield from _dipped(samples)
 
 
-def _dipped(samples: Samples) -> Iterator[Point]:
+def _dipped(samples: StepSamples) -> Iterator[Point]:
     if 0.5 not in samples.values or samples.jumps or samples.changes():
         return
     if not has_double_zero(samples):
@@ -268,7 +268,7 @@ def _dipped(samples: Samples) -> Iterator[Point]:
         samples.beside(*(middle for _, middle in samples.changes()[:-1]))
 
 
-def _closer(samples: Samples) -> Iterator[Point]:
+def _closer(samples: StepSamples) -> Iterator[Point]:
     """Two zeros that are close together, on a shorter piece of curve: on a long one its cubic may
     be further off than they are apart."""
     segment = samples.segment
@@ -285,7 +285,7 @@ def _closer(samples: Samples) -> Iterator[Point]:
             piece = StepInterpolant(segment.at(left), segment.at(right), segment.tolerance)
         except Undefined:
             continue
-        part = Samples(piece, samples.event, {})
+        part = StepSamples(piece, samples.event, {})
         for u in _START:
             part.glance(u)
         samples.values[left], samples.values[right] = part.values[0.0], part.values[1.0]
@@ -297,7 +297,7 @@ def _closer(samples: Samples) -> Iterator[Point]:
 
 
 def _between(
-    segment: StepInterpolant, cuts: Sequence[Point], tests: Sequence[Samples], ends: Ends
+    segment: StepInterpolant, cuts: Sequence[Point], tests: Sequence[StepSamples], ends: Ends
 ) -> Iterator[Point]:
     """Events on the pieces between branch points; a piece as short as rounding has none."""
     places = [segment.first, *sorted(cuts, key=lambda point: point.arclength), segment.last]
@@ -307,10 +307,10 @@ def _between(
             continue
         piece = StepInterpolant(start, end, segment.tolerance)
         middle = piece.provisional(0.5)
-        at_first, at_last, parts = start is segment.first, end is segment.last, list[Samples]()
+        at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
         for event, value in zip((samples.event for samples in tests), values, strict=True):
             seen = {0.0: value, 0.5: measure(event, middle), 1.0: measure(event, end)}
-            parts.append(part := Samples(piece, event, seen))
+            parts.append(part := StepSamples(piece, event, seen))
             beside = _AT_CUT * max(abs(seen[0.0]), abs(seen[0.5]))
             if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
                 # its sign is rounding: what is seen here must not be seen to either side as well
@@ -321,7 +321,7 @@ def _between(
         values = [part.values[1.0] for part in parts]
 
 
-def _at_ends(samples: Samples, ends: Ends) -> Iterator[Point]:
+def _at_ends(samples: StepSamples, ends: Ends) -> Iterator[Point]:
     """Events at the very start or end of the walk, within rounding."""
     segment = samples.segment
     if not (ends.first or ends.last or ends.closed) or samples.jumps:
@@ -341,7 +341,9 @@ def _at_ends(samples: Samples, ends: Ends) -> Iterator[Point]:
 # --- what no event explains -------------------------------------------------------------------
 
 
-def _explained(count: Samples, others: Sequence[Samples], points: Sequence[Point]) -> list[Point]:
+def _explained(
+    count: StepSamples, others: Sequence[StepSamples], points: Sequence[Point]
+) -> list[Point]:
     """Events of all others next to where a count changes without one; where there are none, that
     place, as doubtful."""
     segment, more = count.segment, list[Point]()
@@ -357,7 +359,7 @@ def _explained(count: Samples, others: Sequence[Samples], points: Sequence[Point
     return more
 
 
-def _jumps(count: Samples, points: Sequence[Point]) -> list[tuple[float, float]]:
+def _jumps(count: StepSamples, points: Sequence[Point]) -> list[tuple[float, float]]:
     """Where a count changes between the events of a step, a little off them: there it is
     rounding."""
     first, length, jumps = count.segment.first.arclength, count.segment.length, []

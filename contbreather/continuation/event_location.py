@@ -21,7 +21,7 @@ from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined
 from .point import DefiningSystem, Examined, Level, Point
-from .samples import ASIDE, Samples, count_at, counts_apart, measure
+from .samples import ASIDE, StepSamples, count_at, counts_apart, measure
 
 Place = tuple[float, float, Point]  # bracket and point
 
@@ -37,7 +37,7 @@ _TOUCH = 1e-5  # and one this small does
 _STEEPER = 4.0  # how much steeper than beside it a test may be where it is least
 
 
-def special(samples: Samples, point: Point, low: float, high: float, reason: str = "") -> Point:
+def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
     """The point with its kind, once it has been verified; doubtful for a reason."""
     event, start, length = samples.event, samples.segment.first.arclength, samples.segment.length
     around = (start + low * length, start + high * length)
@@ -58,7 +58,7 @@ def not_simple(kind: str) -> str:
     return f"two {kind} at once, or too close to be separated: not simple"
 
 
-def locate(samples: Samples) -> Iterator[Point]:
+def locate(samples: StepSamples) -> Iterator[Point]:
     """The events behind all changes of one test that were not dealt with yet."""
     # values seen on the cubic give way to those on the curve, wherever a change depends on them
     while unsure := {u for pair in samples.changes() for u in pair} - samples.sure:
@@ -74,7 +74,7 @@ def locate(samples: Samples) -> Iterator[Point]:
             yield special(samples, samples.segment.provisional(middle), left, right, reason)
 
 
-def _in_bracket(samples: Samples, left: float, right: float) -> Iterator[Point]:
+def _in_bracket(samples: StepSamples, left: float, right: float) -> Iterator[Point]:
     jumps = samples.jumps
     places: Iterable[Place | None] = (
         _jumps(samples, left, right) if jumps else [_zero(samples, left, right)]
@@ -97,7 +97,7 @@ def _in_bracket(samples: Samples, left: float, right: float) -> Iterator[Point]:
                 yield from _in_bracket(samples, low, high)
 
 
-def at_end(samples: Samples, u: float) -> Point:
+def at_end(samples: StepSamples, u: float) -> Point:
     """The event at an end of the step, where the point is known exactly already."""
     solved = samples.segment.at(u)
     low, high, sharp = _solved(samples, u, u, u) or (u, u, solved)
@@ -107,7 +107,7 @@ def at_end(samples: Samples, u: float) -> Point:
 # --- zeros and jumps --------------------------------------------------------------------------
 
 
-def _zero(samples: Samples, left: float, right: float) -> Place | None:
+def _zero(samples: StepSamples, left: float, right: float) -> Place | None:
     """The zero of a float test in a bracket; None where what was seen on the cubic is not there."""
     a, b = float(samples.values[left]), float(samples.values[right])
     if b == 0:
@@ -142,7 +142,7 @@ def _zero(samples: Samples, left: float, right: float) -> Place | None:
     return u, u, replace(point, detail={"reason": reason}, located=False)
 
 
-def _isolated(samples: Samples, u: float, left: float, right: float) -> Point:
+def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Point:
     """The point at a zero, doubtful if the test is exactly zero beside it as well."""
     segment, event = samples.segment, samples.event
     point = segment.at(u)
@@ -156,7 +156,7 @@ def _isolated(samples: Samples, u: float, left: float, right: float) -> Point:
     return replace(point, detail={"reason": reason})
 
 
-def _at_crossing(samples: Samples, u: float, size: float) -> Place:
+def _at_crossing(samples: StepSamples, u: float, size: float) -> Place:
     """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
     fails beside it, so the branch point is solved for."""
     segment = samples.segment
@@ -170,7 +170,9 @@ def _at_crossing(samples: Samples, u: float, size: float) -> Place:
     return place - ASIDE, place + ASIDE, point
 
 
-def _jumps(samples: Samples, left: float, right: float, attempt: float = 0.3) -> Iterator[Place]:
+def _jumps(
+    samples: StepSamples, left: float, right: float, attempt: float = 0.3
+) -> Iterator[Place]:
     """Each jump of an integer test in a bracket: by its defining system once that agrees, else by
     bisection. The system is tried when the bracket has shrunk to `attempt`, and then at every
     eighth of it."""
@@ -190,7 +192,7 @@ def _jumps(samples: Samples, left: float, right: float, attempt: float = 0.3) ->
             yield from _jumps(samples, low, high, attempt)
 
 
-def first_jump(samples: Samples, low: float, high: float, width: float) -> tuple[float, float]:
+def first_jump(samples: StepSamples, low: float, high: float, width: float) -> tuple[float, float]:
     """Where the count in a bracket first has another value than at its start, as closely as
     `width` and as far as it has values."""
     before = samples.known(low)
@@ -203,7 +205,7 @@ def first_jump(samples: Samples, low: float, high: float, width: float) -> tuple
     return low, high
 
 
-def _solved(samples: Samples, u: float, left: float, right: float) -> Place | None:
+def _solved(samples: StepSamples, u: float, left: float, right: float) -> Place | None:
     """Newton's method on the problem and the defining system of the event together, if it ends
     inside the bracket at a place where the test does change."""
     segment, event = samples.segment, samples.event
@@ -248,7 +250,7 @@ def _newton(
 # --- double zeros -----------------------------------------------------------------------------
 
 
-def separated(samples: Samples) -> Iterator[Point]:
+def separated(samples: StepSamples) -> Iterator[Point]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
     its change of sign. Those that are at one place are doubtful."""
     event, segment = samples.event, samples.segment
@@ -280,12 +282,12 @@ def separated(samples: Samples) -> Iterator[Point]:
             yield _double(samples, left, right, point, not_simple(event.kind))
 
 
-def _double(samples: Samples, left: float, right: float, point: Point, reason: str) -> Point:
+def _double(samples: StepSamples, left: float, right: float, point: Point, reason: str) -> Point:
     samples.zeros.append(0.5 * (left + right))
     return special(samples, point, left, right, reason)
 
 
-def has_double_zero(samples: Samples) -> bool:
+def has_double_zero(samples: StepSamples) -> bool:
     """Whether a test that keeps its sign dips through zero and back within the step, as smooth
     tests do: looked for at the vertex of a parabola, until there is a change or none to come."""
     places = [0.0, 0.5, 1.0]
@@ -322,7 +324,7 @@ def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
     return vertex, f[0] + (vertex - u[0]) * (slope + bend * (vertex - u[1]))
 
 
-def kinks(samples: Samples) -> Iterator[Point]:
+def kinks(samples: StepSamples) -> Iterator[Point]:
     """Look where the size of a test may have a kink at zero, as the least of several does: on the
     line through the middle of the step and one end of it, and from there downhill."""
     size = {u: abs(samples.deflated(u)) for u in (0.0, 0.5, 1.0)}
@@ -350,7 +352,7 @@ def kinks(samples: Samples) -> Iterator[Point]:
 
 
 def _downhill(
-    samples: Samples, bracket: tuple[float, float], sizes: list[float], enough: float
+    samples: StepSamples, bracket: tuple[float, float], sizes: list[float], enough: float
 ) -> tuple[float, float]:
     """Bracket of the least size of a test by golden section, unless its sign changes; no closer
     than shows that it stays above `enough`, even if it fell several times as fast inside."""

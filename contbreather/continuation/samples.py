@@ -79,7 +79,7 @@ def counts_apart(event: Event, first: Point, last: Point) -> bool:
 
 
 @dataclass
-class Samples:
+class StepSamples:
     """The values of one test along one step, by u from 0 to 1.
 
     Attributes

@@ -41,7 +41,7 @@ _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 
 
-class Failed(Exception):
+class StepFailed(Exception):
     """No further step can be made; carries the reason."""
 
     def __init__(self, stop: Stop, reason: str = "") -> None:
@@ -147,7 +147,7 @@ class Stepper:
         self.longest = max(self.longest, length)
         self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
-            raise Failed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
+            raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
         self.bend = (step.point.direction - point.direction) / length
         self.size, self.side = step.next_size, step.side or self.side
         if count > 2 and self._closes(point, step.point):
@@ -179,30 +179,30 @@ class Stepper:
         """The next point, with as many halvings of the step as it takes."""
         try:
             return self._halving(point)
-        except Failed as failed:
+        except StepFailed as failed:
             if failed.stop is not Stop.NO_CONVERGENCE:
                 raise
             # the scheme for derivatives was chosen, or those given were checked, at the start only
             wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
             if wrong:
-                raise Failed(failed.stop, wrong) from failed
+                raise StepFailed(failed.stop, wrong) from failed
             return self._halving(point)
 
     def _halving(self, point: Point) -> Step:
-        failed: Failed | None = None
+        failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, size)
             except Undefined as error:
-                failed = Failed(Stop.RIM, str(error))
-            except Failed as reason:
+                failed = StepFailed(Stop.RIM, str(error))
+            except StepFailed as reason:
                 if reason.stop is Stop.BOUND:
                     raise
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        raise failed or Failed(Stop.NO_CONVERGENCE)
+        raise failed or StepFailed(Stop.NO_CONVERGENCE)
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
@@ -220,7 +220,7 @@ class Stepper:
         here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
         end = _EXAMINED(curve, here, size, solution.z)
         if end.status != TAKEN:
-            raise Failed(Stop.NO_CONVERGENCE, _REASONS[end.status])
+            raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[end.status])
         arclength = point.arclength + end.length
         last = Point(curve, solution.z, here.ahead, arclength, solution.residual)
         branch_point = None
@@ -229,9 +229,9 @@ class Stepper:
             branch_point = self._crossing_on(segment, side)
             # without any the step ended on another curve, unless it is too short to tell
             if branch_point is None and size > _GAP * (1 + curve.length(last.z)):
-                raise Failed(Stop.NO_CONVERGENCE, "another curve is too close")
+                raise StepFailed(Stop.NO_CONVERGENCE, "another curve is too close")
         if self._leaves(point, last, end.length):
-            raise Failed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
+            raise StepFailed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
         LOG.debug(
             "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
             end.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
@@ -261,7 +261,7 @@ class Stepper:
         how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}
         solution = self.curve.newton(predicted, row, **how)
         if not solution.converged:
-            raise Failed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
+            raise StepFailed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
         return solution
 
     def _within(self, z: Array) -> Array:
@@ -282,7 +282,7 @@ class Stepper:
                 if beyond <= (along if on_it else -rounding(value)):
                     continue
                 if on_it:
-                    raise Failed(Stop.BOUND)
+                    raise StepFailed(Stop.BOUND)
                 fraction = (value - start) / (end - start)
                 if fraction < nearest:
                     first, nearest = (bound, value), fraction
@@ -303,7 +303,7 @@ class Stepper:
             guess = z
         others = (other for other in self.bounds if other is not bound)
         if any(not other.low <= other.value(z) <= other.high for other in others):
-            raise Failed(Stop.NO_CONVERGENCE, "two bounds within one step")
+            raise StepFailed(Stop.NO_CONVERGENCE, "two bounds within one step")
         return replace(solution, z=z)
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:

@@ -32,7 +32,7 @@ from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure, measure_many
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
 from .starts import bounds_of, corrected_start, directed_start, first_tangent
-from .stepper import EXACT, Failed, Step, Stepper
+from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
@@ -332,7 +332,7 @@ class ContinuationIterator:
                         step = self.stepper.next(self.point, self.count)
                         # locate
                         line, stop = self._line_up(step)
-            except Failed as failed:
+            except StepFailed as failed:
                 end = End(failed.stop, failed.reason)
                 break
             # record
@@ -439,7 +439,7 @@ class ContinuationIterator:
             tests = self.tests, self._tests_at(step.point)
             return find(segment, self.events, *tests, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
-            raise Failed(Stop.RIM, f"while locating an event: {error}") from error
+            raise StepFailed(Stop.RIM, f"while locating an event: {error}") from error
 
     def _line_up(self, step: Step) -> tuple[list[Point], Stop | None]:
         """The points of this step, in order, and whether the walk ends with it."""
@@ -470,7 +470,7 @@ class ContinuationIterator:
                     break
             if broken and stop is not Stop.EVENT:
                 reason = "the end of the meaningful region was not located"
-                raise Failed(Stop.NO_CONVERGENCE, reason)
+                raise StepFailed(Stop.NO_CONVERGENCE, reason)
         near = bool(line) and abs(line[-1].arclength - step.point.arclength) <= reach
         if stop is not Stop.EVENT and not near:
             line.append(step.point)

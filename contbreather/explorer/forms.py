@@ -17,7 +17,7 @@ from contbreather.checks import number
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer import jobs
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import Chosen, State
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
 from contbreather.lattice.parse import lattice_by
 from contbreather.parameters import CHOICES, NEEDED, NUMBERS, OPTIONAL, parameter, window_of
@@ -200,7 +200,7 @@ def card(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
     )
 
 
-class Forms:
+class PageForms:
     """All of them, below each other in `view`."""
 
     def __init__(self, explorer: Session) -> None:
@@ -363,7 +363,7 @@ class Forms:
 
     # --- what can be done now ---------------------------------------------------------------------
 
-    def render(self, state: State) -> None:
+    def render(self, state: PageState) -> None:
         """Buttons that can do something now, and the parameters that what is looked at has."""
         chosen, busy = state.chosen, self.explorer.busy
         can = {

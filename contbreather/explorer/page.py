@@ -25,7 +25,7 @@ from contbreather.explorer import summary
 from contbreather.explorer.forms import (
     ErrorLabel,
     Field,
-    Forms,
+    PageForms,
     Words,
     a_count,
     card,
@@ -36,7 +36,7 @@ from contbreather.explorer.forms import (
 )
 from contbreather.explorer.jobs import fate
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import State, numbers
+from contbreather.explorer.state import PageState, numbers
 from contbreather.explorer.style import (
     DARK,
     FOCUSED,
@@ -79,14 +79,14 @@ class Page:
 
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
-        self.drawn, self.busy = State(), False  # what is drawn by now
+        self.drawn, self.busy = PageState(), False  # what is drawn by now
         self.document: Any = pn.state.curdoc
         theme = DARK if pn.config.theme == "dark" else LIGHT
         self.zones, self.branches = ZonesView(theme), BranchView(theme)
         self.profile, self.multipliers = ProfileView(theme), MultipliersView(theme)
         self.motion = MotionView(theme, "t/2π")
         self.run = MotionView(theme, "t/2π")
-        self.forms = Forms(explorer)
+        self.forms = PageForms(explorer)
         self.moved: list[Any] = []  # widgets that persons move
         self._moves = 0
         self._zone_controls()
@@ -256,7 +256,7 @@ class Page:
         """Whether a browser looks at it by a server, not a notebook or a test."""
         return self.document is not None and self.document.session_context is not None
 
-    def _heard(self, _: State) -> None:
+    def _heard(self, _: PageState) -> None:
         """Something has changed, in whatever thread: draw it as soon as this page may."""
         if self._later is None:
             self.render()
@@ -314,7 +314,7 @@ class Page:
         self.status.show(f'<div role="status" aria-live="polite">{escape(words)}</div>')
         self.stop.visible = explorer.stoppable
 
-    def _render_zones(self, new: State, old: State) -> None:
+    def _render_zones(self, new: PageState, old: PageState) -> None:
         name, value = new.fixed
         label, start, end, step, _ = SLIDERS[name]
         self.plane.value = name
@@ -330,7 +330,7 @@ class Page:
         self.zones.boundaries(new.curves, new.preview)
         self.zones.choose(new.chosen, new.preview)
 
-    def _render_branches(self, new: State, old: State) -> None:
+    def _render_branches(self, new: PageState, old: PageState) -> None:
         x, y = new.columns
         codes = [curve.code for curve in new.curves]
         if new.curves != old.curves:
@@ -349,7 +349,7 @@ class Page:
         self.branches.choose(new.chosen if seen else None, x, y)
         self._render_place(new)
 
-    def _render_place(self, new: State) -> None:
+    def _render_place(self, new: PageState) -> None:
         """Which point of which curve is looked at."""
         if not self.curve.value:
             self.label.options, self.label.value = {"\N{EN DASH}": NOWHERE}, NOWHERE
@@ -363,7 +363,7 @@ class Page:
         _put(self.point, max(index, 0), end=max(len(branch) - 1, 1))
         self.label.value = index if index in labels.values() else NOWHERE
 
-    def _render_chosen(self, new: State, old: State) -> None:
+    def _render_chosen(self, new: PageState, old: PageState) -> None:
         wanted = new.chosen, new.sites, new.ring
         if wanted == (old.chosen, old.sites, old.ring):
             return
@@ -388,7 +388,7 @@ def _put(slider: Any, value: float, **more: Any) -> None:
         slider.param.update(value=value, **more)
 
 
-def _common(state: State) -> list[str]:
+def _common(state: PageState) -> list[str]:
     """Columns of numbers that all curves have which are drawn beside the first."""
     curves = [curve.branch for curve in state.curves if curve.code not in state.hidden]
     if not curves:
@@ -399,7 +399,7 @@ def _common(state: State) -> list[str]:
     return [name for name in numbers(curves[0]) if all(name in other for other in others)]
 
 
-def _described(state: State) -> str:
+def _described(state: PageState) -> str:
     """Numbers and verdicts of what is looked at."""
     chosen = state.chosen
     if chosen is None:

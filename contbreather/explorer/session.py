@@ -25,7 +25,7 @@ from contbreather.explorer.jobs import (
     point_of,
 )
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
-from contbreather.explorer.state import Chosen, State
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -39,7 +39,7 @@ from contbreather.plotting.zones import plot_zones
 from contbreather.progress import PATIENCE
 from contbreather.runs import load, save
 
-Listener = Callable[[State], object]
+Listener = Callable[[PageState], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
 UNDONE = ("curves", "listed", "hidden", "axes", "run", "lines")  # of a state
 KEPT = 200  # zone diagrams that are remembered
@@ -52,14 +52,14 @@ class Session:
     """What an `Explorer` does, whoever shows it; its parameters are those of that."""
 
     def __init__(self, *curves: Branch, run: str | Path | None = None, k: float = 0.8) -> None:
-        self.state = State(fixed=("k", parameter("k", k)))
+        self.state = PageState(fixed=("k", parameter("k", k)))
         self.message = self.progress = self.drawing = ""
         self._listeners: list[Listener] = []
         self._changing = threading.RLock()
         self._long, self._quick = JobThread(), JobThread()
         self._planes: dict[Plane, Zones] = {}
         self._models: dict[str, dict[str, Any]] = {"": {}}  # by `zones_of`, as `zones` takes them
-        self._before: list[tuple[str, State]] = []  # what `undo` says, and goes back to
+        self._before: list[tuple[str, PageState]] = []  # what `undo` says, and goes back to
         self.lattices: dict[str, OnLattice] = {}  # by what is typed for them
         self._looks_ahead = self._ahead = False
         self._count = 0

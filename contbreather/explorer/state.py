@@ -65,7 +65,7 @@ class Chosen:
 
 
 @dataclass(frozen=True)
-class State:
+class PageState:
     """All that is seen; of zones those that are wanted, which may still be computed."""
 
     fixed: tuple[str, float] = ("k", 0.8)  # what is constant in the plane of the zones
@@ -118,13 +118,13 @@ class State:
         """The curve that the script calls so."""
         return next(curve.branch for curve in self.curves if curve.code == code)
 
-    def without(self, code: str) -> State:
+    def without(self, code: str) -> PageState:
         """Without a curve; the script goes on making it, for others may come from it, and what is
         looked at."""
         curves = tuple(curve for curve in self.curves if curve.code != code)
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
-    def with_result(self, name: str, lines: Iterable[str], value: Any) -> State:
+    def with_result(self, name: str, lines: Iterable[str], value: Any) -> PageState:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(leaves(name, value))
         curves = [Named(code, part) for code, part in parts.items() if isinstance(part, Branch)]

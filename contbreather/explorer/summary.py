@@ -38,7 +38,7 @@ class Profile:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ShownMotion:
     """Some sites over a period, in units of it, with their impacts."""
 
     times: Array
@@ -96,7 +96,7 @@ def _moments(orbit: Orbit) -> Array:
     return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
 
 
-def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
+def motion(orbit: Orbit, sites: tuple[int, ...]) -> ShownMotion:
     """The sites that there are among those wanted."""
     size = orbit.lattice.sites
     shown = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
@@ -113,7 +113,9 @@ def motion(orbit: Orbit, sites: tuple[int, ...]) -> Motion:
         if hit.site in real
     )
     walls = {wall for n in real for wall in orbit.walls.at(n) if math.isfinite(wall)}
-    return Motion(times / math.tau, dict(zip(shown, u, strict=True)), hits, tuple(sorted(walls)))
+    return ShownMotion(
+        times / math.tau, dict(zip(shown, u, strict=True)), hits, tuple(sorted(walls))
+    )
 
 
 def multipliers(orbit: Orbit, ring: int) -> Multipliers:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.explorer.preview import Preview, about, is_of
-from contbreather.explorer.state import Chosen, Named, State
+from contbreather.explorer.state import Chosen, Named, PageState
 from contbreather.explorer.style import Theme
-from contbreather.explorer.summary import Motion, Multipliers, Profile
+from contbreather.explorer.summary import Multipliers, Profile, ShownMotion
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
 from contbreather.simulation.simulate import Run
@@ -174,7 +174,7 @@ class ZonesView:
         xs, ys = ([[ring[:, i] for ring in rings]] for i in (0, 1))
         return xs, ys, self.shades[region.verdict]
 
-    def title(self, wanted: State) -> None:
+    def title(self, wanted: PageState) -> None:
         """Say what is shown, and what is on its way."""
         drawn = wanted.preview
         words = "no diagram yet" if drawn is None else f"{drawn.about}, {_at(drawn.fixed)}"
@@ -415,7 +415,7 @@ class MotionView(OrbitView):
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
-    def show(self, motion: Motion, verdict: str) -> None:
+    def show(self, motion: ShownMotion, verdict: str) -> None:
         """The motion of an orbit, with its walls and impacts, and what is said of it."""
         self.figure.title.text = verdict
         colours = self._draw(motion.times, motion.by_site)

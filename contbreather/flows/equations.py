@@ -46,7 +46,7 @@ class Linear(NamedTuple):
 
 
 @dataclass(eq=False)
-class Place:
+class SolvedPlace:
     """A place that was solved for, and where they were asked for the derivatives in unknowns and
     named parameters: from there flights near by begin to be solved for."""
 
@@ -58,7 +58,7 @@ class Place:
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
 
-    def join(self, latest: dict[Any, Place]) -> None:
+    def join(self, latest: dict[Any, SolvedPlace]) -> None:
         """Take the place of the oldest of some."""
         latest.pop(self.key, None)
         # another thread may be at it as well
@@ -77,8 +77,8 @@ class Equations:
     turns: int  # over how many of these periods it closes
     states: tuple[str, ...]  # their names, for those who look at orbits
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
-    _recent: dict[Any, Place] = field(default_factory=dict, init=False)
-    _linear: dict[Any, Place] = field(default_factory=dict, init=False)
+    _recent: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
+    _linear: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was solved lately."""
@@ -127,7 +127,7 @@ class Equations:
         """All flows, from the states and times among the unknowns."""
         return self._solved(x, p).flights
 
-    def _solved(self, x: Array, p: Params) -> Place:
+    def _solved(self, x: Array, p: Params) -> SolvedPlace:
         """All flows solved for, once for one of the latest places."""
         key = x.tobytes(), tuple(p.items())
         place = self._recent.get(key) or self._linear.get(key)
@@ -139,11 +139,11 @@ class Equations:
                 guess = near and self._guess(i, plain, p, *near)
                 flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess))
                 t += plain.duration
-            place = Place(key, x.copy(), dict(p), tuple(flights))
+            place = SolvedPlace(key, x.copy(), dict(p), tuple(flights))
             place.join(self._recent)
         return place
 
-    def _nearest(self, x: Array) -> tuple[Place, Place | None] | None:
+    def _nearest(self, x: Array) -> tuple[SolvedPlace, SolvedPlace | None] | None:
         """The nearest place that is solved for, if it is near, and of those whose derivatives are
         known."""
         places = [*{**self._linear, **self._recent}.values(), self._begin]
@@ -153,7 +153,12 @@ class Equations:
         return (near[0], next((place for place in near if place.slopes), None)) if near else None
 
     def _guess(
-        self, i: int, flight: TrajectorySegment, p: Params, near: Place, known: Place | None
+        self,
+        i: int,
+        flight: TrajectorySegment,
+        p: Params,
+        near: SolvedPlace,
+        known: SolvedPlace | None,
     ) -> Guess:
         """What the slopes inside of a flow are to first order, and the inverse that finds them."""
         if known is None or not near.params:
@@ -162,9 +167,9 @@ class Equations:
         return known.slopes[i].beside(near.flights[i], flight, moved), known.slopes[i].inverse
 
     @cached_property
-    def _begin(self) -> Place:
+    def _begin(self) -> SolvedPlace:
         x = [np.ravel(value) for value in self.unknowns(self.start).values()]
-        return Place("begin", np.concatenate(x), {}, self.start)
+        return SolvedPlace("begin", np.concatenate(x), {}, self.start)
 
     def _flight(self, i: int, x: Array, t: float) -> TrajectorySegment:
         """A flow with its states and times, nothing inside yet."""
@@ -251,7 +256,7 @@ class Equations:
 
     # --- derivatives ------------------------------------------------------------------------------
 
-    def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> Place:
+    def linearised(self, x: Array, p: Params, names: tuple[str, ...] | None = None) -> SolvedPlace:
         """All derivatives of flows, resets and conditions; None for any parameters, those of the
         last columns, that are known already."""
         place = self._solved(x, p)
@@ -265,7 +270,7 @@ class Equations:
             place.join(self._linear)
         return place
 
-    def _linearised(self, i: int, derivative: Slopes, x: Array, place: Place) -> Linear:
+    def _linearised(self, i: int, derivative: Slopes, x: Array, place: SolvedPlace) -> Linear:
         flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
         sizes, path, n = self.sizes[i], math.exp(x[self.layout.knots[i][-1]]), len(flight.states)
         share, (slope, longer) = flight.shares(sizes, path), flight.share_slopes(sizes, path)

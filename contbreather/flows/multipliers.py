@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
-from .equations import Equations, Place
+from .equations import Equations, SolvedPlace
 from .flow import Params, values
 
 _NO_PACE = 1e-13  # of a condition, relative to how fast it may be along its flow: it is rounding
@@ -152,7 +152,7 @@ def of_cycle(equations: Equations, x: Array, p: Params) -> tuple[NDArray[np.comp
     return multipliers(rest), trivial
 
 
-def _factors(equations: Equations, place: Place) -> tuple[list[Array], list[Array]]:
+def _factors(equations: Equations, place: SolvedPlace) -> tuple[list[Array], list[Array]]:
     """The derivatives of all pieces of the orbit in the state alone, with the saltation where
     a flow ends, and the velocities where they begin: stacks of those of one shape."""
     factors: list[Array] = []
@@ -167,7 +167,7 @@ def _factors(equations: Equations, place: Place) -> tuple[list[Array], list[Arra
     return factors, velocities
 
 
-def _saltation(equations: Equations, place: Place, i: int, fastest: Array) -> Array:
+def _saltation(equations: Equations, place: SolvedPlace, i: int, fastest: Array) -> Array:
     """What the end of a flow does to small perturbations: the reset, and how much longer the
     one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
     piece, n = place.linear[i], len(place.flights[i].states)
@@ -186,7 +186,7 @@ def _saltation(equations: Equations, place: Place, i: int, fastest: Array) -> Ar
     return np.asarray(reset + np.outer(jump, gate) / rate)
 
 
-def _pace(equations: Equations, place: Place, i: int) -> tuple[Array, float]:
+def _pace(equations: Equations, place: SolvedPlace, i: int) -> tuple[Array, float]:
     """The velocity where a condition ends a flow, and how fast that changes: ``h_x f + h_t``."""
     flight, condition = place.flights[i], place.linear[i].condition
     assert condition is not None

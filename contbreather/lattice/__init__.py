@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from contbreather.fronts import front
 
 if TYPE_CHECKING:
-    from .band_averages import Lattice as Lattice
+    from .band_averages import UniformLattice as UniformLattice
     from .band_averages import check_gamma as check_gamma
     from .chain import InfiniteChain as InfiniteChain
     from .chain import Ring as Ring

@@ -133,7 +133,7 @@ def q_moments(sites: int | None, n: int) -> FloatArray:
     return values
 
 
-class Lattice:
+class UniformLattice:
     """The seam: a lattice answers for its modes and knows nothing of impacts.
 
     Means are over the modes w(theta) = 2 sqrt(gamma) |sin(theta/2)| of a chain driven at site 0, by

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice, band_averages, check_gamma
+from contbreather.lattice.band_averages import UniformLattice, band_averages, check_gamma
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +22,7 @@ LONGEST = 10**7  # sites of a ring: of longer ones a few rows of numbers fill th
 
 
 @dataclass(frozen=True, repr=False)
-class InfiniteChain(Lattice):
+class InfiniteChain(UniformLattice):
     """The infinite chain with nearest-neighbour coupling, eq. (1).
 
     Examples
@@ -100,7 +100,7 @@ def _with_spring(spring: float) -> InfiniteChain:
 
 
 @dataclass(frozen=True)
-class Ring(Lattice):
+class Ring(UniformLattice):
     """A ring of ``sites`` sites: the same chain closed on itself.
 
     One site is a single oscillator (the coupling drops out); on two sites both neighbours are
@@ -231,7 +231,7 @@ class Ring(Lattice):
         )
 
 
-def lattice_of(given: object) -> Lattice:
+def lattice_of(given: object) -> UniformLattice:
     """The lattice that was given, the infinite chain if none was; anything else is refused."""
     if given is None:
         return InfiniteChain()
@@ -245,7 +245,7 @@ def lattice_of(given: object) -> Lattice:
             f"lattice = {given!r}: springs to the ground belong to the motion, not to its lattice; "
             "give them by spring=..., on InfiniteChain()."
         )
-    return cast(Lattice, given)
+    return cast(UniformLattice, given)
 
 
 @lru_cache(maxsize=32)

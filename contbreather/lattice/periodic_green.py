@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice, check_gamma, moments_of
+from contbreather.lattice.band_averages import UniformLattice, check_gamma, moments_of
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.free_flight import TERMS, Responses, cosine_and_sine, polynomial
 from contbreather.lattice.zeta import bernoulli
@@ -128,7 +128,7 @@ def _mode_by_mode(modes: ModeSums, y: Any) -> Four:
 
 
 @lru_cache(maxsize=4096)
-def periodic_green(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
+def periodic_green(lattice: UniformLattice, gamma: float, distance: int, periods: int = 1) -> Wave:
     """The periodic Green's function between two sites, without its static part.
 
     Parameters
@@ -160,7 +160,7 @@ def periodic_green(lattice: Lattice, gamma: float, distance: int, periods: int =
 
 
 @lru_cache(maxsize=4096)
-def wave_slope(lattice: Lattice, gamma: float, distance: int, periods: int = 1) -> Wave:
+def wave_slope(lattice: UniformLattice, gamma: float, distance: int, periods: int = 1) -> Wave:
     """Derivative of `periodic_green` in gamma: again a `Wave`; parameters and errors as there.
 
     Examples
@@ -174,7 +174,9 @@ def wave_slope(lattice: Lattice, gamma: float, distance: int, periods: int = 1) 
     return _wave(lattice, gamma, distance, periods, slope=True)
 
 
-def _wave(lattice: Lattice, gamma: float, distance: int, periods: int, *, slope: bool) -> Wave:
+def _wave(
+    lattice: UniformLattice, gamma: float, distance: int, periods: int, *, slope: bool
+) -> Wave:
     rows = wave_table(lattice, gamma, (distance,), periods, slope=slope)
     if rows is None:
         return _resonant(lattice, gamma, distance, periods)[slope]
@@ -186,7 +188,7 @@ def _wave_of(periods: int, row: FloatArray) -> Wave:
     return Wave(periods, tuple(powers), first, second)
 
 
-def check_coupling(lattice: Lattice, gamma: float, periods: int) -> float:
+def check_coupling(lattice: UniformLattice, gamma: float, periods: int) -> float:
     """``n^2 gamma``, or why no orbit of n periods lives at this coupling."""
     gamma = check_gamma(gamma)
     if isinstance(periods, bool) or not isinstance(periods, int) or periods < 1:
@@ -231,7 +233,9 @@ def _bernoulli() -> FloatArray:
 
 
 @lru_cache(maxsize=256)
-def _resonant(lattice: Lattice, gamma: float, distance: int, periods: int) -> tuple[Wave, Wave]:
+def _resonant(
+    lattice: UniformLattice, gamma: float, distance: int, periods: int
+) -> tuple[Wave, Wave]:
     """`periodic_green` and `wave_slope` of a ring whose band reaches over a harmonic."""
     theta, weight, w = lattice.nodes(gamma)
     W, amplitude = periods * w, weight * np.cos(distance * theta)  # in units of n
@@ -269,7 +273,7 @@ def _high_modes(W: FloatArray, a: FloatArray, gamma: float) -> tuple[ModeSums, M
     return value, ModeSums(W, alpha_slope, -alpha * speed, constant)
 
 
-def is_resonant(lattice: Lattice, gamma: float, periods: int) -> bool:
+def is_resonant(lattice: UniformLattice, gamma: float, periods: int) -> bool:
     """Whether a harmonic of an orbit of n periods lies inside the band (rings only)."""
     return isinstance(lattice, Ring) and 4.0 * periods * periods * gamma >= 1.0
 
@@ -279,7 +283,7 @@ def is_resonant(lattice: Lattice, gamma: float, periods: int) -> bool:
 
 @lru_cache(maxsize=64)
 def wave_table(
-    lattice: Lattice,
+    lattice: UniformLattice,
     gamma: float,
     distances: tuple[int, ...],
     periods: int = 1,
@@ -320,7 +324,7 @@ def wave_basis(s: FloatArray, periods: int = 1) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def responses(
-    lattice: Lattice,
+    lattice: UniformLattice,
     gamma: float,
     sites: tuple[int, ...],
     hits: tuple[int, ...],

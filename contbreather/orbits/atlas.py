@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, combinations, kind_of, row
 from contbreather.errors import BadInput, add_partial_result, partial_result
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
@@ -47,7 +47,7 @@ def zones_many(
     a: float | Sequence[float] | None = None,
     over: Mapping[str, float | Sequence[float]] | None = None,
     forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
+    lattice: UniformLattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float | None = None,
     past_folds: bool = False,
@@ -150,7 +150,7 @@ def atlas(
     gamma: float | Sequence[float] | None = None,
     a: float | Sequence[float] | None = None,
     forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
+    lattice: UniformLattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     threshold: float | None = None,
     past_folds: bool = False,

@@ -96,7 +96,7 @@ class Zero(NamedTuple):
     known: bool
 
 
-class Piece(NamedTuple):
+class RowPiece(NamedTuple):
     """Admissible breathers that follow each other on a row."""
 
     low: float  # its amplitudes, and those of the events that end it, are between these
@@ -139,7 +139,7 @@ class Row:
             return None
         return cls(curve, events, z, tests, [count for _, count in asked])
 
-    def pieces(self, least: float, known: Known) -> Iterator[Piece]:
+    def pieces(self, least: float, known: Known) -> Iterator[RowPiece]:
         """All admissible breathers of at least an amplitude, the smallest first."""
         domain = [event.ends_domain for event in self.events]
         inside = (self.tests[domain] > 0.0).all(axis=0) & (self.z[:, 2] >= least)
@@ -158,7 +158,7 @@ class Row:
             a = self.z[steps.start : steps.stop + 1, 2]
             new = self._new(zeros, self.z[(first + end) // 2, 1]) if resolved else None
             # the zero of a fold is the breather at the fold, but for rounding
-            yield Piece(a.min(), a.max(), z[np.diff(z[:, 1], prepend=-np.inf) > ROUNDED], new)
+            yield RowPiece(a.min(), a.max(), z[np.diff(z[:, 1], prepend=-np.inf) > ROUNDED], new)
 
     def _is_resolved(self, steps: slice) -> bool:
         """Whether no event can be on these steps but those that change a sign."""

@@ -12,11 +12,10 @@ import numpy as np
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio, spring_response
-from contbreather.lattice.finite import Finite
-from contbreather.lattice.finite import Lattice as FiniteLattice
+from contbreather.lattice.finite import Finite, Lattice
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import LIMIT
@@ -56,7 +55,7 @@ class ClosedForm(SymmetricBreather):
 
     @classmethod
     def of(
-        cls, forcing: Forcing, lattice: Lattice, x: Any, params: Mapping[str, float]
+        cls, forcing: Forcing, lattice: UniformLattice, x: Any, params: Mapping[str, float]
     ) -> ClosedForm:
         """With these roots p and phi."""
         p, phi = map(float, x)
@@ -119,7 +118,7 @@ class ClosedForm(SymmetricBreather):
 
 
 def closed_forms(
-    a: float, gamma: float, k: float, drive: Forcing, chain: Lattice
+    a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p."""
     gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
@@ -139,7 +138,7 @@ def closed_forms(
 def _from_dict(
     *,
     forcing: Forcing,
-    lattice: Lattice,
+    lattice: UniformLattice,
     threshold: float,
     start: Mapping[str, Any],
     params: Mapping[str, float],
@@ -154,7 +153,7 @@ def symmetric(
     k: float,
     *,
     forcing: Forcing | str | None = None,
-    lattice: Lattice | Finite | None = None,
+    lattice: UniformLattice | Finite | None = None,
     site: int = 0,
     damping: float = 0.0,
     spring: float | None = None,
@@ -230,7 +229,7 @@ def symmetric_roots(
     k: float,
     *,
     forcing: Forcing | str | None = None,
-    lattice: Lattice | Finite | None = None,
+    lattice: UniformLattice | Finite | None = None,
     site: int = 0,
     damping: float = 0.0,
     spring: float | None = None,
@@ -249,7 +248,7 @@ def symmetric_roots(
     more = any(real(value) != 0.0 for value in (site, damping)) or walls is not None
     # the closed form is that of site 0 between -1 and 1: all else goes by the modes
     held_ring = isinstance(lattice, Ring) and (more or spring is not None)
-    if isinstance(lattice, FiniteLattice) or held_ring:
+    if isinstance(lattice, Lattice) or held_ring:
         at = Walls.given(walls)
         spring = 0.0 if spring is None else spring
         on = Conditions(a, gamma, k, damping, spring, drive, at, lattice).checked()

@@ -21,7 +21,7 @@ from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import DefiningSystem, Point
 from contbreather.continuation.problem import Problem
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import SpringResponse, spring_response
 from contbreather.lattice.forcing import Forcing, Fourier
@@ -321,7 +321,7 @@ def _b_slope(breather: SymmetricBreather, name: str) -> float:
     return 0.5 * c * c * (driven - _mean_slope(breather, "eta", name))
 
 
-def _with_pair(lattice: Lattice, closure: Loops, n: int) -> Loops | None:
+def _with_pair(lattice: UniformLattice, closure: Loops, n: int) -> Loops | None:
     """The closure with both equations of a pair."""
     scratch = kernels.TABLE - kernels.ETA
     # in the order of `closure_kernels`, from ETA to MEAN_OF_ETA
@@ -364,7 +364,7 @@ def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
 
 
 def _with_contact(
-    lattice: Lattice, distance: int, wall: float, closure: Loops, n: int
+    lattice: UniformLattice, distance: int, wall: float, closure: Loops, n: int
 ) -> Loops | None:
     """The closure with a contact on the infinite chain."""
     if lattice.sites is not None:

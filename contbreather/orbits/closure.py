@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput, NoSolution
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic, Series
@@ -49,7 +49,7 @@ class Closure:
     """
 
     forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Lattice = field(default_factory=InfiniteChain)
+    lattice: UniformLattice = field(default_factory=InfiniteChain)
 
     @property
     def params(self) -> tuple[str, ...]:
@@ -145,7 +145,7 @@ def _forcing_with(forcing: Forcing, values: tuple[tuple[str, float], ...]) -> Fo
 
 
 def roots(
-    a: float, gamma: float, k: float, forcing: Forcing, lattice: Lattice
+    a: float, gamma: float, k: float, forcing: Forcing, lattice: UniformLattice
 ) -> tuple[tuple[float, float], ...]:
     """All ``(p, phi)`` with p > 0 that solve (11), by descending p; phi in [-pi, pi].
 
@@ -173,7 +173,7 @@ def roots(
 
 
 def smallest_amplitude(
-    gamma: float, k: float, forcing: Forcing | None = None, lattice: Lattice | None = None
+    gamma: float, k: float, forcing: Forcing | None = None, lattice: UniformLattice | None = None
 ) -> float:
     """The fold, eq. (14), for any forcing: ``a_min = q / max of (chi f' + q f)``.
 
@@ -187,7 +187,7 @@ def smallest_amplitude(
     return min(folds(gamma, k, forcing_of(forcing), lattice_of(lattice)))
 
 
-def folds(gamma: float, k: float, forcing: Forcing, lattice: Lattice) -> list[float]:
+def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> list[float]:
     """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
     chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
     if isinstance(forcing, Harmonic):

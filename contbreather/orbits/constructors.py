@@ -15,7 +15,7 @@ from contbreather.continuation.point import Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import Ring, lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
@@ -47,7 +47,7 @@ def asymmetric(
     *,
     arm: int = 1,
     forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
+    lattice: UniformLattice | None = None,
     inadmissible: bool = False,
 ) -> Orbit:
     """The asymmetric breather at given parameters, followed from its pitchfork.
@@ -60,7 +60,7 @@ def asymmetric(
         Which of the two mirror images: t2 - t1 > pi for 1.
     forcing : Forcing or str, optional
         `Harmonic` unless given.
-    lattice : Lattice, optional
+    lattice : InfiniteChain, Ring or Lattice, optional
         `InfiniteChain` unless given.
     inadmissible : bool
         Return the solution of the equations also where it is no orbit of the chain, beyond GR.

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
@@ -65,7 +65,7 @@ class OrbitEquations:
 
     section: Section
     forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Lattice = field(default_factory=InfiniteChain)
+    lattice: UniformLattice = field(default_factory=InfiniteChain)
 
     def __post_init__(self) -> None:
         check_both_walls(self.section, Conditions(1.0, 0.0, 0.0, lattice=self.lattice))
@@ -217,7 +217,7 @@ class OrbitEquations:
 
 
 @lru_cache(maxsize=256)
-def equations_of(section: Section, forcing: Forcing, lattice: Lattice) -> OrbitEquations:
+def equations_of(section: Section, forcing: Forcing, lattice: UniformLattice) -> OrbitEquations:
     """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
     return OrbitEquations(section, forcing, lattice)
 
@@ -255,7 +255,7 @@ class AsymmetricEquations:
     """
 
     forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Lattice = field(default_factory=InfiniteChain)
+    lattice: UniformLattice = field(default_factory=InfiniteChain)
 
     def residual(self, x: FloatArray, params: Params) -> FloatArray:
         """All equations, shape (4,)."""
@@ -323,7 +323,9 @@ class AsymmetricEquations:
 class _Place:
     """All that the equations are made of, at one point."""
 
-    def __init__(self, forcing: Forcing, lattice: Lattice, x: FloatArray, params: Params) -> None:
+    def __init__(
+        self, forcing: Forcing, lattice: UniformLattice, x: FloatArray, params: Params
+    ) -> None:
         self.p, self.t1, t2, self.c = (float(value) for value in x)
         self.s2 = t2 - math.pi
         self.delta = self.s2 - self.t1

@@ -40,7 +40,7 @@ OUTSIDE = 1e-6  # a seed may be beyond a wall by this much
 MEETS = 1e-9  # a site on its wall and faster than this on its way out meets it
 
 
-class Motion:
+class GuessedMotion:
     """A lattice in motion, all its sites: flown until something touches a wall, then reset."""
 
     def __init__(self, on: Conditions, state: Any, time: float) -> None:
@@ -135,7 +135,7 @@ def from_state(
 ) -> ExactModes:
     """A state of the lattice, followed over one section: its impacts in order, and the state before
     the first of them."""
-    motion = Motion(on, state, time)
+    motion = GuessedMotion(on, state, time)
     T = math.pi * turns * (1.0 if sign < 0 else 2.0)
     impacts: list[Impact] = []
     states: list[tuple[FloatArray, FloatArray]] = []

@@ -68,7 +68,7 @@ class ShootingInterval(NamedTuple):
     arrival: Arrival | None  # at its end; none at that of the section
 
 
-class Resonance(NamedTuple):
+class ResonantModes(NamedTuple):
     """The mode that is closest to closing after a section without any impact."""
 
     mode: int  # of those that impacts see, by frequency, from 1
@@ -461,7 +461,7 @@ class SectionFlight:
         return float(np.linalg.cond(self.jacobian()))
 
     @property
-    def resonance(self) -> Resonance | None:
+    def resonance(self) -> ResonantModes | None:
         """The mode that is nearest to closing on its own; None if there is but a mean.
 
         In resonance the impacts alone no longer tell how strongly that mode moves: on an
@@ -473,7 +473,7 @@ class SectionFlight:
         multipliers, _ = free_multipliers(z, self.conditions.damping, self.section.length)
         gap = abs(multipliers - self.section.sign)
         j = int(gap.argmin())
-        return Resonance(j + 1, math.sqrt(float(z[j])), float(gap[j]))
+        return ResonantModes(j + 1, math.sqrt(float(z[j])), float(gap[j]))
 
 
 @lru_cache(maxsize=128)

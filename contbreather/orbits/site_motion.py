@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.free_flight import POWERS, Responses, response_weights
@@ -190,7 +190,7 @@ class ChainMotion(SiteMotion):
 
 
 @lru_cache(maxsize=64)
-def _around(lattice: Lattice, hit: tuple[int, ...], everywhere: bool) -> Sequence[int]:
+def _around(lattice: UniformLattice, hit: tuple[int, ...], everywhere: bool) -> Sequence[int]:
     """The sites near those that impact, or all, but those."""
     ring = lattice.sites
     sites = set(range(ring or 0) if everywhere else range(hit[0] - NEAR, hit[-1] + NEAR + 1))
@@ -220,7 +220,7 @@ def phase(breather: Any, t: float) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=64)
-def _odd_responses(lattice: Lattice, gamma: float, sites: tuple[int, ...]) -> Responses:
+def _odd_responses(lattice: UniformLattice, gamma: float, sites: tuple[int, ...]) -> Responses:
     """To the impulse -2p, of which `FreeFlight` is the response per unit p."""
     table = np.zeros((len(sites), POWERS + 2))
     np.matmul(lattice.powers(gamma, sites), -0.5 * _WEIGHTS, out=table[:, :POWERS])

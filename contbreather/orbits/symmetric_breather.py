@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
@@ -37,7 +37,7 @@ HALF = Section(((0, 1),), sign=-1)
 
 
 @lru_cache(maxsize=4096)
-def flight_of(lattice: Lattice, gamma: float, distance: int) -> FreeFlight:
+def flight_of(lattice: UniformLattice, gamma: float, distance: int) -> FreeFlight:
     """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
     return free_flight(
         float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance)
@@ -82,7 +82,7 @@ class SymmetricBreather:
     p: float
     phi: float
     forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Lattice = field(default_factory=InfiniteChain)
+    lattice: UniformLattice = field(default_factory=InfiniteChain)
 
     section: ClassVar[Section] = HALF
     offsets: ClassVar[tuple[float, ...]] = (0.0,)

@@ -25,7 +25,7 @@ from contbreather.continuation.problem import Problem
 from contbreather.continuation.settings import Steps
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
-from contbreather.orbits.breathers_along import Piece, Row, rows
+from contbreather.orbits.breathers_along import Row, RowPiece, rows
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
 from contbreather.orbits.exact_modes import family_of
@@ -253,7 +253,7 @@ class Search:
             waiting += [(end, branch) for end in branch.special if _leads_on(end)]
 
 
-def _first_of(starts: Sequence[float], piece: Piece) -> tuple[int, float]:
+def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
     """Where a walk from each start in turn comes to a piece of a row, the largest p first."""
     reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
     first = next(reached, len(starts) - 1)

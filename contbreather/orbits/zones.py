@@ -11,7 +11,7 @@ from contbreather.checks import flag
 from contbreather.continuation.checkpoint import Inner, Save, checkpoint
 from contbreather.continuation.settings import windows
 from contbreather.errors import BadInput, add_partial_result, partial_result
-from contbreather.lattice.band_averages import Lattice
+from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice as Finite
@@ -29,7 +29,7 @@ class Drawn(TypedDict, total=False):
     """The keywords of `zones` besides the parameter that is fixed."""
 
     forcing: Forcing | str | None
-    lattice: Lattice | None
+    lattice: UniformLattice | None
     within: Mapping[str, tuple[float, float]] | None
     progress: bool | Counter | None
     threshold: float | None
@@ -67,7 +67,7 @@ def zones(
     gamma: float | Sequence[float] | None = None,
     a: float | Sequence[float] | None = None,
     forcing: Forcing | str | None = None,
-    lattice: Lattice | None = None,
+    lattice: UniformLattice | None = None,
     within: Mapping[str, tuple[float, float]] | None = None,
     progress: bool | Counter | None = None,
     threshold: float | None = None,
@@ -87,7 +87,7 @@ def zones(
         Several values give as many diagrams.
     forcing : Forcing or str, optional
         `Harmonic` unless given.
-    lattice : Lattice, optional
+    lattice : InfiniteChain, Ring or Lattice, optional
         The infinite chain unless given, or any finite lattice. On a `Ring` the NS curves follow the
         paper's rule: they are the pieces of one envelope, each of the wave that is first to pass
         the threshold.
@@ -174,7 +174,7 @@ def _fixed(name: str, raw: Any) -> float:
 
 
 def model_of(
-    lattice: Lattice | None = None,
+    lattice: UniformLattice | None = None,
     past_folds: bool = False,
     site: int = 0,
     damping: float = 0.0,

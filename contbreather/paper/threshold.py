@@ -74,7 +74,7 @@ class ThresholdLine:
         )
 
 
-class Crossing(NamedTuple):
+class ThresholdPoint(NamedTuple):
     """The first coupling at which a pair reaches the threshold, and the angle/pi of that pair."""
 
     gamma: float
@@ -83,7 +83,7 @@ class Crossing(NamedTuple):
 
 def neimark_sacker(
     a: float, k: float, *, sites: int | None = SITES, threshold: float = THRESHOLD
-) -> Crossing:
+) -> ThresholdPoint:
     """The coupling at which the paper's rule sees the Neimark-Sacker bifurcation.
 
     Parameters
@@ -141,7 +141,7 @@ def neimark_sacker_line(
     start = smallest_amplitude(lowest.gamma, k)
     crossings = {start: lowest}
 
-    def at(a: float) -> Crossing:
+    def at(a: float) -> ThresholdPoint:
         if a not in crossings:
             guess = crossings[min(crossings, key=lambda known: abs(known - a))].gamma
             crossings[a] = first_crossing(lambda gamma: upper(a, gamma, k), guess, pairs, threshold)
@@ -212,7 +212,7 @@ def _excess(mu: Array, threshold: float) -> Array:
 
 def first_crossing(
     path: Path, guess: float, pairs: Callable[[Orbit], Array], threshold: float
-) -> Crossing:
+) -> ThresholdPoint:
     """Newton's method on the envelope, from a coupling before it."""
     _depth(threshold)
     gamma = _before(path, guess, pairs, threshold)
@@ -223,7 +223,7 @@ def first_crossing(
         if gamma >= 0.25 - TINY:
             break
         if abs(step) < SETTLED:
-            return Crossing(gamma, angle)
+            return ThresholdPoint(gamma, angle)
     raise NotConverged(f"no pair of multipliers reaches the modulus {threshold} below 1/4")
 
 
@@ -255,7 +255,7 @@ def _next(
     return float(reached[first]), float(np.angle(here[first]) / math.pi)
 
 
-def _upper_end(k: float, at: Callable[[float], Crossing], start: float) -> float:
+def _upper_end(k: float, at: Callable[[float], ThresholdPoint], start: float) -> float:
     """The amplitude at which the line leaves the region where breathers exist."""
     from scipy.optimize import brentq  # dear to import
 

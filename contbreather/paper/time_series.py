@@ -50,7 +50,7 @@ CIRCLES = 32  # in a period
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class SampledCurve:
     """One line or row of circles: u over t in periods, or v over u in a section."""
 
     name: str
@@ -65,7 +65,7 @@ class Panel:
     """One pair of axes."""
 
     title: str
-    curves: tuple[Curve, ...]
+    curves: tuple[SampledCurve, ...]
     labels: tuple[str, str] = (r"$t/2\pi$", "$u$")
     lost: float | None = None  # where a mark says that the breather is lost
 
@@ -177,8 +177,8 @@ def _against(exact: Orbit, run: Run | SmoothRun, word: str) -> tuple[Panel, ...]
             Panel(
                 "",
                 (
-                    Curve("exact", n, fine / PERIOD, exact.displacement(n, fine)),
-                    Curve(word, n, times[::step] / PERIOD, u[::step], "circles"),
+                    SampledCurve("exact", n, fine / PERIOD, exact.displacement(n, fine)),
+                    SampledCurve(word, n, times[::step] / PERIOD, u[::step], "circles"),
                 ),
                 (r"$t/2\pi$", f"$u_{{{n}}}$"),
             )
@@ -317,7 +317,8 @@ def _traces(run: SmoothRun, title: str, lost: float) -> Panel:
     assert run.record is not None
     t = run.record.times / PERIOD
     curves = tuple(
-        Curve(f"u_{n}", n, t, run.record.u[:, i] + 2.2 * n, "trace") for i, n in enumerate(CENTRAL)
+        SampledCurve(f"u_{n}", n, t, run.record.u[:, i] + 2.2 * n, "trace")
+        for i, n in enumerate(CENTRAL)
     )
     return Panel(title, curves, (r"$t/2\pi$", "site $n$"), None if math.isnan(lost) else lost)
 
@@ -436,7 +437,7 @@ def _with_arm(panel: Panel, arm: Orbit, mean: float) -> Panel:
     line = panel.curves[0]
     t, sign = PERIOD * line.t, math.copysign(1.0, mean * arm.c)
     u = sign * arm.displacement(line.site, t if sign > 0.0 else t + math.pi)
-    dashed = Curve("asymmetric", line.site, line.t, u, "dashed")
+    dashed = SampledCurve("asymmetric", line.site, line.t, u, "dashed")
     return replace(panel, curves=(line, dashed, *panel.curves[1:]))
 
 
@@ -484,7 +485,7 @@ def figure8(m: int = HARDNESS) -> TimeSeries:
     u, v = torus.run.strobe
     section = Panel(
         f"rigid walls, damping {TORUS['damping']}: a torus",
-        (Curve("section", 0, u[:, 0], v[:, 0], "points"),),
+        (SampledCurve("section", 0, u[:, 0], v[:, 0], "points"),),
         ("$u_0$", r"$\dot u_0$"),
     )
     panels = (*_against(exact, window, f"ring, $m = {m}$"), section)

@@ -176,7 +176,7 @@ def _walls(axes: Axes, orbit: Orbit, hit: list[int]) -> None:
 # --- flows ----------------------------------------------------------------------------------------
 
 
-class Piece(NamedTuple):
+class Stretch(NamedTuple):
     """One flow: times, states of shape (n, len(t)), and whether a condition ended it."""
 
     t: Array
@@ -224,7 +224,7 @@ def draw_states(
     return drawn
 
 
-def _column(piece: Piece, names: Sequence[str], name: str) -> Array:
+def _column(piece: Stretch, names: Sequence[str], name: str) -> Array:
     """The time or a state; nothing where this flow has fewer of them."""
     if name == TIME:
         return piece.t
@@ -232,15 +232,15 @@ def _column(piece: Piece, names: Sequence[str], name: str) -> Array:
     return piece.states[i] if i < len(piece.states) else np.full(piece.t.size, np.nan)
 
 
-def _of_cycle(orbit: Cycle) -> list[Piece]:
+def _of_cycle(orbit: Cycle) -> list[Stretch]:
     pieces = []
     for flow, flight in zip(orbit.equations.flows, orbit.flights, strict=True):
         s, states = flight.sampled(FINE)
-        pieces.append(Piece(flight.start + flight.duration * s, states, flow.until is not None))
+        pieces.append(Stretch(flight.start + flight.duration * s, states, flow.until is not None))
     return pieces
 
 
-def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Piece]:
+def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Stretch]:
     """Between the steps of the integrator by its own interpolant."""
     first, last = (-np.inf, np.inf) if within is None else within
     pieces = []
@@ -250,7 +250,7 @@ def _of_run(run: Trajectory, within: tuple[float, float] | None) -> list[Piece]:
         t = t[(first <= t) & (t <= last)]
         if t.size:
             ended = bool(piece.ended and t[-1] == piece.t[-1])
-            pieces.append(Piece(t, piece(t), ended))
+            pieces.append(Stretch(t, piece(t), ended))
     if not pieces:
         raise BadInput(
             f"nothing lies between {first:g} and {last:g}: the trajectory goes from "

@@ -21,7 +21,7 @@ import contbreather as cb
 import contbreather.certified
 from contbreather.certified import Interval, certificate, certify, proofs, winding
 from contbreather.certified.balls import working
-from contbreather.certified.proofs import Sheet, certify_curve, certify_point
+from contbreather.certified.proofs import BranchSheet, certify_curve, certify_point
 from contbreather.orbits import Orbit, orbit_of
 from contbreather.stability import unstable_count
 from tests.lattice.by_hand import MEANS, ring_mean
@@ -223,7 +223,7 @@ def test_a_branch_through_a_wrong_point_is_not_said_to_be_one_curve() -> None:
 
 
 def test_tiles_are_joined_only_if_both_hold_the_point_they_share() -> None:
-    sheet = Sheet({"gamma": arb(0.04), "k": arb(0.8)}, "a")
+    sheet = BranchSheet({"gamma": arb(0.04), "k": arb(0.8)}, "a")
     places = [(b.p, b.phi, a) for a in (0.2, 0.21, 0.22) for b in [cb.symmetric(a, 0.04, 0.8)]]
     with working():
         one, other = (proofs._proved(sheet, ends, (True, True)) for ends in pairwise(places))

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.samples import ASIDE, Samples, measure
+from contbreather.continuation.samples import ASIDE, StepSamples, measure
 
 EVENT = cb.user("mu", 0.0)
 
 
-def samples(values: dict[float, Any], **more: Any) -> Samples:
-    return Samples(None, EVENT, values, **more)
+def samples(values: dict[float, Any], **more: Any) -> StepSamples:
+    return StepSamples(None, EVENT, values, **more)
 
 
 # --- the trail of a test --------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 import contbreather as cb
 from contbreather.explorer import summary, views
 from contbreather.explorer.preview import Preview, preview_of
-from contbreather.explorer.state import Chosen, Named, State
+from contbreather.explorer.state import Chosen, Named, PageState
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import canvas, plot
@@ -186,7 +186,7 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
         ((0.8, "chain", True), "chain, k = 0.8"),
     ):
         known = preview and Preview(("k", preview[0]), *preview[1:], {}, (), ())
-        view.title(State(preview=known, awaited="k = 0.8" if "computed" in words else ""))
+        view.title(PageState(preview=known, awaited="k = 0.8" if "computed" in words else ""))
         lines = view.figure.title.text.split("\n")
         assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
@@ -211,7 +211,7 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
         there = replace(drawn, about=f"ring of 12, damping = 0.01{stopped}")
         view.choose(Chosen("b", damped), there)
         assert view.here.data == {"x": [0.08], "y": [0.5]}
-        view.title(State(preview=there, chosen=Chosen("b", damped)))
+        view.title(PageState(preview=there, chosen=Chosen("b", damped)))
         assert "chosen" not in view.figure.title.text
 
 
