@@ -14,7 +14,7 @@ import contbreather as cb
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import _is_impact, _is_mirrored
-from contbreather.orbits.initial_guesses import Motion
+from contbreather.orbits.initial_guesses import GuessedMotion
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import Section, check_both_walls, check_possible
 from contbreather.orbits.symmetries import simpler_than
@@ -68,11 +68,11 @@ def test_sites_feel_each_other_from_a_coupling_on() -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_seed_may_be_behind_a_wall_by_rounding(side: float) -> None:
     on, v = Conditions(0.7, 0.04, 0.8, lattice=cb.Ring(3)), np.zeros(3)
-    assert Motion(on, (side * np.array([0.0, 1.0 + 1e-7, 0.0]), v), 0.0).time == 0.0
+    assert GuessedMotion(on, (side * np.array([0.0, 1.0 + 1e-7, 0.0]), v), 0.0).time == 0.0
     with pytest.raises(
         cb.BadInput, match=r"u\[1\] = .* of the seed is outside the walls at -1 and"
     ):
-        Motion(on, (side * np.array([0.0, 1.0 + 1e-4, 0.0]), v), 0.0)
+        GuessedMotion(on, (side * np.array([0.0, 1.0 + 1e-4, 0.0]), v), 0.0)
 
 
 def test_a_mode_is_in_resonance_with_half_a_period_to_rounding_only() -> None:
