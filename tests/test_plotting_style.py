@@ -18,7 +18,7 @@ from contbreather.cli.simulate import draw
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.paper import figure4
-from contbreather.paper.time_series import Curve, Panel, TimeSeries
+from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
 from contbreather.plotting import (
     new_figure,
     plot,
@@ -175,7 +175,7 @@ def pictures(diagram: Zones, run: cb.simulation.Run) -> dict[str, Axes]:
     basin = Basin(*plane, outcome, np.zeros((2, 3)), True)
     t = np.linspace(0.0, 2.0, 9)
     looks = enumerate(("line", "dashed", "circles", "trace"))
-    curves = tuple(Curve(look, n, t, np.cos(t) + 2.2 * n, look) for n, look in looks)
+    curves = tuple(SampledCurve(look, n, t, np.cos(t) + 2.2 * n, look) for n, look in looks)
     panels = Panel("against", curves[:3]), Panel("traces", curves[3:], lost=1.0)
     series = TimeSeries(6, panels, "", ()).draw().axes
     return {

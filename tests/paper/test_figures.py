@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex, to_rgb
 from contbreather.orbits.zones import zones
 from contbreather.paper import FIGURES, chain_lengths, figure2, figure3, figure4
 from contbreather.paper.figures234 import TRANSITIONS, Figure2
-from contbreather.paper.time_series import Curve, Panel, TimeSeries
+from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
 
 T = np.linspace(0.0, 2.0, 9)
 
@@ -266,9 +266,9 @@ def series(*panels: Panel) -> TimeSeries:
 
 
 LINES = (
-    Curve("exact", 0, T, np.cos(T)),
-    Curve("asymmetric", 0, T, np.sin(T), "dashed"),
-    Curve("ring", 0, T, np.cos(T) + 0.1, "circles"),
+    SampledCurve("exact", 0, T, np.cos(T)),
+    SampledCurve("asymmetric", 0, T, np.sin(T), "dashed"),
+    SampledCurve("ring", 0, T, np.cos(T) + 0.1, "circles"),
 )
 
 
@@ -298,7 +298,7 @@ def test_exact_lines_are_red_the_other_breather_dashed_and_the_ring_open_circles
 
 
 def test_panels_of_one_time_axis_share_it_and_others_keep_theirs() -> None:
-    later = Curve("exact", 1, T + 1.0, np.sin(T))
+    later = SampledCurve("exact", 1, T + 1.0, np.sin(T))
     panels = (Panel("", LINES), Panel("", LINES[:1]), Panel("", (later,)))
     figure = series(*panels).draw()
     assert [ax.get_xlabel() for ax in figure.axes] == ["", r"$t/2\pi$", r"$t/2\pi$"]
@@ -308,7 +308,7 @@ def test_panels_of_one_time_axis_share_it_and_others_keep_theirs() -> None:
 
 
 def test_traces_of_sites_stand_above_each_other_under_their_numbers() -> None:
-    curves = tuple(Curve(f"u_{n}", n, T, np.cos(T) + 2.2 * n, "trace") for n in (-1, 0, 2))
+    curves = tuple(SampledCurve(f"u_{n}", n, T, np.cos(T) + 2.2 * n, "trace") for n in (-1, 0, 2))
     ax = series(Panel("runs", curves, (r"$t/2\pi$", "site $n$"), 1.25)).draw().axes[0]
     assert ax.get_yticks().tolist() == pytest.approx([-2.2, 0.0, 4.4])
     assert [label.get_text() for label in ax.get_yticklabels()] == ["$-1$", "$0$", "$2$"]
@@ -321,7 +321,7 @@ def test_traces_of_sites_stand_above_each_other_under_their_numbers() -> None:
 
 
 def test_a_section_is_dots_and_has_no_legend() -> None:
-    points = Curve("section", 0, T, np.cos(T), "points")
+    points = SampledCurve("section", 0, T, np.cos(T), "points")
     ax = series(Panel("", (points,), ("$u_0$", r"$\dot u_0$"))).draw().axes[0]
     (line,) = ax.get_lines()
     assert (line.get_marker(), line.get_linestyle()) == (".", "None")
@@ -330,7 +330,7 @@ def test_a_section_is_dots_and_has_no_legend() -> None:
 
 
 def test_rows_of_a_figure_name_panel_curve_and_site() -> None:
-    other = Curve("exact", 10, T, np.sin(T))
+    other = SampledCurve("exact", 10, T, np.sin(T))
     rows = list(series(Panel("", LINES[:1]), Panel("", (other,))).rows())
     assert len(rows) == 2 * T.size
     assert rows[3] == {"panel": "a", "curve": "exact", "site": 0, "t": T[3], "u": math.cos(T[3])}
