@@ -117,7 +117,8 @@ def _passages(orbit: Cycle) -> list[_Passage]:
         places += [(i, state, size) for state in flight.states.T]
     first = int(np.argmax(speeds))  # from there on around
     pace = np.roll(speeds, -first) / speeds[first]
-    stretches = np.split(np.arange(pace.size), np.flatnonzero(pace > _FAST))
+    cuts = np.flatnonzero((pace > _FAST) & (pace.min() < _SLOW))  # where none is slow one will do
+    stretches = np.split(np.arange(pace.size), cuts)
     least = sorted((min(s, key=pace.item) for s in stretches if s.size), key=pace.item)
     slow = [j for j in least if pace[j] < _SLOW] or least[:1]
     return [_Passage(float(pace[j]), orbit, *places[(j + first) % pace.size]) for j in slow]
