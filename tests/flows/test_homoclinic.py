@@ -209,6 +209,14 @@ def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
     assert double.first("PD")["c"] == pytest.approx(3.8373581, abs=2e-5)
 
 
+def test_the_period_where_an_equilibrium_appears_on_a_cycle_is_the_closed_form() -> None:
+    fine = Collocation(intervals=80)
+    ring = cb.cycle(pausing, {"x": -1.0, "y": 0.0}, {"a": 1.005}, collocation=fine)
+    end = cb.trace(ring, "a", within={"a": (0.5, 1.5)}, towards="down", steps=LONG).first("HOM")
+    assert 0 < end["a"] - 1 < 1e-5
+    assert end["period"] == pytest.approx(2 * math.pi / math.sqrt(end["a"] ** 2 - 1), rel=1e-6)
+
+
 def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
     """Around a circle, in the end on one side of it 200,000 times slower than on the other."""
 
