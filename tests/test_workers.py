@@ -163,7 +163,8 @@ def slow(number):
 
 
 if __name__ == "__main__":
-    Bar.advance = lambda _, done: print(done, flush=True)
+    # One text with its end: Ctrl-C between a number and its newline would leave them apart.
+    Bar.advance = lambda _, done: print(f"{done}\\n", end="", flush=True)
     try:
         list(each(slow, range(60), unit="naps", executor=2))  # interrupted within, never beside it
     except cb.errors.Interrupted as stop:
