@@ -67,6 +67,7 @@ def newton(
     `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. The rules are those of `step.newton`.
     """
+    metric = np.ones(z.size) if metric is None else metric
     eq = _Equations(equations, jacobian, metric)
     end = _NEWTON(eq, row, z, tolerance, most)
     if end.status == rules.LOOK:
@@ -83,7 +84,7 @@ def chord(
     factors: Dense | sparse.Factors,
     z: Array,
     row: Array,
-    metric: Array | None,
+    metric: Array,
     tolerance: float,
 ) -> Solution | None:
     """The same solution by the factors of a derivative near by, as long as corrections are short
@@ -109,12 +110,9 @@ class _Equations:
 
     equations: Callable[[Array], Array]
     jacobian: Callable[[Array], Matrix]
-    metric: Array | None
+    metric: Array
     matrix: Any = None  # the latest derivative
     factors: Any = None
-
-    def residual(self, z: Array) -> tuple[Array, bool]:
-        return self.equations(z), True
 
     def correction(
         self, row: Array | None, z: Array, value: Array, lasting: bool
@@ -155,14 +153,15 @@ def approach(
     (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
     mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
     """
+    metric = np.ones(z.size) if metric is None else metric
     # dz = W^-1/2 y: the least dz in arclength is the shortest y with J W^-1/2 y = H
-    weights = np.ones(z.size) if metric is None else metric**-0.5
+    weights = metric**-0.5
     damping = 1.0
     value = equations(z)
     for _ in range(most):
         least = _least(sparse.scaled(jacobian(z), np.ones(value.size), weights))
         step = least(value)
-        size = length(step, None)
+        size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing
             return None if value.any() else z
         if size <= _THERE * (1 + length(z, metric)):
@@ -171,7 +170,8 @@ def approach(
             try:
                 trial = z - damping * step * weights
                 value = equations(trial)
-                ahead = length(least(value), None)
+                simplified = least(value)
+                ahead = math.sqrt(simplified.dot(simplified))
             except Undefined:
                 ahead = math.inf
             # restricted natural monotonicity: |J(z)^-1 H(trial)| <= (1 - lambda / 4) |J(z)^-1 H(z)|
@@ -206,13 +206,12 @@ def rounding(matrix: Matrix, z: Array) -> Array:
     return np.asarray(rules.ROUNDED * (abs(matrix) @ abs(z)))
 
 
-def length(z: Array, metric: Array | None) -> float:
-    return math.sqrt(z.dot(z) if metric is None else z.dot(z * metric))
+def length(z: Array, metric: Array) -> float:
+    return math.sqrt(z.dot(metric * z))
 
 
-def _is_short(change: Array, z: Array, metric: Array | None, tolerance: float) -> bool:
-    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
-    return bool((abs(change) <= tolerance * sizes).all())
+def _is_short(change: Array, z: Array, metric: Array, tolerance: float) -> bool:
+    return bool((abs(change) <= tolerance * (abs(z) + metric**-0.5)).all())
 
 
 def _shortest(matrix: Array, right: Array) -> Array:
@@ -221,10 +220,9 @@ def _shortest(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
-def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -> bool:
+def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array) -> bool:
     """Whether all that is left of the equations is rounding of the terms of each row."""
-    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
-    terms = abs(matrix) @ sizes
+    terms = abs(matrix) @ (abs(z) + metric**-0.5)
     # an equation that no entry of z moves is compared with 1
     terms[terms == 0] = 1.0
     return bool((abs(value) <= _ROUNDING * terms).all())
@@ -232,7 +230,7 @@ def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -
 
 _NEWTON = bound(
     rules.newton,
-    residual=_Equations.residual,
+    residual=lambda eq, z: (eq.equations(z), True),
     correction=_Equations.correction,
     is_rounding=_Equations.is_rounding,
     is_short=_is_short,

@@ -119,20 +119,19 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
         raise BadInput(
             f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
         )
-    return {name: _pair(name, window) for name, window in within.items()}
-
-
-def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = map(real, window)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if math.isnan(low) or math.isnan(high):
-        raise BadInput(
-            f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
-            "math.inf leaves a side open"
-        )
-    return low, high
+    pairs = {}
+    for name, window in within.items():
+        try:
+            low, high = map(real, window)
+        except (TypeError, ValueError):
+            low = high = math.nan
+        if math.isnan(low) or math.isnan(high):
+            raise BadInput(
+                f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
+                "math.inf leaves a side open"
+            )
+        pairs[name] = low, high
+    return pairs
 
 
 # --- events, walls and columns ----------------------------------------------------------------

@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,7 +62,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
             return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
-        solution = curve.newton(z, curve.dual(tangent), tolerance=tolerance)
+        solution = curve.newton(z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
@@ -123,7 +124,7 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         try:
             branch_point = crossing(curve, z)
             if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
-                return closest(branch_point.tangents, curve.dual(along)), 0
+                return closest(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, side = tangent_at(curve, z, along)
@@ -137,16 +138,16 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
 def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     """A tangent turned away from the first bound that the curve starts at and does not go along."""
     for bound in bounds:
-        end = bound.end(bound.value(curve.start))
-        slope = end and end * bound.slope(curve.start, tangent)
-        if abs(slope) > LEVEL:
-            return -math.copysign(1.0, slope) * tangent
+        for side, end, off in bound.ends:
+            slope = side * bound.slope(curve.start, tangent)
+            if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
+                return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
 
 
 def rounding(value: float) -> float:
     """How far from a bound rounding may end a step that should end on it."""
-    return 4 * math.ulp(value or 1e-16) if math.isfinite(value) else 0.0
+    return 4 * math.ulp(value or 1e-16)
 
 
 @dataclass(frozen=True)
@@ -158,20 +159,16 @@ class Bound:
     low: float
     high: float
 
+    @cached_property
+    def ends(self) -> list[tuple[int, float, float]]:
+        """The ends that it has: their side, -1 or 1, value, and how far rounding may leave a step
+        that should end there."""
+        both = ((-1, self.low), (1, self.high))
+        return [(side, end, rounding(end)) for side, end in both if math.isfinite(end)]
+
     def value(self, z: Array) -> float:
         entries = z[self.slot]
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
-
-    def end(self, value: float) -> int:
-        """Which end a value is at, but for rounding: -1 or 1, 0 for neither."""
-        ends = ((-1, self.low), (1, self.high))
-        return next((side for side, end in ends if abs(value - end) <= rounding(end)), 0)
-
-    def within(self, z: Array) -> Array:
-        """z, or the place next to it that is not beyond either end."""
-        value = self.value(z)
-        inside = min(max(value, self.low), self.high)
-        return z if inside == value else self.with_value(z, inside)
 
     def row(self, z: Array) -> Array:
         """The derivative of the value."""
