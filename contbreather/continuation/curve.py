@@ -41,6 +41,7 @@ from .step import WIDEST
 Params = Mapping[str, float]
 
 PASSED = 9  # latest places of a walk that say how large its equations are
+_LATEST = 4  # places of which is known what was made of them
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 _MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
@@ -122,7 +123,7 @@ class Curve:
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
         self.hint = ""  # what would make all of this cheaper
-        self._known: dict[str, list[tuple[Array, Any]]] = {}
+        self._known: dict[str, dict[bytes, Any]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
@@ -219,11 +220,9 @@ class Curve:
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The same by the derivative at a place near by, where the problem wants that, it is known
-        there and the solution is close."""
-        if not self.problem.lasting:
-            return None
-        if not any(place is near for place, _ in self._known.get("jacobian", ())):
+        """The same by the derivative at a place near by, where it is known there and the solution
+        is close."""
+        if near.tobytes() not in self._known.get("jacobian", ()):
             return None
         factors = self.factors(near, row)
         return chord(self.equations, factors, guess, row, self.metric, tolerance)
@@ -250,15 +249,14 @@ class Curve:
         return getattr(self._scheme, "keywords", {}).get("finer", 1.0)
 
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
-        """What was made of one of the latest z, known by identity, or is made of it now: all
-        events ask about the same point in turn."""
-        recent = self._known.get(what, [])
-        for place, value in recent:
-            if place is z:
-                return value
-        value = make(z)
-        self._known[what] = [(z, value), *recent[:3]]
-        return value
+        """What was made of one of the latest z, or is made of it now: all events ask about the same
+        point in turn."""
+        recent, key = self._known.setdefault(what, {}), z.tobytes()
+        if key not in recent:
+            recent[key] = make(z)
+            if len(recent) > _LATEST:
+                del recent[next(iter(recent))]
+        return recent[key]
 
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
@@ -464,13 +462,6 @@ class Curve:
         """The change of one equation along a direction as it was given, and by differences."""
         wanted = derivatives.differences(lambda t: self.residual(z + t[0] * way), np.zeros(1))
         return float((matrix @ way)[row]), float(wanted[row, 0])
-
-    def cached_place(self, z: Array) -> Array:
-        """The same z where the derivative is known already, to be found again by identity."""
-        for place, _ in self._known.get("jacobian", ()):
-            if place.tobytes() == z.tobytes():
-                return place
-        return z
 
     def reconsider(self, *places: Array) -> str:
         """Choose anew how derivatives are taken, now for these places; what is wrong with given

@@ -145,11 +145,6 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     return tangent * sense(tangent)
 
 
-def rounding(value: float) -> float:
-    """How far from a bound rounding may end a step that should end on it."""
-    return 4 * math.ulp(value or 1e-16)
-
-
 @dataclass(frozen=True)
 class Bound:
     """The window of what can change: an unknown, a parameter, the norm of an array."""
@@ -164,7 +159,7 @@ class Bound:
         """The ends that it has: their side, -1 or 1, value, and how far rounding may leave a step
         that should end there."""
         both = ((-1, self.low), (1, self.high))
-        return [(side, end, rounding(end)) for side, end in both if math.isfinite(end)]
+        return [(i, end, 4 * math.ulp(end or 1e-16)) for i, end in both if math.isfinite(end)]
 
     def value(self, z: Array) -> float:
         entries = z[self.slot]

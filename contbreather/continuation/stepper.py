@@ -176,7 +176,7 @@ class Stepper:
 
     def _advance(self, point: Point, reconsidered: bool = False) -> Step:
         """The next point, with as many halvings of the step as it takes."""
-        failed = StepFailed(Stop.NO_CONVERGENCE)
+        failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
@@ -189,6 +189,7 @@ class Stepper:
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
+        failed = failed or StepFailed(Stop.NO_CONVERGENCE)
         if reconsidered or failed.stop is not Stop.NO_CONVERGENCE:
             raise failed
         # the scheme for derivatives was chosen, or those given were checked, at the start only
@@ -204,7 +205,9 @@ class Stepper:
         guess, landing = self._within(point.z, predicted, LEVEL * size)
         if landing is None:
             row = curve.metric * point.direction
-            near = curve.chord(point.z, guess, row, self.steps.tolerance)
+            near = None
+            if curve.problem.lasting:
+                near = curve.chord(point.z, guess, row, self.steps.tolerance)
             solution = near or self.correct(guess, row)
             along = _ALONG * (1 + curve.length(point.z))
             z, landing = self._within(point.z, solution.z, along)
