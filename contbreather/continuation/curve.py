@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cached_property, partial
@@ -123,12 +124,12 @@ class Curve:
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
         self.hint = ""  # what would make all of this cheaper
-        self._known: dict[str, dict[bytes, Any]] = {}
+        self._known = defaultdict[str, dict[bytes, Any]](dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
         kept = {name: value for name, value in self.__dict__.items() if name != "compiled"}
-        return {**kept, "_known": {}}
+        return {**kept, "_known": defaultdict(dict)}
 
     def length(self, z: Array) -> float:
         return math.sqrt(z.dot(self.metric * z))
@@ -222,7 +223,7 @@ class Curve:
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
         """The same by the derivative at a place near by, where it is known there and the solution
         is close."""
-        if near.tobytes() not in self._known.get("jacobian", ()):
+        if near.tobytes() not in self._known["jacobian"]:
             return None
         factors = self.factors(near, row)
         return chord(self.equations, factors, guess, row, self.metric, tolerance)
@@ -251,7 +252,7 @@ class Curve:
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
         """What was made of one of the latest z, or is made of it now: all events ask about the same
         point in turn."""
-        recent, key = self._known.setdefault(what, {}), z.tobytes()
+        recent, key = self._known[what], z.tobytes()
         if key not in recent:
             recent[key] = make(z)
             if len(recent) > _LATEST:
@@ -466,7 +467,8 @@ class Curve:
     def reconsider(self, *places: Array) -> str:
         """Choose anew how derivatives are taken, now for these places; what is wrong with given
         ones there."""
-        self._scheme, self._known = None, {}
+        self._scheme = None
+        self._known.clear()
         for z in places:
             try:
                 self.jacobian(z)
