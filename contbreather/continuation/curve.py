@@ -176,11 +176,10 @@ class Curve:
 
     def params(self, z: Array) -> dict[str, float]:
         """All parameters at z, the free ones taken from it."""
-        values, free = self.fixed.copy(), z[self.size :]
-        # complex numbers stay those of numpy, which can be compared
-        numbers = free if free.dtype.kind == "c" else free.tolist()
-        for name, value in zip(self.free, numbers, strict=True):
-            values[name] = value
+        values, real = self.fixed.copy(), z.dtype.kind != "c"
+        for i, name in enumerate(self.free, self.size):
+            # complex numbers stay those of numpy, which can be compared
+            values[name] = float(z[i]) if real else z[i]
         return values
 
     def residual(self, z: Array) -> Array:

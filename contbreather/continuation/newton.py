@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -159,7 +160,9 @@ def approach(
     damping = 1.0
     value = equations(z)
     for _ in range(most):
-        least = _least(sparse.scaled(jacobian(z), np.ones(value.size), weights))
+        matrix = sparse.scaled(jacobian(z), np.ones(value.size), weights)
+        large = sparse.is_sparse(matrix)
+        least = sparse.Factors(matrix).least if large else partial(_least, matrix)
         step = least(value)
         size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing
@@ -188,17 +191,11 @@ def approach(
     return None
 
 
-def _least(matrix: Matrix) -> Callable[[Array], Array]:
-    """What gives the step of least length to a solution of linear equations."""
-    if sparse.is_sparse(matrix):
-        return sparse.Factors(matrix).least
+def _least(matrix: Array, right: Array) -> Array:
+    """The step of least length to a solution of linear equations."""
     square = matrix.shape[0] == matrix.shape[1]
-
-    def least(right: Array) -> Array:
-        step = solve(matrix, right) if square else None
-        return _shortest(matrix, right) if step is None else step
-
-    return least
+    step = solve(matrix, right) if square else None
+    return _shortest(matrix, right) if step is None else step
 
 
 def rounding(matrix: Matrix, z: Array) -> Array:
