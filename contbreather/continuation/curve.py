@@ -21,7 +21,6 @@ from .newton import (
     Solution,
     Undefined,
     chord,
-    factors_of,
     newton,
     rounding,
 )
@@ -33,6 +32,7 @@ from .sparse import (
     canonical,
     columns_of,
     first_columns,
+    is_large,
     is_sparse,
     row_sizes,
     scaled,
@@ -192,37 +192,16 @@ class Curve:
         return value
 
     def equations(self, z: Array) -> Array:
-        """H(z), or `Undefined` where it has no value."""
-        try:
-            value = self.residual(z)
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
-        except KeyError as error:
-            self.problem.check_asked(error)
-            raise
-        try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
-            finite = math.isfinite(value.sum())
-        except (TypeError, OverflowError) as error:
-            raise BadInput(
-                f"the residual is {value!r}; an array of numbers was expected"
-            ) from error
-        if value.shape != (self.size,):
-            raise BadInput(
-                f"the residual has shape {value.shape} for {self.size} unknowns; "
-                f"as many equations as unknowns, {(self.size,)}, were expected"
-            )
-        if not finite:
-            raise Undefined("the equations are not finite")
-        return value
+        return self.problem.evaluate(z[: self.size].copy(), self.params(z))
 
     def newton(self, guess: Array, row: Array | None = None, **how: Any) -> Solution:
         """The solution next to a guess, at the same value of a row; how is as for `newton`."""
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The same by the derivative at a place near by, where it is known there and the solution
-        is close."""
-        if near.tobytes() not in self._known["jacobian"]:
+        """The same by the derivative at a place near by, where the problem wants that, it is known
+        there and the solution is close."""
+        if not (self.problem.lasting and near.tobytes() in self._known["jacobian"]):
             return None
         factors = self.factors(near, row)
         return chord(self.equations, factors, guess, row, self.metric, tolerance)
@@ -274,14 +253,12 @@ class Curve:
         return matrix
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
-        """The derivative factorised, to be solved with a row below."""
-        known: Dense | Factors = self.cached(
-            "factors", z, lambda z: factors_of(self.jacobian(z), row)
-        )
-        if isinstance(known, Dense) and known.row is not row:  # one of the same values will do
-            fits = np.array_equal(known.whole[-1], row)
-            return known if fits else Dense(self.jacobian(z), row)
-        return known
+        """The derivative factorised, to be solved with a row below; once where that is dear."""
+        matrix = self.jacobian(z)
+        if not is_large(matrix):
+            return Dense(matrix, row)
+        factors: Factors = self.cached("factors", z, lambda z: Factors(matrix))
+        return factors
 
     def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone, where none in parameters are wanted; not to be

@@ -47,11 +47,6 @@ class Solution:
     correction: float  # length of the last step, an estimate of the error before it
 
 
-def factors_of(matrix: Matrix, row: Array | None) -> Dense | sparse.Factors:
-    """What solves for corrections: of a dense matrix those with this row below."""
-    return sparse.Factors(matrix) if sparse.is_large(matrix) else Dense(matrix, row)
-
-
 def newton(
     equations: Callable[[Array], Array],
     jacobian: Callable[[Array], Matrix],
@@ -119,8 +114,9 @@ class _Equations:
         self, row: Array | None, z: Array, value: Array, lasting: bool
     ) -> tuple[Array, bool]:
         if self.factors is None or not lasting:
-            self.matrix = self.jacobian(z)
-            self.factors = factors_of(self.matrix, row)
+            matrix = self.matrix = self.jacobian(z)
+            large = sparse.is_large(matrix)
+            self.factors = sparse.Factors(matrix) if large else Dense(matrix, row)
         change, singular = correction(self.factors, value, row)
         return change, not singular
 

@@ -205,9 +205,7 @@ class Stepper:
         guess, landing = self._within(point.z, predicted, LEVEL * size)
         if landing is None:
             row = curve.metric * point.direction
-            near = None
-            if curve.problem.lasting:
-                near = curve.chord(point.z, guess, row, self.steps.tolerance)
+            near = curve.chord(point.z, guess, row, self.steps.tolerance)
             solution = near or self.correct(guess, row)
             along = _ALONG * (1 + curve.length(point.z))
             z, landing = self._within(point.z, solution.z, along)
