@@ -120,10 +120,8 @@ class Growth:
 
     def towards(self, z: Array, tangent: Array) -> str:
         """What there is to say of a curve that was walked as many steps as allowed, outwards."""
-        size = math.sqrt(z**2 @ self.curve.metric)
-        outwards = (
-            z * self.curve.metric @ tangent > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
-        )
+        size, along = self.curve.length(z), z * self.curve.metric @ tangent
+        outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
         if not outwards or self._bounded(z, tangent, size):
             return ""
         grows = self._growing(z)

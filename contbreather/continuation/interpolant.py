@@ -68,13 +68,13 @@ class StepInterpolant:
         answer = compiled and compiled.corrected(guess, self._across, slope, self.tolerance)
         if answer:
             z, tangent, residual, _ = answer
-            self._near(guess, z)
         else:
             solution = curve.newton(guess, self._row, tolerance=self.tolerance)
             if not solution.converged:
                 raise Undefined("Newton's iteration failed between two points of the curve")
-            z, residual = solution.z, solution.residual
-            self._near(guess, z)
+            z, tangent, residual = solution.z, None, solution.residual
+        self._near(guess, z)
+        if tangent is None:
             tangent, _ = tangent_at(curve, z, slope)
         self._known[u] = self._point(u, z, tangent, residual)
         return self._known[u]

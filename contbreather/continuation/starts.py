@@ -159,7 +159,8 @@ class Bound:
         """The ends that it has: their side, -1 or 1, value, and how far rounding may leave a step
         that should end there."""
         both = ((-1, self.low), (1, self.high))
-        return [(i, end, 4 * math.ulp(end or 1e-16)) for i, end in both if math.isfinite(end)]
+        finite = [(side, end) for side, end in both if math.isfinite(end)]
+        return [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
 
     def value(self, z: Array) -> float:
         entries = z[self.slot]
