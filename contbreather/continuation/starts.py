@@ -5,12 +5,15 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..checks import one_of
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
@@ -22,12 +25,68 @@ from .problem import Problem
 from .settings import Within, windows
 from .sparse import is_sparse, scaled
 
+QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
+_MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
 _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
 _STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a walk sets out, and which way.
+
+    Attributes
+    ----------
+    point : Point
+        On its curve, with the tangent along which to set out.
+    side : int
+        Sign of the bordered determinant there; 0 at a branch point, and where it is not known.
+    bounds : list of Bound
+        The window.
+    directed : bool
+        Whether the direction was given.
+    """
+
+    point: Point
+    side: int
+    bounds: list[Bound]
+    directed: bool
+
+    def turned(self) -> Start:
+        """The other way, on a curve that learns by itself."""
+        back = replace(self.point, curve=copy(self.point.curve), tangent=-self.point.direction)
+        return replace(self, point=back, side=-self.side)
+
+
+@np.errstate(**QUIET)
+def start_of(
+    problem: Problem,
+    free: str,
+    within: Within | None,
+    towards: str,
+    along: ArrayLike | None,
+    tolerance: float,
+) -> Start:
+    """A start moved onto its curve, in the direction that was asked for."""
+    if along is None:
+        one_of("towards", towards, ("up", "down"))
+        curve, residual = corrected_start(problem, free, tolerance)
+        bounds = bounds_of(curve, within)
+        tangent, side = first_tangent(curve, bounds)
+        if towards == "down":
+            tangent, side = -tangent, -side
+    else:
+        curve, residual, tangent = directed_start(problem, free, along)
+        bounds, side = bounds_of(curve, within), 0
+    # how far the start that was given had to be moved, if that is worth telling
+    off = curve.length(curve.start - Curve(problem, curve.free).start)
+    detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+    point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
+    return Start(point, side, bounds, along is not None)
 
 
 def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:

@@ -20,7 +20,7 @@ from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
 from .settings import Steps
-from .starts import Bound
+from .starts import Bound, Start
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
@@ -73,12 +73,11 @@ class Stepper:
         Steps that were taken ahead, and how many of them were looked at.
     """
 
-    def __init__(
-        self, curve: Curve, bounds: Sequence[Bound], steps: Steps, start: Point, side: int
-    ) -> None:
-        self.curve, self.bounds, self.steps, self.start = curve, bounds, steps, start
-        self.crossed = side == 0  # whether the start is a branch point
-        self.side, self.size, self.bend = side, steps.first, np.zeros_like(start.z)
+    def __init__(self, way: Start, steps: Steps) -> None:
+        self.start, self.bounds, self.steps = way.point, way.bounds, steps
+        self.curve = way.point.curve
+        self.crossed = way.side == 0  # whether the start is a branch point
+        self.side, self.size, self.bend = way.side, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         self.points: Sequence[Point] = ()
         self.used = 0
