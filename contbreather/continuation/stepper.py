@@ -77,6 +77,7 @@ class Stepper:
         self.start, self.bounds, self.steps = way.point, way.bounds, steps
         self.curve = way.point.curve
         self.crossed = way.side == 0  # whether the start is a branch point
+        self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
         self.side, self.size, self.bend = way.side, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         self.points: Sequence[Point] = ()
@@ -130,7 +131,7 @@ class Stepper:
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
         sizes = steps.tolerance, steps.smallest, largest, steps.growth
-        return Rules(*sizes, slots, low, high, curve.metric * self.start.direction, curve.start)
+        return Rules(*sizes, slots, low, high, self.across, curve.start)
 
     # --- one by one ---
 
@@ -155,7 +156,7 @@ class Stepper:
 
     def _closes(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start, in the direction in which the curve left it."""
-        start, row = self.start, self.curve.metric * self.start.direction
+        start, row = self.start, self.across
         before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
         # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
