@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch, refined
+from contbreather.continuation.branch import Branch, with_more_points
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo, Event, Point
 from contbreather.continuation.problem import Problem
@@ -31,7 +31,7 @@ from contbreather.orbits.closure import folds
 from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
-from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
+from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots, is_meeting
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -228,7 +228,7 @@ class Search:
     def _breathers(self, x: float, y: float) -> list[Orbit]:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        breathers = admissible(values, **self.model)
+        breathers = admissible_roots(values, **self.model)
         return [b for b in breathers if self.past_folds or family_of(b) == "upper"]
 
     def _follow(self, point: Point, shown: Counter) -> None:
@@ -249,7 +249,7 @@ class Search:
                 continue
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
-            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
+            curves[-1] = branch = with_more_points(branch, FEWEST // 8 if pieced else FEWEST)
             waiting += [(end, branch) for end in branch.special if _leads_on(end)]
 
 
