@@ -229,11 +229,11 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
             return
     kinds = {type(study.results[family]).__name__ for family in draws}
     alone = kinds == {"Atlas"} and len(draws) == 1
-    if not (alone or kinds == {"Zones"} or not kinds & {"Zones", "Atlas"}):
+    if not (alone or kinds == {"ZonesTask"} or not kinds & {"ZonesTask", "Atlas"}):
         wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
         yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"
         return
-    fit = {"over", "at"} if alone else set() if kinds == {"Zones"} else {"x", "y"}
+    fit = {"over", "at"} if alone else set() if kinds == {"ZonesTask"} else {"x", "y"}
     if not unread:
         for drawing in figure.draws:
             yield from _no_member(study, ("figure", name, "draws"), drawing, unread)
