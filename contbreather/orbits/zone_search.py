@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch, with_more_points
+from contbreather.continuation.branch import Branch, refined
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.point import CodimensionTwo, Event, Point
 from contbreather.continuation.problem import Problem
@@ -249,7 +249,7 @@ class Search:
                 continue
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
-            curves[-1] = branch = with_more_points(branch, FEWEST // 8 if pieced else FEWEST)
+            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
             waiting += [(end, branch) for end in branch.special if _leads_on(end)]
 
 
