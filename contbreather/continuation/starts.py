@@ -17,7 +17,7 @@ from ..checks import one_of
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
-from .interpolant import LEVEL, closest, tangent_at
+from .interpolant import LEVEL, closest_tangent, tangent_at
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
 from .point import Point
@@ -183,7 +183,7 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         try:
             branch_point = crossing(curve, z)
             if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
-                return closest(branch_point.tangents, curve.metric * along), 0
+                return closest_tangent(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, side = tangent_at(curve, z, along)
