@@ -36,7 +36,7 @@ _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
 @dataclass(frozen=True)
-class Start:
+class StartOnCurve:
     """Where a walk sets out, and which way.
 
     Attributes
@@ -56,21 +56,21 @@ class Start:
     bounds: list[Bound]
     directed: bool
 
-    def turned(self) -> Start:
+    def turned(self) -> StartOnCurve:
         """The other way, on a curve that learns by itself."""
         back = replace(self.point, curve=copy(self.point.curve), tangent=-self.point.direction)
         return replace(self, point=back, side=-self.side)
 
 
 @np.errstate(**QUIET)
-def start_of(
+def start_on_curve(
     problem: Problem,
     free: str,
     within: Within | None,
     towards: str,
     along: ArrayLike | None,
     tolerance: float,
-) -> Start:
+) -> StartOnCurve:
     """A start moved onto its curve, in the direction that was asked for."""
     if along is None:
         one_of("towards", towards, ("up", "down"))
@@ -86,7 +86,7 @@ def start_of(
     off = curve.length(curve.start - Curve(problem, curve.free).start)
     detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
-    return Start(point, side, bounds, along is not None)
+    return StartOnCurve(point, side, bounds, along is not None)
 
 
 def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:

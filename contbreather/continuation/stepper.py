@@ -20,7 +20,7 @@ from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
 from .settings import Steps
-from .starts import Bound, Start
+from .starts import Bound, StartOnCurve
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ class Stepper:
         Steps that were taken ahead, and how many of them were looked at.
     """
 
-    def __init__(self, way: Start, steps: Steps) -> None:
+    def __init__(self, way: StartOnCurve, steps: Steps) -> None:
         self.start, self.bounds, self.steps = way.point, way.bounds, steps
         self.curve = way.point.curve
         self.crossed = way.side == 0  # whether the start is a branch point

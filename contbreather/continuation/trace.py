@@ -30,7 +30,7 @@ from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .starts import QUIET, Start, start_of
+from .starts import QUIET, StartOnCurve, start_on_curve
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
@@ -153,7 +153,7 @@ def trace(
             start, along = finer
             walks.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
-            first = start_of(problem, free, within, sides[0], along, steps.tolerance)
+            first = start_on_curve(problem, free, within, sides[0], along, steps.tolerance)
             first.point.curve.asked = events
             look = partial(start.finer, along=along)
             ways = [first, first.turned()] if len(sides) == 2 else [first]
@@ -211,14 +211,14 @@ def iterate(
         having(problem_in(start), free), events, inadmissible=inadmissible
     )
     chosen = steps_of(steps)
-    way = start_of(problem, free, within, towards, along, chosen.tolerance)
+    way = start_on_curve(problem, free, within, towards, along, chosen.tolerance)
     return ContinuationIterator(way, wanted, chosen).run()
 
 
 class ContinuationIterator:
     """One curve in one direction, from its start to where it ends."""
 
-    def __init__(self, way: Start, events: Sequence[Event], steps: Steps) -> None:
+    def __init__(self, way: StartOnCurve, events: Sequence[Event], steps: Steps) -> None:
         self.way, self.events, self.steps = way, events, steps
         self.curve, start = way.point.curve, way.point
         self.stepper = Stepper(way, steps)
