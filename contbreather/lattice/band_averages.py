@@ -144,7 +144,6 @@ class UniformLattice:
     sites: Any
     spring: float
     _expansions: dict[str, _Series]
-    _limit: float  # of gamma
 
     if TYPE_CHECKING:
 
@@ -158,16 +157,9 @@ class UniformLattice:
         """gamma as a float, or why there is no breather at this coupling."""
         return check_gamma(gamma, self.spring)
 
-    def _coupling(self, gamma: float) -> float:
-        """A coupling as it is, or as `check` has it: most are inside, and asked for often."""
-        try:
-            return gamma if 0.0 <= gamma < self._limit else self.check(gamma)
-        except (TypeError, ValueError):  # no number at all: the sentence
-            return self.check(gamma)
-
     def _mean(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
-        x = 4.0 * self._coupling(gamma)
+        x = 4.0 * self.check(gamma)
         total = 0.0
         for c in series.powers:
             total = total * x + c
@@ -187,7 +179,7 @@ class UniformLattice:
 
     def _slope(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
-        x = 4.0 * self._coupling(gamma)
+        x = 4.0 * self.check(gamma)
         total = 0.0
         for c in series.slopes:
             total = total * x + c

@@ -216,29 +216,6 @@ class Harmonic(Periodic):
 
     _series = Series(((1, 1.0, 0.0),))
 
-    def f(self, t: Any) -> Any:
-        return math.cos(t) if isinstance(t, float | int) else np.cos(t)
-
-    def df(self, t: Any) -> Any:
-        return -math.sin(t) if isinstance(t, float | int) else -np.sin(t)
-
-    def d2f(self, t: Any) -> Any:
-        return -math.cos(t) if isinstance(t, float | int) else -np.cos(t)
-
-    def d3f(self, t: Any) -> Any:
-        return math.sin(t) if isinstance(t, float | int) else np.sin(t)
-
-    def motion(self, t: float) -> tuple[float, float, float]:
-        c = math.cos(t)
-        return c, -math.sin(t), -c
-
-    @property
-    def highest(self) -> int:
-        return 1
-
-    def peak(self) -> float:
-        return 1.0
-
     def describe(self) -> str:
         return "F = -a cos t"
 
