@@ -244,10 +244,6 @@ def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
 # --- basins ---------------------------------------------------------------------------------------
 
 
-def test_an_axis_says_which_coordinate_it_is() -> None:
-    assert (Axis("u", 3, [0.1]).label, Axis("v", -1, [0.1]).label) == ("u_3", "v_-1")
-
-
 def test_starts_of_a_basin_are_where_its_axes_say() -> None:
     """Columns are values of x, rows of y; site -1 is the last one."""
     shared = {"a": 0.0, "gamma": 0.0, "k": 0.8, "periods": 2}

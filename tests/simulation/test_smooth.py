@@ -227,16 +227,6 @@ def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
     assert 0.0 < branch.first("LP")["a"] - exact < 0.02
 
 
-def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
-    start = breather(10, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0)
-    for name, window in (("gamma", (0.03, 0.06)), ("lam", (0.12, 0.16))):
-        branch = trace(start, name, within={name: window}, steps=Steps(largest=0.02))
-        for point in (branch[0], branch[-1]):
-            k = restitution_of(point["lam"])
-            exact = symmetric(0.3, point["gamma"], k).displacement(0, 0.0)
-            assert point["u"][0] == pytest.approx(exact, abs=0.02)
-
-
 def test_energy_that_blows_up_is_an_error():
     with pytest.raises(NotConverged, match="the energy blows up in period 1"):
         simulate_smooth(([0.0], [0.0]), a=1e8, gamma=0.0, k=0.8, m=2, periods=50)
