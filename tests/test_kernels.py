@@ -218,34 +218,21 @@ def test_one_compiler_works_at_a_time(nothing_at_hand: list[Any], tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "reason"),
+    ("has", "reason"),
     [
-        (kernels.ASKED, "0", "nothing is compiled, by CONTBREATHER_COMPILE=0"),
-        ("NUMBA_DISABLE_JIT", "1", "switched off, by NUMBA_DISABLE_JIT"),
+        (lambda at: at.setenv(kernels.ASKED, "0"), "is compiled, by CONTBREATHER_COMPILE=0"),
+        (lambda at: at.setenv("NUMBA_DISABLE_JIT", "1"), "switched off, by NUMBA_DISABLE_JIT"),
+        (lambda at: at.setattr(kernels, "workers_process", lambda: True), "worker processes"),
+        (lambda at: at.setattr(kernels, "find_spec", lambda name: None), "pip install numba"),
+        (lambda at: at.setattr(kernels, "place", lambda: None), "without a home there is no place"),
     ],
 )
-def test_no_compiler_is_started_where_that_is_said(
-    nothing_at_hand: list[Any], monkeypatch: pytest.MonkeyPatch, name: str, value: str, reason: str
+def test_no_compiler_is_started_where_it_may_not_or_cannot_be(
+    nothing_at_hand: list[Any], monkeypatch: pytest.MonkeyPatch, has: Any, reason: str
 ) -> None:
-    monkeypatch.setenv(name, value)
-    assert reason in kernels._begun()
-    assert not nothing_at_hand
-
-
-def test_no_compiler_is_started_by_workers_or_without_numba_or_a_home(
-    nothing_at_hand: list[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(kernels, "workers_process", lambda: True)
-        assert kernels._begun() == "worker processes compile nothing"
-    with monkeypatch.context() as patch:
-        patch.setattr(kernels, "find_spec", lambda name: None)
-        kernels._begun.cache_clear()
-        assert "pip install numba" in kernels._begun()
     pytest.importorskip("numba")
-    kernels._begun.cache_clear()
-    monkeypatch.setattr(kernels, "place", lambda: None)
-    assert "without a home there is no place" in kernels._begun()
+    has(monkeypatch)
+    assert reason in kernels._begun()
     assert not nothing_at_hand
 
 
