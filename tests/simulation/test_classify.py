@@ -213,13 +213,6 @@ def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
     assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
 
 
-@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000)])
-def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
-    for a, _ in BANDS:
-        found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
-        assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
-
-
 @pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
 def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
     """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""
@@ -271,14 +264,6 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, p
         columns.append(np.subtract(*ends).ravel() / 2e-5)
     largest = np.abs(np.linalg.eigvals(np.array(columns))).max()
     assert found.evidence["multiplier"] == pytest.approx(largest, abs=1e-4)
-
-
-@pytest.mark.slow
-def test_bands_of_chaos_between_smooth_walls_are_no_torus():
-    shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
-    settled = simulate_smooth(([-0.31], [-0.16]), periods=100, **shared).final
-    found = judge(simulate_smooth(settled, periods=150, **shared))
-    assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
 
 
 def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():
