@@ -195,21 +195,23 @@ class UniformLattice:
         counts = [series.constant, len(series.poles), len(series.powers)]
         return [*counts, *poles, *series.powers, *series.slopes]
 
-    def moments(self, n: int) -> FloatArray:
-        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+    def moments(self, n: int | tuple[int, ...]) -> FloatArray:
+        """``<q^j cos(n theta)>``, j = 0, 1, ..., with ``q = sin^2(theta/2)``; of several sites in
+        rows."""
+        if isinstance(n, tuple):
+            return moments_of(self, n)
         return q_moments(self.sites, self.distance(int(n)))
 
     def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
-        moments = moments_of(self, n) if isinstance(n, tuple) else self.moments(n)
-        powers = moments * (4.0 * gamma) ** np.arange(TERMS + 1)
+        powers = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
         return powers @ _shift(self.spring).T if self.spring else powers
 
-    def dpowers(self, gamma: float, n: int) -> FloatArray:
+    def dpowers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """Derivative of `powers` with respect to gamma."""
         j = np.arange(TERMS + 1)
-        slopes = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
-        return _shift(self.spring) @ slopes if self.spring else slopes
+        slopes = self.moments(n) * (4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0))
+        return slopes @ _shift(self.spring).T if self.spring else slopes
 
     def spring_powers(self, gamma: float, n: int) -> FloatArray:
         """Derivative of `powers` with respect to the spring."""
