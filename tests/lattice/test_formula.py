@@ -50,14 +50,10 @@ def by_python(text: str, t: np.ndarray, **params: float) -> np.ndarray:
         "cos(3*t/3) + cos(t*(1 + 2))",
         "cos(-5*t - 1)*cos(1)",
         "+cos(t)**99",
-        "exp(cos(2*t))*cos(t)",
         "tanh(c*cos(t)) + atan(sin(3*t))",
-        "sinh(cos(t))*cosh(sin(t))*sec(0.3*sin(t))",
         "besselj(3, 2*cos(t)) - besselj(0, sin(t))*cos(t)",
         "sqrt(2 + cos(t)**2)*cos(t) - log(3 + cos(2*t))*sin(t)",
         "cos(t)/(1 + 0.4*cos(t)**2)**2.5",
-        "asin(0.5*cos(t))*acos(0.5*cos(2*t))",
-        "csc(2 + cos(t)**2)*cot(2 + sin(t)**2)*tan(cos(t))",
         "Abs(c)*sign(-c)*cos(t)",
         "2**cos(2*t)*cos(t)",
         "-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))",
@@ -67,13 +63,6 @@ def test_a_formula_is_what_python_makes_of_it(text: str) -> None:
     params = {"c": 0.7} if re.search(r"\bc\b", text) else {}
     forcing, exact = cb.Symbolic(text, **params), by_python(text, TIMES, **params)
     np.testing.assert_allclose(forcing.d2f(TIMES), exact, rtol=0, atol=3e-13 * np.ptp(exact))
-
-
-def test_a_power_written_as_physicists_do_binds_as_they_mean() -> None:
-    """To Python ^ binds less than +, and parentheses that do without were once dropped."""
-    for text in ("(cos(t) + 0.3*cos(3*t))^3", "2*cos(t)^3", "cos(t)^3^1"):
-        one, other = cb.Symbolic(text), cb.Symbolic(text.replace("^", "**"))
-        assert one == other
 
 
 @pytest.mark.parametrize("name", sorted(WORDS.keys() - {"pi", "besselj"}))
@@ -207,11 +196,6 @@ def test_harmonics_are_kept_down_to_rounding() -> None:
 def test_what_is_small_but_no_rounding_is_refused(text: str, says: str) -> None:
     with pytest.raises(BadInput, match=says):
         cb.Symbolic(text, **({"e": 0.0} if "+ e" in text else {}))
-
-
-def test_a_high_peak_is_no_pole() -> None:
-    peak = by_python("sinh(60*cos(t))", np.zeros(1))[0]
-    assert cb.Symbolic("sinh(60*cos(t))").d2f(0.0) == pytest.approx(peak, rel=1e-13)
 
 
 # --- hostile formulas -------------------------------------------------------------------------
