@@ -70,7 +70,7 @@ class TrigonometricSeries:
 
     def at(self, t: Any, order: int) -> Any:
         """The derivative of that order, at one time or many."""
-        one = isinstance(t, float | int)
+        one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
         if not one or len(self.harmonics) >= LONG:
             values = self._arrays(np.asarray(t, dtype=float), order)
             return float(values) if one else values
