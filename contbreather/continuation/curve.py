@@ -196,10 +196,15 @@ class Curve:
         """The same by the derivative at a place near by, where the problem wants that, it is known
         there and the solution is close."""
         known = any(place is near for place, _ in self._known.get("jacobian", ()))
-        if not (known and self.problem.lasting):
+        problem = self.problem
+        if not known or problem.roughly is None:
             return None
+
+        def roughly(z: Array) -> Array:
+            return problem.evaluate(self.unknowns(z), self.params(z), problem.roughly)
+
         factors = self.factors(near, row)
-        return chord(self.equations, factors, guess, row, self.metric, tolerance)
+        return chord(self.equations, roughly, factors, guess, row, self.metric, tolerance)
 
     @property
     def compiled(self) -> CompiledCurve | None:
