@@ -201,10 +201,15 @@ class Curve:
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
         """The same by the derivative at a place near by, where the problem wants that, it is known
         there and the solution is close."""
-        if not (self.problem.lasting and near.tobytes() in self._known["jacobian"]):
+        problem = self.problem
+        if problem.roughly is None or near.tobytes() not in self._known["jacobian"]:
             return None
+
+        def roughly(z: Array) -> Array:
+            return problem.evaluate(z[: self.size].copy(), self.params(z), problem.roughly)
+
         factors = self.factors(near, row)
-        return chord(self.equations, factors, guess, row, self.metric, tolerance)
+        return chord(self.equations, roughly, factors, guess, row, self.metric, tolerance)
 
     @cached_property
     def compiled(self) -> CompiledCurve | None:

@@ -77,6 +77,7 @@ def newton(
 
 def chord(
     equations: Callable[[Array], Array],
+    roughly: Callable[[Array], Array],
     factors: Dense | sparse.Factors,
     z: Array,
     row: Array,
@@ -84,19 +85,35 @@ def chord(
     tolerance: float,
 ) -> Solution | None:
     """The same solution by the factors of a derivative near by, as long as corrections are short
-    and shrink fast; None where they do not. It counts as one iteration."""
+    and shrink fast; None where they do not. It counts as one iteration.
+
+    On the way the equations need be no more exact than the next correction: `roughly`. What
+    corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
+    Iterative Methods for Linear and Nonlinear Equations, section 7.3).
+    """
     size = 1.0 + length(z, metric)
     most, before = rules.LASTING * size, math.nan
+    steps: list[Array] = []
     while True:
-        step, singular = correction(factors, equations(z), row)
+        step, singular = correction(factors, roughly(z), row)
+        for i, past in enumerate(steps):
+            dual = past if metric is None else past * metric
+            along = dual.dot(step) / dual.dot(past)
+            # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
+            step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]
         moved = length(step, metric)
         if singular or not moved <= most:
             return None
+        steps.append(step)
         z = z - step
-        # convergence is linear: the next correction, about what is left, is shorter by this rate
+        # convergence is at least linear: the next correction, about what is left, is shorter by
+        # this rate
         rate = _SHRINKS if math.isnan(before) else moved / before
         if moved * rate <= _EXACT * tolerance * size:
-            return Solution(z, True, 1, float(abs(equations(z)).max()), moved)
+            value, roughly = equations(z), equations
+            left = length(correction(factors, value, row)[0], metric)
+            if left <= _EXACT * tolerance * size:
+                return Solution(z, True, 1, float(abs(value).max()), left)
         most, before = _SHRINKS * moved, moved
 
 

@@ -108,8 +108,9 @@ class Problem:
 
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
-    # whether they cost so much more than the residual that those at the last point are tried first
-    lasting: ClassVar[bool] = False
+    # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
+    # last point are tried first, the residual to the accuracy that such an iteration needs
+    roughly: ClassVar[Callable[[Array, Params], Array] | None] = None
     # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
     # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
     closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None
@@ -284,10 +285,10 @@ class Problem:
         array = np.ndim(self.start.get(inner, 0.0)) > 0
         return inner if array and name == f"norm({inner})" else None
 
-    def evaluate(self, x: Array, params: Params) -> Array:
+    def evaluate(self, x: Array, params: Params, residual: Residual | None = None) -> Array:
         """The residual, or `Undefined` where it has none."""
         try:  # np.array copies: the same array may come back each time, written anew
-            value = np.array(self.residual(x, params), ndmin=1)
+            value = np.array((residual or self.residual)(x, params), ndmin=1)
         except OUT_OF_DOMAIN as error:
             raise Undefined(str(error)) from error
         except KeyError as error:

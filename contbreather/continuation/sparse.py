@@ -216,7 +216,7 @@ class Factors:
         first for the matrix, then for `rows`. Without rows some solution."""
         n = self.matrix.shape[0]
         x = self._particular(right[:n])
-        if refined:
+        if refined and is_sparse(self.matrix):
             # refined once: the pivots of sparse factors need not be the largest, see _PIVOT
             x += self._particular(right[:n] - self.matrix @ x)
         if rows is None or not len(rows):
@@ -261,7 +261,9 @@ class Factors:
             return 0
         if rows is None or not len(rows):
             return self._own_sign
-        return self._own_sign * int(np.sign(np.linalg.det(rows @ self.null)))
+        small = rows @ self.null
+        determinant = small[0, 0] if small.size == 1 else np.linalg.det(small)
+        return self._own_sign * int(np.sign(determinant))
 
 
 class _Sparse:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,11 +26,11 @@ Guess = tuple[Array, Array | None]  # slopes inside, and perhaps an inverse that
 
 _MOST_POINTS, _MANY = 12, 1000  # of so many intervals a mesh that is made finer takes all of them
 _ITERATIONS = 12
-_SOLVED = 1e-14  # corrections this small, relative to the slopes, are rounding
+ROUNDING = 1e-14  # corrections this small, relative to the slopes, are rounding
 _NEARLY = 1e-9  # and from this size on they may stop shrinking
 _STILL = 0.1  # of what moves: slopes that are smaller, as where all is at rest, count as this
 _SHRINKS = 0.05  # by so much a step, or the inverse is made anew
-_HALVINGS = 50
+_LONGEST = 18.4  # ln of a path in its sizes, which is at least the inverse
 _ADAPTIONS = 4
 _AT_REST = 0.1  # how far an orbit goes at least, in its size: what sets out from rest keeps a mesh
 _WHOLE = 1.5  # the share of an orbit in motion and time together, where that of the time is 1
@@ -94,6 +94,11 @@ class Collocation:
         # of P_j(2 s - 1) over s: half of that over 2 s - 1
         lifted = np.polynomial.legendre.legint(np.eye(self.points), lbnd=-1, scl=0.5)
         return self._lagrange(np.polynomial.legendre.legval(2 * at - 1, lifted))
+
+    @lru_cache(maxsize=64)  # noqa: B019 - as for a property
+    def looks(self, per: int) -> Array:
+        """The same up to so many places from 0 on that are as far apart."""
+        return self.spread(np.arange(per) / per)
 
     def between(self, at: Array) -> Array:
         """Lagrange polynomials of the nodes, at each of `at`."""
@@ -186,9 +191,8 @@ class TrajectorySegment:
 
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there."""
-        places = np.arange(per) / per
-        inside = self.knots[:-1, None] + self.steps[:, None] * places
-        states = self.states[..., None] + self.slopes @ self.scheme.spread(places).T
+        inside = self.knots[:-1, None] + self.steps[:, None] * (np.arange(per) / per)
+        states = self.states[..., None] + self.slopes @ self.scheme.looks(per).T
         flat = states.reshape(len(self.states), -1)
         return np.append(inside, 1.0), np.hstack([flat, self.end[:, None]])
 
@@ -200,18 +204,18 @@ class TrajectorySegment:
         """
         return self._paces(sizes, length)[-1] @ self._unit
 
-    def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array]:
-        """The slopes of the shares in the slopes inside, of shape (n, intervals, points), and minus
+    def share_slopes(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
+        """The shares, their slopes in the slopes inside, of shape (n, intervals, points), and minus
         those in the logarithm of the path."""
         moved, path, pace = self._paces(sizes, length)
         slope = moved * (self._unit / pace) / (sizes * length)[:, None, None]
-        return slope, (path / pace) @ self._unit
+        return pace @ self._unit, slope, (path / pace) @ self._unit
 
     def _paces(self, sizes: Array, length: float) -> tuple[Array, Array, Array]:
         """How far it moves at Gauss points, the squares of that, and the density of the mesh."""
-        steps, moved = self.steps[:, None], self.slopes / (sizes * length)[:, None, None]
-        path = (steps * (self._least / length)) ** 2 + (moved * moved).sum(axis=0)
-        return moved, path, np.sqrt(steps * steps + path)
+        moved, square = self.slopes / (sizes * length)[:, None, None], (self.steps**2)[:, None]
+        path = np.einsum("njc,njc->jc", moved, moved) + square * (self._least / length) ** 2
+        return moved, path, np.sqrt(square + path)
 
     @property
     def _least(self) -> float:
@@ -223,17 +227,13 @@ class TrajectorySegment:
         return self.scheme.weights * ((self.knots.size - 1) / _WHOLE)
 
     def path(self, sizes: Array) -> float:
-        """The unit of the path for which all shares add up to their number, or a little more."""
-        low, high = 1e-8, 1e8  # ln 1e16 = 37, halved fifty times: to 3e-14
-        steps = self.steps[:, None]
-        square = (steps * self._least) ** 2 + ((self.slopes / sizes[:, None, None]) ** 2).sum(
-            axis=0
-        )
-        for _ in range(_HALVINGS):
-            length = math.sqrt(low * high)
-            long = (np.sqrt(steps**2 + square / length**2) @ self.scheme.weights).sum() > _WHOLE
-            low, high = (length, high) if long else (low, length)
-        return high
+        """The unit of the path for which all shares add up to their number."""
+        from scipy.optimize import brentq
+
+        def over(length: float) -> float:
+            return float(self.shares(sizes, math.exp(length)).mean()) - 1
+
+        return math.exp(brentq(over, -_LONGEST, _LONGEST, xtol=1e-14))
 
     def adapted(self, sizes: Array) -> TrajectorySegment:
         """The same flight on a mesh with equal shares, as far as interpolation tells."""
@@ -282,29 +282,34 @@ class Slopes:
 
 @np.errstate(all="ignore")  # what grows without bound is seen where it is solved for
 def flown(
-    flow: Flow, flight: TrajectorySegment, p: Params, unit: float, near: Guess | None = None
+    flow: Flow,
+    flight: TrajectorySegment,
+    p: Params,
+    unit: float,
+    near: Guess | None = None,
+    error: float = ROUNDING,
 ) -> TrajectorySegment:
     """The flight from these states on, solved for the slopes inside.
 
-    To rounding, `unit` being how much moves. From a guess of these, `near`, perhaps with an inverse
-    of one near by; or from slopes as they are where each interval begins.
+    To an error relative to what moves, at least `unit`. From a guess of these, `near`, perhaps with
+    an inverse of one near by; or from slopes as they are where each interval begins.
 
     Raises `Undefined` where it does not converge or the vector field has no value.
     """
     if near:
         with suppress(Undefined):
-            return replace(flight, slopes=_newton(flow, flight, p, *near, unit))
+            return replace(flight, slopes=_newton(flow, flight, p, near, unit, error))
     k = values(flow.f, flight.begins, flight.states, p) * flight.lengths
     k = np.repeat(k[..., None], flight.scheme.points, axis=2)
-    return replace(flight, slopes=_newton(flow, flight, p, k, None, unit))
+    return replace(flight, slopes=_newton(flow, flight, p, (k, None), unit, error))
 
 
 def _newton(
-    flow: Flow, flight: TrajectorySegment, p: Params, k: Array, inverse: Array | None, unit: float
+    flow: Flow, flight: TrajectorySegment, p: Params, near: Guess, unit: float, error: float
 ) -> Array:
     """Newton's iteration for the slopes inside of all intervals; an inverse serves as long as it
     makes corrections shrink."""
-    before, lengths, good = np.inf, flight.lengths[:, None], False
+    (k, inverse), before, lengths, good = near, np.inf, flight.lengths[:, None], False
     moves = max(abs(k).max(), _STILL * max(unit, abs(flight.states).max()))
     for _ in range(_ITERATIONS):
         fresh = inverse is None
@@ -322,7 +327,7 @@ def _newton(
         size = float(abs(step).max() / moves)
         # a correction shrinks by as much as the one before
         ahead = size if before == np.inf else size * size / before
-        if min(size, ahead) <= _SOLVED or (good and before <= _NEARLY and size >= 0.5 * before):
+        if min(size, ahead) <= error or (good and before <= _NEARLY and size >= 0.5 * before):
             return k
         # one from elsewhere is good once it has made a correction shrink
         good = good or size <= _SHRINKS * before < np.inf

@@ -19,7 +19,7 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
 from ..errors import BadInput
-from .collocation import Guess, Slopes, TrajectorySegment, derivatives, flown
+from .collocation import ROUNDING, Guess, Slopes, TrajectorySegment, derivatives, flown
 from .flow import Flow, Params, slopes, values
 from .layout import Layout
 
@@ -28,7 +28,7 @@ _AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others i
 _ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
-_RECENT = 4  # solutions that are kept, and derivatives, to begin the next from the nearest
+_RECENT = 4  # solutions that are kept, and as many derivatives, to begin from the nearest
 
 
 class Linear(NamedTuple):
@@ -54,17 +54,10 @@ class SolvedPlace:
     x: Array
     params: Params
     flights: tuple[TrajectorySegment, ...]
+    error: float = ROUNDING  # of the slopes inside, relative
     names: tuple[str, ...] = ()
     slopes: tuple[Slopes, ...] = ()
     linear: tuple[Linear, ...] = ()
-
-    def join(self, latest: dict[Any, SolvedPlace]) -> None:
-        """Take the place of the oldest of some."""
-        latest.pop(self.key, None)
-        # another thread may be at it as well
-        for key in [*latest][: 1 - _RECENT]:
-            latest.pop(key, None)
-        latest[self.key] = self
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +70,11 @@ class Equations:
     turns: int  # over how many of these periods it closes
     states: tuple[str, ...]  # their names, for those who look at orbits
     sizes: tuple[Array, ...]  # in which meshes measure the motion, as from `sizes_of`
-    _recent: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
-    _linear: dict[Any, SolvedPlace] = field(default_factory=dict, init=False)
+    _latest: list[SolvedPlace] = field(default_factory=list, init=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was solved lately."""
-        return {**self.__dict__, "_recent": {}, "_linear": {}}
+        return {**self.__dict__, "_latest": []}
 
     # --- the unknowns -----------------------------------------------------------------------------
 
@@ -127,44 +119,44 @@ class Equations:
         """All flows, from the states and times among the unknowns."""
         return self._solved(x, p).flights
 
-    def _solved(self, x: Array, p: Params) -> SolvedPlace:
+    def _solved(self, x: Array, p: Params, error: float = ROUNDING) -> SolvedPlace:
         """All flows solved for, once for one of the latest places."""
         key = x.tobytes(), tuple(p.items())
-        place = self._recent.get(key) or self._linear.get(key)
-        if place is None:
-            near, flights = self._nearest(x), []
+        place = next((place for place in self._latest if place.key == key), None)
+        if place is None or place.error > error:
+            near, flights = self._near(x), []
             t = float(x[-1]) if self.phased else self.start[0].start
             for i, flow in enumerate(self.flows):
                 plain = self._flight(i, x, t)
-                guess = near and self._guess(i, plain, p, *near)
-                flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess))
+                guess = self._guess(i, plain, p, near) if near else None
+                flights.append(flown(flow, plain, p, float(self.sizes[i].max()), guess, error))
                 t += plain.duration
-            place = SolvedPlace(key, x.copy(), dict(p), tuple(flights))
-            place.join(self._recent)
+            place = SolvedPlace(key, x.copy(), dict(p), tuple(flights), error)
+            self._keep(place)
         return place
 
-    def _nearest(self, x: Array) -> tuple[SolvedPlace, SolvedPlace | None] | None:
-        """The nearest place that is solved for, if it is near, and of those whose derivatives are
-        known."""
-        places = [*{**self._linear, **self._recent}.values(), self._begin]
+    def _keep(self, place: SolvedPlace) -> None:
+        """As the latest; of the oldest that with derivatives stays the longest."""
+        kept = [other for other in self._latest if other.key != place.key]
+        known = [other for other in kept[:-_RECENT] if other.slopes]
+        self._latest[:] = [*known[-_RECENT:], *kept[-_RECENT:], place]
+
+    def _near(self, x: Array) -> list[SolvedPlace]:
+        """Places that are solved for, and near, the nearest first."""
+        places = [*self._latest, self._begin]
         off = abs(np.array([place.x for place in places]) - x).max(axis=1)
         most = _CLOSE * abs(x).max()
-        near = [places[j] for j in off.argsort().tolist() if off[j] <= most]
-        return (near[0], next((place for place in near if place.slopes), None)) if near else None
+        return [places[j] for j in off.argsort().tolist() if off[j] <= most]
 
     def _guess(
-        self,
-        i: int,
-        flight: TrajectorySegment,
-        p: Params,
-        near: SolvedPlace,
-        known: SolvedPlace | None,
+        self, i: int, flight: TrajectorySegment, p: Params, near: Sequence[SolvedPlace]
     ) -> Guess:
         """What the slopes inside of a flow are to first order, and the inverse that finds them."""
-        if known is None or not near.params:
-            return near.flights[i].slopes, None
-        moved = [p[name] - near.params[name] for name in known.names]
-        return known.slopes[i].beside(near.flights[i], flight, moved), known.slopes[i].inverse
+        nearest, known = near[0], next((place for place in near if place.slopes), None)
+        if known is None or not nearest.params:
+            return nearest.flights[i].slopes, None
+        moved = [p[name] - nearest.params[name] for name in known.names]
+        return known.slopes[i].beside(nearest.flights[i], flight, moved), known.slopes[i].inverse
 
     @cached_property
     def _begin(self) -> SolvedPlace:
@@ -183,8 +175,8 @@ class Equations:
             raise Undefined("intervals of the mesh overtake each other")
         return flight
 
-    def __call__(self, x: Array, p: Params) -> Array:
-        flights = self.flights(x, p)
+    def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
+        flights = self._solved(x, p, error).flights
         arrived = [self._after(i, flight, p) for i, flight in enumerate(flights)]
         rows = []
         for flight, before in zip(flights, [arrived[-1], *arrived[:-1]], strict=True):
@@ -267,13 +259,13 @@ class Equations:
             place.linear = tuple(
                 self._linearised(i, slopes, x, place) for i, slopes in enumerate(place.slopes)
             )
-            place.join(self._linear)
+            self._keep(place)
         return place
 
     def _linearised(self, i: int, derivative: Slopes, x: Array, place: SolvedPlace) -> Linear:
         flow, flight, p, names = self.flows[i], place.flights[i], place.params, place.names
         sizes, path, n = self.sizes[i], math.exp(x[self.layout.knots[i][-1]]), len(flight.states)
-        share, (slope, longer) = flight.shares(sizes, path), flight.share_slopes(sizes, path)
+        share, slope, longer = flight.share_slopes(sizes, path)
         share_of = slope.transpose(1, 2, 0).reshape(len(share), 1, -1)
         shares = (share_of @ derivative.inside)[:, 0]
         # of degree 1 in slopes and steps together: share = share_k . k + share_h h (Euler)
@@ -298,7 +290,8 @@ class Equations:
         for i, (piece, flight) in enumerate(zip(place.linear, place.flights, strict=True)):
             n, last = len(flight.states), place.slopes[i].ends[-1]
             rows = np.concatenate([place.slopes[i].ends, piece.shares[:, None]], axis=1)
-            ends, shares = np.split(self._spread(i, flight, rows), [n], axis=1)
+            rows = self._spread(i, flight, rows)
+            ends, shares = rows[:, :n], rows[:, n:]
             # the step of an interval is the difference of the knots at its ends
             shares[:, 0, n] -= piece.waited
             shares[:, 0, n + 1] += piece.waited

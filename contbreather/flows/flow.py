@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import numbers, shown
-from ..continuation.derivatives import RELATIVE, choose
+from ..continuation.derivatives import RELATIVE, choose, directional
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
 
@@ -25,7 +25,6 @@ Params = Mapping[str, Any]  # numbers; one may be complex or an array while it i
 
 _LOG = logging.getLogger(__name__)
 _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
-_STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))  # five-point central difference
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
@@ -268,10 +267,12 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
 
 def rows_of(returned: Any, x: NDArray[Any]) -> NDArray[Any]:
     """What a user's function returned for the columns of `x` as an array as wide as `x`."""
-    with suppress(ValueError):  # constants among arrays
+    try:
         rows = np.asarray(returned)
         if rows.shape[1:] == x.shape[1:] and rows.dtype.kind in "fc":
             return rows
+    except ValueError:  # constants among arrays
+        pass
     return np.stack(np.broadcast_arrays(*returned, x[0])[:-1])
 
 
@@ -357,17 +358,15 @@ def slopes(
     differences, whose steps suit it. Decided once for each function, beside the first states.
     """
     n, count = x.shape
-    t = np.broadcast_to(np.asarray(t, dtype=float), count)
+    t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
     how = _calling(function, t, x, p)
     finer = _scheme(function, how, t, x, p, tuple(names))
     if finer is not None:
         return _differences(how, t, x, p, names, finer)
     directions = n + 1  # those of the parameters apart: what asks for one may expect a number
-    at, times = np.empty((n, directions, count), complex), np.empty((directions, count), complex)
-    at[...], times[...] = x[:, None], t
     # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
-    at[np.arange(n), np.arange(n)] += 1j * _IMAGINARY
-    times[n] += 1j * _IMAGINARY
+    aside = 1j * _IMAGINARY * np.eye(directions)[:, :, None]
+    at, times = x[:, None] + aside[:n], t + aside[n]
     value = _call(how, times.ravel(), at.reshape(n, -1), p).reshape(how.rows, directions, count)
     slope = np.empty((how.rows, directions + len(names), count))
     slope[:, :directions] = value.imag / _IMAGINARY
@@ -389,24 +388,25 @@ def _differences(
         for shorter in (1, 64, 4096):
             # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
             step = RELATIVE * size / (divisor * shorter)
-            terms = (w * _call(how, *_moved(t, x, p, names, j, k * step)) for k, w in _STENCIL)
-            slope[:, j] = sum(terms) / step
+            beside = partial(_beside, how, t, x, p, names, j)
+            slope[:, j] = directional(beside, np.zeros(t.size), step) / step
             if np.isfinite(slope[:, j]).all():
                 break
     return _call(how, t, x, p), slope
 
 
-def _moved(
-    t: Array, x: Array, p: Params, names: tuple[str, ...], j: int, step: Array
-) -> tuple[Array, Array, Params]:
-    """By a step in one direction: a state, the time, or a parameter."""
+def _beside(
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], j: int, step: Array
+) -> Array:
+    """The function a step aside in one direction: of a state, of the time, or of a parameter."""
     n = len(x)
     if j < n:
-        return t, x + (np.arange(n) == j)[:, None] * step, p
-    if j == n:
-        return t + step, x, p
-    name = names[j - n - 1]
-    return t, x, {**p, name: p[name] + step[0]}
+        x = x + (np.arange(n) == j)[:, None] * step
+    elif j == n:
+        t = t + step
+    else:
+        p = {**p, names[j - n - 1]: p[names[j - n - 1]] + step[0]}
+    return _call(how, t, x, p)
 
 
 def _scale(x: Array) -> Array:

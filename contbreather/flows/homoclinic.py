@@ -55,7 +55,8 @@ class _Passage:
 
     def off(self, most: float) -> float:
         """ln of d^(1 + a/b) over the most that it may be, with the least speed for d."""
-        sizes = abs(self.saddle.leading.real) if self.saddle else np.array([_UNKNOWN, 1.0])
+        saddle = self.saddle if self.pace < _SLOW else None  # where it is fast there is none close
+        sizes = abs(saddle.leading.real) if saddle else np.array([_UNKNOWN, 1.0])
         ratio = sizes.min() / sizes.max()
         return float((1 + ratio) * math.log(max(self.pace, 1e-300)) - math.log(most))
 

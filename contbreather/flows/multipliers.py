@@ -50,7 +50,8 @@ def without_direction(
     """
     mirrors, multiplier, rest = [_mirrors(ways) for ways in directions], 1.0, []
     for stack, before, after in zip(factors, mirrors, [*mirrors[1:], mirrors[0]], strict=True):
-        turned = np.stack([*before[1:], after[0]]) @ stack @ before
+        beyond = np.concatenate([before[1:], after[:1]]) if len(before) > 1 else after[:1]
+        turned = beyond @ stack @ before
         # direction goes to direction: below its own entry the first column is zero
         multiplier *= turned[:, 0, 0].prod()
         rest.append(turned[:, 1:, 1:])
@@ -77,7 +78,7 @@ def _merged(stacks: Sequence[Array]) -> list[Array]:
         product = factor @ merged[-1]
         # factors between spaces of different dimension must be multiplied
         square = product.shape[0] == product.shape[1] and merged[-1].shape[0] == factor.shape[0]
-        if square and not _well_conditioned(product):
+        if square and not _well_conditioned(product[None])[0]:
             merged.append(factor)
         else:
             merged[-1] = product
@@ -88,20 +89,21 @@ def _merged(stacks: Sequence[Array]) -> list[Array]:
 
 def _halved(stack: Array) -> Array:
     """Neighbours multiplied, all pairs at once, as long as all products are well conditioned."""
-    while len(stack) > 1:
-        even = len(stack) // 2 * 2
-        products = stack[1:even:2] @ stack[:even:2]
-        if not _well_conditioned(products):
-            break
-        stack = np.concatenate([products, stack[even:]])
-    return stack
+    halves = [stack]
+    while len(halves[-1]) > 1:
+        pairs, even = halves[-1], len(halves[-1]) // 2 * 2
+        halves.append(np.concatenate([pairs[1:even:2] @ pairs[:even:2], pairs[even:]]))
+    # all of them are looked at in one call; what is left over was a product before, or is a factor
+    lost = np.flatnonzero(~_well_conditioned(np.concatenate(halves[1:] or halves)))
+    ends = np.cumsum([len(half) for half in halves[1:]])
+    return halves[int(np.searchsorted(ends, lost[0], side="right"))] if lost.size else halves[-1]
 
 
-def _well_conditioned(matrices: Array) -> bool:
-    if not np.isfinite(matrices).all():  # of which LAPACK writes words to the terminal
-        return False
-    sizes = np.linalg.svd(matrices, compute_uv=False)
-    return bool((sizes[..., 0] < _KEPT * sizes[..., -1]).all())
+def _well_conditioned(matrices: Array) -> NDArray[np.bool_]:
+    """Which of them are."""
+    finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
+    sizes = np.linalg.svd(np.where(finite, matrices, 0.0), compute_uv=False)
+    return np.asarray(sizes[:, 0] < _KEPT * sizes[:, -1])
 
 
 def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
@@ -158,12 +160,12 @@ def _factors(equations: Equations, place: SolvedPlace) -> tuple[list[Array], lis
     factors: list[Array] = []
     velocities: list[Array] = []
     for i, (flight, slopes) in enumerate(zip(place.flights, place.slopes, strict=True)):
-        earlier, last = np.split(slopes.ends[:, :, : len(flight.states)], [-1])
+        ends = slopes.ends[:, :, : len(flight.states)]
         ways = values(equations.flows[i].f, flight.begins, flight.states, place.params).T
-        last = _saltation(equations, place, i, abs(ways).max(axis=0)) @ last
+        last = _saltation(equations, place, i, abs(ways).max(axis=0)) @ ends[-1:]
         alike = last.shape[1] == last.shape[2]
-        factors += [np.concatenate([earlier, last])] if alike else [earlier, last]
-        velocities += [ways] if alike else np.split(ways, [-1])
+        factors += [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
+        velocities += [ways] if alike else [ways[:-1], ways[-1:]]
     return factors, velocities
 
 

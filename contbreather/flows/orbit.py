@@ -33,6 +33,7 @@ _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
 _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far their times may be off
 _MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has more stays
 _ROUNDING = 1e-8  # of its size at the start: smaller orbits are
+_ROUGHLY = 1e-7  # error of slopes inside on the way to a solution, where the next is smaller
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
@@ -149,10 +150,12 @@ class Cycle(HtmlRepr):
     def coarse(self) -> str:
         """What the mesh does not resolve, empty if it resolves the orbit."""
         off = abs(self.trivial - 1)
+        if off <= COARSE:
+            return ""
         pairs = zip(self.flights, self.equations.sizes, strict=True)
         left = [flight.unresolved(_ROUNDING * size.max()) for flight, size in pairs]
         i = max(range(len(left)), key=lambda i: left[i][0])
-        if not (off > COARSE or (math.isnan(off) and left[i][0] > UNRESOLVED)):
+        if math.isnan(off) and left[i][0] <= UNRESOLVED:
             return ""
         where = self.times[i] + left[i][1] * self.flights[i].duration
         why = "" if math.isnan(off) else f"the trivial multiplier is {off:.1g} off 1, "
@@ -224,7 +227,6 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 class CycleProblem(Problem):
     """A cycle of flows."""
 
-    lasting = True
     residual: Equations
     # of an arm: where it sets out, with twice the intervals
     again: Callable[[], SwitchingProblem] | None = field(default=None, kw_only=True)
@@ -232,6 +234,9 @@ class CycleProblem(Problem):
     @property
     def internals(self) -> frozenset[str]:
         return frozenset(("orbit", "mesh"))
+
+    def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
+        return self.residual(x, params, _ROUGHLY)
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
         return self.residual.derivatives(x, params, names)

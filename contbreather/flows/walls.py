@@ -140,16 +140,6 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
     return [int(j) for j in np.flatnonzero(low)]
 
 
-def _wall(wall: Function, flight: TrajectorySegment, p: Params, s: float) -> tuple[float, float]:
-    """The value of a wall at a time of a flight, and how fast it changes in its duration."""
-    at = np.array([s])
-    value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p, ())
-    n = len(flight.states)
-    # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
-    rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
-    return float(value[0, 0]), float(rate)
-
-
 def _bottom(
     wall: Function,
     flight: TrajectorySegment,
@@ -162,8 +152,12 @@ def _bottom(
     from scipy.optimize import brentq
 
     def rate(s: float) -> float:
-        value, rate = _wall(wall, flight, p, s)
-        return value + (1 - s) * rate if ends else rate  # that of v / (1 - s), but for a factor
+        at, n = np.array([s]), len(flight.states)
+        value, slope = slopes(wall, flight.start + flight.duration * at, flight.at(at), p)
+        # by the part of the duration: dx/ds is what `rates` gives, dt/ds is the duration
+        rate = slope[0, :n, 0] @ flight.rates(at)[:, 0] + slope[0, n, 0] * flight.duration
+        # where the wall ends the flow that of v / (1 - s), but for a factor
+        return float(value[0, 0] + (1 - s) * rate if ends else rate)
 
     low, high = beside
     if not (rate(low) < 0 < rate(high)):

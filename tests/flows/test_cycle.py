@@ -56,6 +56,22 @@ def variational(f, orbit: Cycle, names: int) -> np.ndarray:
 # --- smooth, autonomous -------------------------------------------------------------------------
 
 
+def test_a_point_of_a_branch_asks_for_the_vector_field_less_than_thirty_times() -> None:
+    """On the way to it the slopes inside of intervals are as exact as the next step needs."""
+    asked = 0
+
+    def counted(t, x, p):
+        nonlocal asked
+        asked += 1
+        return van_der_pol(t, x, p)
+
+    ring = cb.cycle(counted, {"x": 2.0, "v": 0.0}, {"mu": 1.0}, settle=50)
+    asked = 0
+    branch = cb.trace(ring, "mu", within={"mu": (1.0, 3.0)}, events=())
+    assert asked < 29 * len(branch)  # how to differentiate it is among that
+    assert branch[-1].solution.period == pytest.approx(8.8590955, abs=1e-6)
+
+
 def test_multipliers_are_those_of_an_independent_integration() -> None:
     for f, start, params, settle in (
         (roessler, BEGIN, {**BAND, "c": 2.5}, 300),
