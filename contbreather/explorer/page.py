@@ -373,10 +373,10 @@ class Page:
             for view in (self.profile, self.motion, self.multipliers):
                 view.nothing()
             return
-        self.profile.show(summary.profile(orbit))
-        self.motion.show(summary.motion(orbit, new.sites), summary.verdict(orbit))
+        self.profile.show(orbit)
+        self.motion.show(orbit, new.sites, summary.verdict(orbit))
         try:
-            self.multipliers.show(summary.multipliers(orbit, new.ring))
+            self.multipliers.show(orbit, new.ring)
         except ContbreatherError as error:
             self.multipliers.nothing(str(error))
 

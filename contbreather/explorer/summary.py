@@ -1,15 +1,10 @@
-"""What the panels show of an orbit, as numbers and sentences."""
+"""What is said of curves and orbits in words."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput, ContbreatherError
@@ -17,45 +12,6 @@ from contbreather.explorer.jobs import point_of
 from contbreather.explorer.state import Named
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.multipliers import with_band
-
-Array = NDArray[Any]
-
-REACH = 10  # sites on either side of the one that impacts
-MOMENTS = 401  # of a period
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """All sites at an impact, and between what they move; walls are NaN where there is none."""
-
-    sites: Array
-    time: float
-    at_impact: Array
-    lowest: Array
-    highest: Array
-    walls: Array  # (sites, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class ShownMotion:
-    """Some sites over a period, in units of it, with their impacts."""
-
-    times: Array
-    by_site: dict[int, Array]
-    hits: tuple[tuple[int, float, float], ...]  # site, time, where
-    walls: tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Multipliers:
-    """Those over a section, half a period of a symmetric orbit, on the lattice that is named;
-    `alone` are off the `waves`, where multipliers of plane waves lie: rows of complex numbers."""
-
-    mu: Array
-    alone: NDArray[np.bool_]
-    waves: Array
-    about: str
 
 
 def names(curves: Iterable[Named]) -> dict[str, str]:
@@ -73,59 +29,6 @@ def _facts(branch: Branch) -> list[str]:
     facts += [first.orbit.lattice.describe()] if first.orbit is not None else []
     fixed = ((n, v) for n, v in branch.problem.params.items() if n not in varied)
     return facts + [f"{name} = {value:.6g}" for name, value in fixed]
-
-
-def profile(orbit: Orbit) -> Profile:
-    """The sites around the first that impacts, all of a small lattice."""
-    size, middle = orbit.lattice.sites, orbit.section.hit[0]
-    near = np.arange(middle - REACH, middle + REACH + 1)
-    if size is not None and (size <= near.size or not isinstance(orbit.lattice, Ring)):
-        near = np.arange(min(size, 4 * REACH + 1))
-    times = _moments(orbit)
-    u = orbit.displacement(near[:, None], times)
-    first = float(orbit.times[0])
-    walls = np.array([orbit.walls.at(n if size is None else n % size) for n in near.tolist()])
-    walls[~np.isfinite(walls)] = math.nan
-    at = orbit.displacement(near, first)
-    return Profile(near, first, at, u.min(axis=1), u.max(axis=1), walls)
-
-
-def _moments(orbit: Orbit) -> Array:
-    """Times of a period, its impacts among them: there sites turn round sharply."""
-    hits = [hit.time % orbit.period for hit in orbit.hits]
-    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
-
-
-def motion(orbit: Orbit, sites: tuple[int, ...]) -> ShownMotion:
-    """The sites that there are among those wanted."""
-    size = orbit.lattice.sites
-    shown = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
-    times = _moments(orbit)
-    u = orbit.displacement(np.array(shown)[:, None], times)
-    real = {n if size is None else n % size: n for n in shown}
-    hits = tuple(
-        (
-            real[hit.site],
-            (hit.time % orbit.period) / math.tau,
-            orbit.walls.at(hit.site)[hit.wall > 0],
-        )
-        for hit in orbit.hits
-        if hit.site in real
-    )
-    walls = {wall for n in real for wall in orbit.walls.at(n) if math.isfinite(wall)}
-    return ShownMotion(
-        times / math.tau, dict(zip(shown, u, strict=True)), hits, tuple(sorted(walls))
-    )
-
-
-def multipliers(orbit: Orbit, ring: int) -> Multipliers:
-    """On its own lattice if that is finite, otherwise on a ring of so many sites."""
-    size, half = orbit.lattice.sites, orbit.symmetric
-    finite = orbit if size is not None else on_ring(orbit, ring)
-    lattice = f"ring of {ring}" if size is None else orbit.lattice.describe()
-    about = f"over {'half a' if half else 'a'} period, {lattice}"
-    mu, waves, alone = with_band(finite, None, half)
-    return Multipliers(mu, alone, waves, about)
 
 
 @lru_cache(maxsize=1)

@@ -17,9 +17,14 @@ from contbreather.continuation.point import Point
 from contbreather.explorer.preview import Preview, about, is_of
 from contbreather.explorer.state import Chosen, Named, PageState
 from contbreather.explorer.style import Theme
-from contbreather.explorer.summary import Multipliers, Profile, ShownMotion
+from contbreather.explorer.summary import on_ring
+from contbreather.lattice.chain import Ring
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
+from contbreather.plotting.multipliers import with_band
+from contbreather.plotting.orbits import impacts_of
+from contbreather.plotting.zones import LINES
 from contbreather.simulation.simulate import Run
 from contbreather.simulation.states import PERIOD
 
@@ -40,9 +45,9 @@ WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the m
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
-LINES = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
-WORDS = {"LP": "fold (LP)", "GR": "grazing (GR)", "PF": "pitchfork (PF)",
-         "NS": "Neimark\N{EN DASH}Sacker (NS)"}  # fmt: skip
+LIMITS = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
+BESIDE = 10  # sites on either side of the one that impacts
+MOMENTS = 401  # of a period
 
 
 def _source(*columns: str) -> ColumnDataSource:
@@ -130,11 +135,11 @@ class ZonesView:
             "xs", "ys", source=self.regions, fill_color="colour", line_color="colour"
         )
         colours = {"LP": theme.line, "GR": theme.line, "PF": theme.vermillion, "NS": theme.blue}
-        self.curves = {kind: _source("xs", "ys") for kind in LINES}
+        self.curves = {kind: _source("xs", "ys") for kind in LIMITS}
         for kind, source in self.curves.items():
             fig.multi_line(
                 "xs", "ys", source=source, color=colours[kind], line_width=2,
-                line_dash=LINES[kind], legend_label=WORDS[kind],
+                line_dash=LIMITS[kind], legend_label=LINES[kind]["label"],
             )  # fmt: skip
         self.letters = _source("x", "y", "text")
         fig.text(
@@ -382,17 +387,31 @@ class ProfileView(OrbitView):
         )  # fmt: skip
         fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
-    def show(self, profile: Profile) -> None:
-        """The profile of another orbit."""
-        n = profile.sites.astype(float)
-        positions, walls = np.repeat(n, 2), profile.walls.ravel()
+    def show(self, orbit: Orbit) -> None:
+        """The sites around the first that impacts, all of a small lattice; a wall that is not there
+        is NaN."""
+        size, middle = orbit.lattice.sites, orbit.section.hit[0]
+        n = np.arange(middle - BESIDE, middle + BESIDE + 1)
+        if size is not None and (size <= n.size or not isinstance(orbit.lattice, Ring)):
+            n = np.arange(min(size, 4 * BESIDE + 1))
+        u, first = orbit.displacement(n[:, None], _moments(orbit)), float(orbit.times[0])
+        walls = np.array([orbit.walls.at(i if size is None else i % size) for i in n.tolist()])
+        walls = np.where(np.isfinite(walls), walls, np.nan).ravel()
+        positions = np.repeat(n.astype(float), 2)
         self.walls.data = {"x0": positions - 0.5, "x1": positions + 0.5, "y": walls}
         self.sites.data = {
-            "n": n, "u": profile.at_impact, "low": profile.lowest, "high": profile.highest,
+            "n": n.astype(float), "u": orbit.displacement(n, first),
+            "low": u.min(axis=1), "high": u.max(axis=1),
         }  # fmt: skip
-        self.figure.title.text = f"at the impact, t = {profile.time:.4g}, and over the period"
+        self.figure.title.text = f"at the impact, t = {first:.4g}, and over the period"
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
-        _reach(self.figure.y_range, [*walls, *profile.lowest, *profile.highest])
+        _reach(self.figure.y_range, [*walls, *u.min(axis=1), *u.max(axis=1)])
+
+
+def _moments(orbit: Orbit) -> Array:
+    """Times of a period, its impacts among them: there sites turn round sharply."""
+    hits = [hit.time % orbit.period for hit in orbit.hits]
+    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
 
 
 class MotionView(OrbitView):
@@ -415,12 +434,19 @@ class MotionView(OrbitView):
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
-    def show(self, motion: ShownMotion, verdict: str) -> None:
-        """The motion of an orbit, with its walls and impacts, and what is said of it."""
+    def show(self, orbit: Orbit, sites: tuple[int, ...], verdict: str) -> None:
+        """An orbit at those of the sites that there are, its walls and impacts, and what is said of
+        it."""
+        size = orbit.lattice.sites
+        there = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
+        times = _moments(orbit)
+        u = orbit.displacement(np.array(there)[:, None], times)
         self.figure.title.text = verdict
-        colours = self._draw(motion.times, motion.by_site)
-        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in motion.hits))
-        self._bound(motion.walls)
+        colours = self._draw(times / PERIOD, dict(zip(there, u, strict=True)))
+        hits = impacts_of(orbit, there)
+        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))
+        real = there if size is None else [n % size for n in there]
+        self._bound(wall for n in real for wall in orbit.walls.at(n))
 
     def run(self, name: str, run: Run, fate: str) -> None:
         """The motion of a simulation, and what became of it."""
@@ -478,18 +504,22 @@ class MultipliersView(OrbitView):
         self.dots = _source("x", "y", "colour", "size")
         fig.scatter("x", "y", source=self.dots, color="colour", size="size")
 
-    def show(self, multipliers: Multipliers) -> None:
-        """Those of another orbit."""
-        mu, out = multipliers.mu, multipliers.alone & (np.abs(multipliers.mu) > 1.0)
+    def show(self, orbit: Orbit, ring: int) -> None:
+        """Those over a section, half a period of a symmetric orbit: on its own lattice if that is
+        finite, otherwise on a ring of so many sites."""
+        finite = on_ring(orbit, ring) if orbit.lattice.sites is None else orbit
+        mu, waves, alone = with_band(finite, None, orbit.symmetric)
+        out = alone & (np.abs(mu) > 1.0)
         self.dots.data = {
             "x": mu.real, "y": mu.imag,
             "colour": np.where(out, self.theme.vermillion, self.theme.blue).tolist(),
-            "size": np.where(multipliers.alone, 8.0, 2.5),
+            "size": np.where(alone, 8.0, 2.5),
         }  # fmt: skip
-        _fill(self.band, ((part.real, part.imag) for part in multipliers.waves))
+        _fill(self.band, ((part.real, part.imag) for part in waves))
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
-        self.figure.title.text = f"{multipliers.about}{beyond}"
+        about = f"over {'half a' if orbit.symmetric else 'a'} period, {finite.lattice.describe()}"
+        self.figure.title.text = f"{about}{beyond}"
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
             _bounded(axis, -reach, reach)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -91,7 +91,8 @@ def plot_orbit(
         for alike, u in _motions(whole, chosen, t):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
             axes.plot(t / (2 * math.pi), u, label=label)
-        _impacts(axes, whole, chosen)
+        for _, time, wall in impacts_of(whole, chosen):
+            axes.plot(time, wall, "o", color=GREY, markersize=4, clip_on=False, zorder=3)
         _walls(axes, whole, hit)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
@@ -155,16 +156,15 @@ def _near(hit: list[int], sites: int | None) -> list[int]:
     return list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
 
 
-def _impacts(axes: Axes, orbit: Orbit, chosen: Sequence[int]) -> None:
-    """A dot at each impact of the sites that are drawn."""
-    sites = orbit.lattice.sites
-    shown = set(chosen) if sites is None else {n % sites for n in chosen}
+def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float, float]]:
+    """Each impact of these sites: its site as it was asked for, its time in units of 2 pi, and the
+    wall."""
+    size = orbit.lattice.sites
+    asked = {n if size is None else n % size: n for n in sites}
     for hit in orbit.hits:
-        if hit.site in shown:
-            axes.plot(
-                hit.time % orbit.period / (2 * math.pi), orbit.walls.position(hit.site, hit.wall),
-                "o", color=GREY, markersize=4, clip_on=False, zorder=3,
-            )  # fmt: skip
+        if hit.site in asked:
+            time = hit.time % orbit.period / math.tau
+            yield asked[hit.site], time, orbit.walls.position(hit.site, hit.wall)
 
 
 def _walls(axes: Axes, orbit: Orbit, hit: list[int]) -> None:
