@@ -22,6 +22,7 @@ from contbreather.cli.output import (
     branch_table,
     check_ends,
     lines_of,
+    lives_on,
 )
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
@@ -60,7 +61,7 @@ def branch(
     traced, cut = until_interrupted(
         cb.continuation.trace, start.problem, start.free, steps=steps, **options
     )
-    leave(traced, "branch", start.entry(), into, cut, axes)
+    leave(traced, "branch", about(traced), into, cut, axes)
 
 
 def boundary(
@@ -107,7 +108,15 @@ def boundary(
     curve, cut = until_interrupted(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
-    leave(curve, "curve", {"curve": kind.upper(), "pair": pair, **on.entry()}, into, cut, axes)
+    leave(curve, "curve", about(curve), into, cut, axes)
+
+
+def about(branch: cb.Branch) -> dict[str, Any]:
+    """What a branch or a boundary is, for JSON."""
+    if branch.problem.beneath is None:
+        return {"free": branch.free, **lives_on(branch)}
+    kind = branch.problem.label.partition(" ")[0]
+    return {"curve": kind, "pair": branch.curve.varied, **lives_on(branch)}
 
 
 def leave(

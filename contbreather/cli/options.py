@@ -11,7 +11,7 @@ from unicodedata import normalize
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.output import OWN, inform
+from contbreather.cli.output import OWN, inform, model_entry
 from contbreather.errors import BadInput
 from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, window_of
 
@@ -219,18 +219,6 @@ class ModelParameters(NamedTuple):
         return model_entry(self.forcing, self.lattice, self.threshold, self.more["site"], walls)
 
 
-def model_entry(
-    forcing: cb.lattice.Forcing, lattice: Any, threshold: float, site: int, walls: Any
-) -> dict[str, Any]:
-    """What a breather lives on for JSON; of the infinite chain the forcing alone."""
-    about: dict[str, Any] = {"forcing": forcing.describe()}
-    if lattice.sites is not None:
-        about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
-        pairs = dict(walls.own) or walls.of_all
-        about |= {"site": site, "walls": None if pairs == (-1.0, 1.0) else pairs}
-    return about
-
-
 def _assignment(text: str) -> tuple[str, float]:
     name, equals, value = text.partition("=")
     try:
@@ -403,7 +391,3 @@ class Start(NamedTuple):
                 f"the paper's {THRESHOLD}; leave it out"
             )
         return self.problem if self.on.lattice.sites is None else cb.shooting(self.breather)
-
-    def entry(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"free": self.free, **self.on.entry()}

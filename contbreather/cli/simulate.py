@@ -21,7 +21,6 @@ from contbreather.cli.output import (
     printed,
     say,
     sentences,
-    to_csv,
     to_figure,
     to_json,
 )
@@ -35,7 +34,7 @@ from contbreather.cli.run_summary import (
     summary_of,
 )
 from contbreather.errors import BadInput
-from contbreather.files import read_text, write_whole
+from contbreather.files import read_text, write_csv, write_whole
 from contbreather.parameters import NEEDED
 from contbreather.tables import Sheet
 
@@ -253,9 +252,10 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         cb.save(into.save, run=summary.run)
         yield into.save
     if into.csv is not None:
-        yield to_csv(into.csv, *strobe_table(summary))
+        yield write_csv(into.csv, *strobe_table(summary))
     if options.impacts is not None:
-        yield to_csv(options.impacts, _impacts(summary), IMPACTS)
+        rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
+        yield write_csv(options.impacts, IMPACTS, rows)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
 
@@ -270,10 +270,10 @@ def write_state(path: str, state: cb.simulation.State, t: float) -> Path:
 def strobe_table(summary: RunSummary) -> Table:
     """A row for each stroboscopic state, and the columns."""
     names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
-    return _strobes(summary), ["period", "time", *names]
+    return ["period", "time", *names], _strobes(summary)
 
 
-def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
+def _strobes(summary: RunSummary) -> Iterator[list[float]]:
     """One row for each stroboscopic state; those of a stream are read piece by piece."""
     import numpy as np
 
@@ -286,16 +286,7 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
     for first_period, u, v in chain([start], later):
         for i in range(len(u)):
             period = first_period + i
-            row = {"period": period, "time": t0 + PERIOD * period}
-            row |= {f"u_{n}": float(x) for n, x in enumerate(u[i])}
-            row |= {f"v_{n}": float(x) for n, x in enumerate(v[i])}
-            yield row
-
-
-def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
-    for chunk in summary.chunks():
-        for row in chunk.impacts.tolist():
-            yield dict(zip(IMPACTS, row, strict=True))
+            yield [period, t0 + PERIOD * period, *u[i].tolist(), *v[i].tolist()]
 
 
 def draw(run: cb.simulation.Run | SmoothRun, site: int = 0) -> Figure:

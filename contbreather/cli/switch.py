@@ -16,6 +16,7 @@ from contbreather.cli.output import (
     check_ends,
     columns_of,
     ends,
+    lives_on,
     point_entry,
 )
 from contbreather.cli.process import until_interrupted
@@ -56,12 +57,8 @@ def switch(
     point = _first(at[-1], parent)
     arms, cut = until_interrupted(cb.switch, point, within=within, save=into.save)
 
-    def content() -> dict[str, Any]:
-        about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
-        return {**about, "arms": [arm_entry(arm) for arm in arms]}
-
     into.leave(
-        content,
+        lambda: {**arms_entry(arms), "branch": branch_entry(branch)},
         _lines(point, parent, arms),
         lambda: branch_table(arms, "arm", 1),
         lambda: _drawn(parent, arms),
@@ -147,16 +144,21 @@ def _ends(arm: cb.Branch) -> Iterator[str]:
         yield f"the mirror image of arm {arm.image_of + 1}"
 
 
-def arm_entry(arm: cb.Branch) -> dict[str, Any]:
-    """An arm for JSON."""
-    image = arm.image_of
-    return {
-        **branch_entry(arm),
-        "label": arm.problem.label,
-        "stability": list(_stretches(arm)),
-        "end": next(_ends(arm)),
-        "image_of": None if image is None else image + 1,
-    }
+def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
+    """All that leaves a point for JSON."""
+    first = arms[0]
+    told = [
+        {
+            **branch_entry(arm),
+            "label": arm.problem.label,
+            "stability": list(_stretches(arm)),
+            "end": next(_ends(arm)),
+            "image_of": None if arm.image_of is None else arm.image_of + 1,
+        }
+        for arm in arms
+    ]
+    at = point_entry(first[0].parent)
+    return {"free": first.free, **lives_on(first), "at": at, "arms": told}
 
 
 def _drawn(parent: cb.Branch, arms: Sequence[cb.Branch]) -> Figure:
@@ -210,7 +212,7 @@ def diagram(
     options: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
     tree, cut = until_interrupted(cb.diagram, start.shot, start.free, **options, save=into.save)
     into.leave(
-        lambda: {**start.entry(), **diagram_entry(tree)},
+        lambda: diagram_entry(tree),
         _diagram_lines(tree, depth),
         lambda: branch_table(tree.branches, "branch"),
         lambda: cb.plotting.plot_diagram(tree),
@@ -250,13 +252,15 @@ def _named(places: list[Any]) -> str:
 
 
 def diagram_entry(tree: Any) -> dict[str, Any]:
-    """Branches, and the graph as nodes and edges that name them."""
+    """Branches for JSON, and the graph as nodes and edges that name them."""
     places = {place.name: place for row in tree.places for place in row}
     edges = [
         {"from": start, "to": end, "relation": relation}
         for start, end, relation in tree.graph.edges(data="relation")
     ]
     return {
+        "free": tree[0].free,
+        **lives_on(tree[0]),
         "branches": [
             {"label": branch.problem.label, "depth": birth.depth, **branch_entry(branch)}
             for branch, birth in zip(tree.branches, tree.births, strict=True)
