@@ -335,6 +335,7 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         ("[zones.z]\nk = {from = 0.3, to = 0.9}", "from, to and count were expected"),
         ("[zones.z]\nk = 'high'", "a finite number, was expected"),
         ("[zones.z]\nk = [0.8, 0.80]", "line 2, zones.z.k: [0.8, 0.8]: each value once"),
+        ("[zones.z]\nk = [0.8, 1]", "line 2, zones.z.k: k = 1: zones need 0 < k < 1"),
         (ONE + "\nwindow = [false, true]", "[False, True]: two numbers were expected"),
         (ONE + f"\nwindow = [0, 1{'0' * 400}]", "b.window: [0, 1000"),
         (

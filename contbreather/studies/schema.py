@@ -23,6 +23,7 @@ from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits.zone_search import PAIRS
+from contbreather.orbits.zones import fixed_value
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 
@@ -89,6 +90,11 @@ def in_range(typed: Any, info: ValidationInfo) -> Any:
     for value in typed if isinstance(typed, list) else [typed]:
         parameter(str(info.field_name), value)
     return typed
+
+
+def in_planes(typed: list[float]) -> list[float]:
+    """Values of k at which there are zones."""
+    return [fixed_value("k", value) for value in typed]
 
 
 Named = Annotated[str, AfterValidator(a_part)]
@@ -223,6 +229,7 @@ class Boundary(FromPoint):
 class Zones(Grid):
     """Zone diagrams, one for each value."""
 
+    k: Annotated[list[float], PlainValidator(values), AfterValidator(in_planes)] | None = None
     within: dict[str, Window] = Field(default_factory=dict)
     past_folds: bool = False
 
