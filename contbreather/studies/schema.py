@@ -30,6 +30,7 @@ from contbreather.stability.verdict import THRESHOLD, check_threshold
 _PART = re.compile(r"([^/=]+)(?:/([^/=]+=[^/]+))?(?:/([^/=]+))?")
 SPREAD = {"from", "to", "count"}
 WANTED = "a value"
+KINDS = ("branch", "arms", "boundary", "zones", "atlas")  # of results
 
 
 class Part(NamedTuple):
@@ -283,5 +284,4 @@ class Study(Table):
     @property
     def results(self) -> dict[str, Table]:
         """Everything that is computed, by its name."""
-        families = (self.branch, self.arms, self.boundary, self.zones, self.atlas)
-        return {name: table for family in families for name, table in family.items()}
+        return {name: table for kind in KINDS for name, table in getattr(self, kind).items()}
