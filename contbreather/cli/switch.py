@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
@@ -213,7 +213,7 @@ def diagram(
     tree, cut = until_interrupted(cb.diagram, start.shot, start.free, **options, save=into.save)
     into.leave(
         lambda: diagram_entry(tree),
-        _diagram_lines(tree, depth),
+        chain([tree], (f"{line}." for line in _loose_ends(tree, depth))),
         lambda: branch_table(tree.branches, "branch"),
         lambda: cb.plotting.plot_diagram(tree),
         cut=cut or tree.interrupted,
@@ -223,11 +223,6 @@ def diagram(
     if broken or tree.failed:
         lost = [f"branch {i} broke off" for i in broken] + [str(failure) for failure in tree.failed]
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
-
-
-def _diagram_lines(tree: Any, depth: int) -> Iterator[object]:
-    yield tree
-    yield from (f"{line}." for line in _loose_ends(tree, depth))
 
 
 def _loose_ends(tree: Any, depth: int) -> Iterator[str]:

@@ -58,13 +58,14 @@ from contbreather.explorer.views import (
     symbol,
 )
 from contbreather.orbits.zone_search import PAIRS
+from contbreather.parameters import NUMBERS
 
 # Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
 # at first. Beyond an amplitude of 1 there is nothing.
 SLIDERS = {
-    "k": ("restitution k", 0.01, 0.99, 0.01, 0.8),
-    "gamma": ("coupling \N{GREEK SMALL LETTER GAMMA}", 0.005, 0.245, 0.005, 0.08),
-    "a": ("amplitude a", 0.05, 0.99, 0.01, 0.5),
+    "k": (0.01, 0.99, 0.01, 0.8),
+    "gamma": (0.005, 0.245, 0.005, 0.08),
+    "a": (0.05, 0.99, 0.01, 0.5),
 }
 PLANES = {
     f"{symbol(x)}, {symbol(y)}": name for name, (x, y) in PAIRS.items()
@@ -109,10 +110,11 @@ class Page:
     def _zone_controls(self) -> None:
         name, value = self.explorer.state.fixed
         self.plane = pn.widgets.Select(label="plane", options=PLANES, value=name, width=90)
-        label, start, end, step, _ = SLIDERS[name]
+        start, end, step, _ = SLIDERS[name]
         self.slider = pn.widgets.FloatSlider(
-            label=label, start=start, end=end, step=step, value=value, sizing_mode="stretch_width"
-        )
+            label=NUMBERS[name].label, start=start, end=end, step=step, value=value,
+            sizing_mode="stretch_width",
+        )  # fmt: skip
         self.zones_trouble = ErrorLabel()
         self._on(self.slider, lambda value: self.explorer.look_at(round(value, 9)))
         self._on(self.plane, self._other_plane)
@@ -218,7 +220,7 @@ class Page:
 
     def _other_plane(self, name: str) -> None:
         """The plane through what is looked at, if the slider reaches it."""
-        _, start, end, step, value = SLIDERS[name]
+        start, end, step, value = SLIDERS[name]
         chosen = self.explorer.state.chosen
         if chosen is not None and chosen.orbit is not None:
             value = min(max(float(getattr(chosen.orbit, name)), start), end)
@@ -316,12 +318,12 @@ class Page:
 
     def _render_zones(self, new: PageState, old: PageState) -> None:
         name, value = new.fixed
-        label, start, end, step, _ = SLIDERS[name]
+        start, end, step, _ = SLIDERS[name]
         self.plane.value = name
         # what came from the browser does not go back to it rounded: it may have moved on by then
         there: Any = self.slider.value
         value = there if round(there, 9) == value else value
-        _put(self.slider, value, label=label, start=start, end=end, step=step)
+        _put(self.slider, value, label=NUMBERS[name].label, start=start, end=end, step=step)
         self.zones.title(new)
         if new.preview is None:
             return

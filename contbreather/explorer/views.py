@@ -36,7 +36,6 @@ MARKS = {
     "GR": "x", "HB": "star", "EP": "dot", "MX": "x", "UZ": "plus",
 }  # fmt: skip
 OTHER = "hex"
-SPECIAL = ("x", "y", "text", "colour", "mark", "what")
 ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its page
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
@@ -168,11 +167,7 @@ class ZonesView:
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
-        columns: dict[str, Any] = {
-            name: [meeting[i] for meeting in drawn.meetings]
-            for i, name in enumerate(("x", "y", "text"))
-        }
-        self.meetings.data = columns | {"what": columns["text"]} | _beside(self.figure, **columns)
+        _mark(self.figure, self.meetings, ((x, y, name, name) for x, y, name in drawn.meetings))
 
     def _region(self, region: Region) -> tuple[Any, Any, str]:
         rings = (region.outline, *region.holes)
@@ -252,7 +247,7 @@ class BranchView:
             fig.multi_line(
                 "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
             )
-        self.special = _source(*SPECIAL, "dx", "dy")
+        self.special = _source("x", "y", "text", "colour", "mark", "what", "dx", "dy")
         look = {"marker": "mark", "fill_color": "colour", "line_color": "colour"}
         _named_marks(fig, theme, self.special, **look)
         self.here = _here(fig, theme)
@@ -265,7 +260,7 @@ class BranchView:
             colour = self.theme.cycle[i % len(self.theme.cycle)]
             for style, xs, ys in pieces(curve.branch, x, y):
                 drawn[style].append((xs, ys, colour))
-            marks += [_mark(point, curve, x, y, colour) for point in curve.branch.special]
+            marks += [_special(point, curve, x, y, colour) for point in curve.branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
@@ -274,8 +269,7 @@ class BranchView:
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
-        data: dict[str, Any] = {name: [mark[i] for mark in marks] for i, name in enumerate(SPECIAL)}
-        self.special.data = data | _beside(self.figure, data["x"], data["y"], data["text"])
+        _mark(self.figure, self.special, marks)
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
@@ -297,16 +291,18 @@ class BranchView:
         return min(candidates)[1:] if candidates else None
 
 
-def _beside(fig: Any, x: Iterable[float], y: Iterable[float], text: Any) -> dict[str, list[Any]]:
-    """Words beside points of a figure."""
+def _mark(fig: Any, source: ColumnDataSource, marks: Iterable[Any]) -> None:
+    """Other marks, each a row of all columns but the last two, by which words stand beside them."""
+    rows, names = list(marks), source.column_names[:-2]
+    data: dict[str, Any] = {name: [row[i] for row in rows] for i, name in enumerate(names)}
     across, up = (
-        (np.array(values, dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
-        for values, axis in ((x, fig.x_range), (y, fig.y_range))
+        (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
+        for name, axis in (("x", fig.x_range), ("y", fig.y_range))
     )
     # as wide and high as it is in the browser, once that has said so
     properties = fig.properties_with_values(include_defaults=False)
     wide, high = properties.get("inner_width", ROOM[0]), properties.get("inner_height", ROOM[1])
-    return spread(wide * across, high * (1.0 - up), text, wide)
+    source.data = data | spread(wide * across, high * (1.0 - up), data["text"], wide)
 
 
 def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> dict[str, list[Any]]:
@@ -350,7 +346,7 @@ def _value(point: Any, name: str) -> float:
         return float("nan")
 
 
-def _mark(point: Any, curve: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
+def _special(point: Any, curve: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
     text = point.label if point.located else f"{point.label}?"
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
     what = f"{point.title} of {curve.code}: {values}"

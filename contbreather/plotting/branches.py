@@ -99,9 +99,11 @@ def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
     """The special points to mark, where an arm sets out with the name of the point it left."""
     if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
         raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
-    wanted = None if kinds is None else set(kinds)
-    points = map(_named, branch.special)
-    return [point for point in points if wanted is None or point.kind in wanted]
+    points = [
+        replace(point, kind=point.parent.kind, label=point.parent.label) if point.parent else point
+        for point in branch.special
+    ]
+    return points if kinds is None else [point for point in points if point.kind in {*kinds}]
 
 
 def _given(colours: Any, marked: Sequence[object]) -> list[str]:
@@ -114,29 +116,24 @@ def _given(colours: Any, marked: Sequence[object]) -> list[str]:
 
 
 def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
-    """The colour of each group of branches that are alike."""
+    """The colour of each group of branches that are alike; no two values have the same one."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
     order = list(dict.fromkeys(alike))
-    if values and len(order) > len(CYCLE):
-        order = sorted(order, key=lambda member: [value for _, value in member])
-    return dict(zip(order, _colours(taken, len(order), values), strict=True))
+    if not values or len(order) <= len(CYCLE):
+        return {one: CYCLE[(taken + i) % len(CYCLE)] for i, one in enumerate(order)}
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    order = sorted(order, key=lambda member: [value for _, value in member])
+    shades = colormaps["viridis"](np.linspace(0.0, BRIGHTEST, len(order)))
+    return dict(zip(order, map(to_hex, shades), strict=True))
 
 
 def _families(branches: Iterable[Branch]) -> list[int]:
     """A number for each branch, the same for the arms that leave one point: mirror images."""
     parents = [next((p.parent for p in branch.special if p.parent), None) for branch in branches]
     return [parents.index(parent) if parent else i for i, parent in enumerate(parents)]
-
-
-def _colours(taken: int, count: int, values: bool) -> list[str]:
-    """The colours of so many branches or values; no two values have the same one."""
-    if not values or count <= len(CYCLE):
-        return [CYCLE[(taken + i) % len(CYCLE)] for i in range(count)]
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    return [to_hex(shade) for shade in colormaps["viridis"](np.linspace(0.0, BRIGHTEST, count))]
 
 
 def _members(branches: tuple[Branch, ...]) -> list[Values]:
@@ -192,14 +189,6 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
         for column, slot in zip(columns, slots, strict=True)
     ]
     return smooth[0], smooth[1]
-
-
-def _named(point: Point) -> Point:
-    """Where an arm sets out, with the name of the point it left; every other point itself."""
-    parent = point.parent
-    if parent is None:
-        return point
-    return replace(point, kind=parent.kind, label=parent.label)
 
 
 def _gathered(

@@ -17,7 +17,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.flows.orbit import Cycle, CycleProblem
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, symbol
+from contbreather.plotting.canvas import ABOVE, CYCLE, GREY, Drawn, drawing, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,11 +93,12 @@ def plot_orbit(
             axes.plot(t / (2 * math.pi), u, label=label)
         for _, time, wall in impacts_of(whole, chosen):
             axes.plot(time, wall, "o", color=GREY, markersize=4, clip_on=False, zorder=3)
-        _walls(axes, whole, hit)
+        # others may stand farther off
+        for wall in {wall for n in hit for wall in whole.walls.at(n) if math.isfinite(wall)}:
+            axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
-        axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
-                    bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
+        axes.legend(ncols=len(chosen), **ABOVE)
     return drawn
 
 
@@ -167,12 +168,6 @@ def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float,
             yield asked[hit.site], time, orbit.walls.position(hit.site, hit.wall)
 
 
-def _walls(axes: Axes, orbit: Orbit, hit: list[int]) -> None:
-    """The walls of the sites that hit; others may stand farther off."""
-    for wall in {wall for n in hit for wall in orbit.walls.at(n) if math.isfinite(wall)}:
-        axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
-
-
 # --- flows ----------------------------------------------------------------------------------------
 
 
@@ -219,8 +214,7 @@ def draw_states(
         if x == TIME:
             axes.margins(x=0.0)
         if len(chosen) > 1:
-            axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
-                        bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
+            axes.legend(ncols=len(chosen), **ABOVE)
     return drawn
 
 
