@@ -660,18 +660,3 @@ def test_reader_that_has_seen_enough_is_no_error() -> None:
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
     assert done.stdout.startswith('{"figure": 3')
     assert done.stderr == ""
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "point --a 0.5 --gamma 0.12 --k 0.4 --sites 2.5",
-        "point --a 0.5 --gamma 0.12 --k 0.4 --root 1.5",
-        "switch --free a --gamma 0.04 --k 0.8 --sites 7.5",
-        "diagram --free a --gamma 0.04 --k 0.8 --depth 1.2",
-    ],
-)
-def test_half_a_site_is_refused(line: str, run: Run) -> None:
-    status, out, err = run(line)
-    assert (status, out) == (BAD_INPUT, "")
-    assert "is not a whole number" in err

@@ -108,7 +108,7 @@ def test_what_the_library_refuses_stands_below_the_button(page: Page) -> None:
     ):
         page.forms.breather[name].input.value = typed
         press(page, "Show")
-        assert words in sentence(page.forms.breather_trouble)
+        assert words in sentence(page.forms.troubles["Breather"])
         page.forms.breather[name].input.value = "0.5" if name == "a" else ""
 
 
@@ -248,9 +248,9 @@ def test_lattice_springs_and_walls_are_typed(
 
 def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(page: Page) -> None:
     typed(page, damping="0.02")
-    assert "take a ring or another finite lattice" in sentence(page.forms.breather_trouble)
+    assert "take a ring or another finite lattice" in sentence(page.forms.troubles["Breather"])
     typed(page, damping="", walls="-1")
-    assert "--walls -1: LOW,HIGH" in sentence(page.forms.breather_trouble)
+    assert "--walls -1: LOW,HIGH" in sentence(page.forms.troubles["Breather"])
 
 
 def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp_path: Any) -> None:
@@ -260,16 +260,16 @@ def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp
     press(page, "Continue")
     page.forms.file.input.value = ""
     press(page, "Save all curves")
-    assert "the name of the file" in sentence(page.forms.keep_trouble)
+    assert "the name of the file" in sentence(page.forms.troubles["Keep"])
     page.forms.file.input.value = str(path)
     press(page, "Save all curves")
-    assert "press again to replace it" in sentence(page.forms.keep_trouble)
+    assert "press again to replace it" in sentence(page.forms.troubles["Keep"])
     assert path.read_text() == "of last week"
     press(page, "Save all curves")
-    assert sentence(page.forms.keep_trouble) == ""
+    assert sentence(page.forms.troubles["Keep"]) == ""
     assert cb.load(path)["branch1"].names
     press(page, "Save all curves")  # and is asked about again the next time
-    assert "press again" in sentence(page.forms.keep_trouble)
+    assert "press again" in sentence(page.forms.troubles["Keep"])
 
 
 RANGES = (
