@@ -123,8 +123,9 @@ class LatticeOptions:
             if name not in names:
                 raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
         threshold = THRESHOLD if self.threshold is None else self.threshold
-        more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
-        return ModelParameters(lattice, threshold, forcing, more)
+        walls = walls_by(self.walls, lattice.sites)
+        given = {"lattice": lattice, "forcing": forcing, "site": self.site, "walls": walls}
+        return ModelParameters(lattice, threshold, given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,17 +192,11 @@ class ZoneOptions(LatticeOptions):
 
 
 class ModelParameters(NamedTuple):
-    """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""
+    """What a breather lives on: its lattice with a threshold, and all as `symmetric` takes it."""
 
     lattice: Any
     threshold: float
-    forcing: cb.lattice.Forcing
-    more: dict[str, Any]
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """As `symmetric` takes it."""
-        return {"lattice": self.lattice, "forcing": self.forcing, **self.more}
+    given: dict[str, Any]
 
     @property
     def reach(self) -> dict[str, Span]:
@@ -215,8 +210,8 @@ class ModelParameters(NamedTuple):
         """For JSON."""
         from contbreather.lattice.conditions import Walls
 
-        walls = Walls.given(self.more["walls"])
-        return model_entry(self.forcing, self.lattice, self.threshold, self.more["site"], walls)
+        given, walls = self.given, Walls.given(self.given["walls"])
+        return model_entry(given["forcing"], self.lattice, self.threshold, given["site"], walls)
 
 
 def _assignment(text: str) -> tuple[str, float]:

@@ -41,7 +41,6 @@ from contbreather.tables import Sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from contbreather.progress import Bar
     from contbreather.simulation.smooth import SmoothRun
 
 SITES = 20  # the paper's ring
@@ -122,30 +121,24 @@ class RunOptions:
 
         # also before the first period: on long rings and dense lattices the breather takes a while
         with Bar(None, int(length_of(self.periods, 0))) as bar:
-            return self._simulate(where, bar)
-
-    def _simulate(self, where: ModelOptions, bar: Bar) -> RunSummary:
-        values, on = where.need(*NEEDED), where.on()
-        lattice = None if on.lattice.sites is None else on.lattice
-        state, t0 = (
-            self._read(where, lattice) if self.start is not None else _breather(where, on, lattice)
-        )
-        shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
-        shared["progress"] = bar
-        if self.smooth is not None:
-            smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
-            return summary_of(
-                cb.simulation.simulate_smooth(self._pushed(state), **smooth, **shared)
+            values, on = where.need(*NEEDED), where.on()
+            lattice = None if on.lattice.sites is None else on.lattice
+            state, t0 = (
+                _breather(where, on, lattice) if self.start is None else self._read(where, lattice)
             )
-        shared |= {"walls": on.more["walls"]}
-        if self.stream is not None:
-            recording = cb.simulation.record(
-                self.stream, self._pushed(state), periods=int(self.periods), **shared
-            )
-            return summary_in(recording, int(self.periods), where.site)
-        shared |= {"noise": self.noise, "seed": self.seed}
-        run = cb.simulate(self._pushed(state), periods=self.periods, **shared)
-        return summary_of(run, where.site)
+            pushed = self._pushed(state)
+            shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.given["forcing"]}
+            shared |= {"t0": t0, "progress": bar}
+            if self.smooth is not None:
+                shared |= {"m": self.smooth, "periods": self.periods}
+                return summary_of(cb.simulation.simulate_smooth(pushed, **shared))
+            shared["walls"] = on.given["walls"]
+            if self.stream is not None:
+                count = int(self.periods)
+                recording = cb.simulation.record(self.stream, pushed, periods=count, **shared)
+                return summary_in(recording, count, where.site)
+            shared |= {"noise": self.noise, "seed": self.seed, "periods": self.periods}
+            return summary_of(cb.simulate(pushed, **shared), where.site)
 
     def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
         """The state in a file, and its time."""

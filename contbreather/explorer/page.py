@@ -243,8 +243,7 @@ class Page:
             self.explorer.choose_point(self.curve.value, index)
 
     def _hide(self, shown: list[str]) -> None:
-        curves = {curve.code for curve in self.explorer.state.curves}
-        self.explorer.change(hidden=frozenset(curves - set(shown)))
+        self.explorer.change(hidden=frozenset({*self.explorer.state.curves} - {*shown}))
 
     def _asked(self) -> None:
         typed = read_all(self.asked)
@@ -329,12 +328,12 @@ class Page:
             return
         if new.preview is not old.preview:
             self.zones.show(new.preview)
-        self.zones.boundaries(new.curves, new.preview)
+        self.zones.boundaries(new.curves.values(), new.preview)
         self.zones.choose(new.chosen, new.preview)
 
     def _render_branches(self, new: PageState, old: PageState) -> None:
         x, y = new.columns
-        codes = [curve.code for curve in new.curves]
+        codes = [*new.curves]
         if new.curves != old.curves:
             self.curve.options = summary.names(new.curves)
         self.curve.value = new.listed or next(iter(codes), None)
@@ -347,7 +346,7 @@ class Page:
         offered(self.y, names, y)
         if (new.shown, new.columns) != (old.shown, old.columns):
             self.branches.show(new.shown, x, y)
-        seen = new.chosen is not None and new.chosen.curve in (curve.code for curve in new.shown)
+        seen = new.chosen is not None and new.chosen.curve in new.shown
         self.branches.choose(new.chosen if seen else None, x, y)
         self._render_place(new)
 
@@ -358,7 +357,7 @@ class Page:
             return
         there = new.chosen is not None and new.chosen.curve == self.curve.value
         chosen = new.chosen if there else None
-        branch = new.curve(self.curve.value)
+        branch = new.curves[self.curve.value]
         labels = {point.title: i for i, point in marked(branch)}
         self.label.options = {"\N{EN DASH}": NOWHERE, **labels}
         index = NOWHERE if chosen is None else chosen.index
@@ -392,7 +391,7 @@ def _put(slider: Any, value: float, **more: Any) -> None:
 
 def _common(state: PageState) -> list[str]:
     """Columns of numbers that all curves have which are drawn beside the first."""
-    curves = [curve.branch for curve in state.curves if curve.code not in state.hidden]
+    curves = [branch for code, branch in state.curves.items() if code not in state.hidden]
     if not curves:
         return ["a", "p"]
     # not of another problem

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,14 +17,6 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.simulation.simulate import Run
 
 RING = 400  # sites of the ring that is judged besides, the paper's
-
-
-@dataclass(frozen=True)
-class Named:
-    """A curve, and how the script calls it."""
-
-    code: str
-    branch: Branch
 
 
 @dataclass(frozen=True)
@@ -75,7 +67,7 @@ class PageState:
     awaited: str = ""  # the diagram that is being computed, in words
     plane: Zones | None = None  # the last that was computed
     preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
-    curves: tuple[Named, ...] = ()
+    curves: Mapping[str, Branch] = field(default_factory=dict)  # by what the script calls them
     listed: str = ""  # the curve whose points are offered, by its code
     hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
     axes: tuple[str, str] = ("", "")  # columns; empty: those of the first curve
@@ -86,19 +78,19 @@ class PageState:
     lines: tuple[str, ...] = ()  # of the script that made curves and runs
 
     @property
-    def shown(self) -> tuple[Named, ...]:
+    def shown(self) -> dict[str, Branch]:
         """The curves that are drawn: of those that are not hidden, those with both columns."""
         columns = set(self.columns)
-        return tuple(
-            curve
-            for curve in self.curves
-            if curve.code not in self.hidden and columns <= set(curve.branch.names)
-        )
+        return {
+            code: branch
+            for code, branch in self.curves.items()
+            if code not in self.hidden and columns <= set(branch.names)
+        }
 
     @property
     def columns(self) -> tuple[str, str]:
         """What the axes of the bifurcation diagram are."""
-        first = next((curve.branch for curve in self.curves if curve.code not in self.hidden), None)
+        first = next((one for code, one in self.curves.items() if code not in self.hidden), None)
         if first is None:
             return "a", "p"
         start = first.problem.start  # a period before the orbit of a cycle without its equations
@@ -114,42 +106,38 @@ class PageState:
         of = (f"F = a ({self.forcing})" if self.forcing else "", self.zones_of)
         return ", ".join(filter(None, (f"{name} = {value:g}", *of)))
 
-    def curve(self, code: str) -> Branch:
-        """The curve that the script calls so."""
-        return next(curve.branch for curve in self.curves if curve.code == code)
-
     def without(self, code: str) -> PageState:
         """Without a curve; the script goes on making it, for others may come from it, and what is
         looked at."""
-        curves = tuple(curve for curve in self.curves if curve.code != code)
+        curves = {other: branch for other, branch in self.curves.items() if other != code}
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
     def with_result(self, name: str, lines: Iterable[str], value: Any) -> PageState:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(leaves(name, value))
-        curves = [Named(code, part) for code, part in parts.items() if isinstance(part, Branch)]
+        curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
         runs = [(c, part) for c, part in parts.items() if isinstance(part, Run) and part.record]
         planes = [part for part in parts.values() if isinstance(part, Zones)]
         plane = planes[-1] if planes else self.plane
         return replace(
             self,
             lines=(*self.lines, *lines),
-            curves=(*self.curves, *curves),
-            listed=curves[0].code if curves else self.listed,
+            curves={**self.curves, **curves},
+            listed=next(iter(curves), self.listed),
             run=runs[-1] if runs else self.run,
             plane=plane,
             preview=preview_of(plane) if planes and plane is not None else self.preview,
             fixed=plane.fixed if planes and plane is not None else self.fixed,
-            axes=self._axes_for(curves),
+            axes=self._axes_for([*curves.values()]),
         )
 
-    def _axes_for(self, new: Iterable[Named]) -> tuple[str, str]:
+    def _axes_for(self, new: Sequence[Branch]) -> tuple[str, str]:
         """Those of the diagram when curves join it: of one in two parameters its own plane, until a
         branch comes."""
-        pairs = [curve.branch.curve.varied for curve in new if len(curve.branch.curve.varied) > 1]
+        pairs = [branch.curve.varied for branch in new if len(branch.curve.varied) > 1]
         if pairs:
             return pairs[-1][0], pairs[-1][1]
-        in_plane = any(self.axes == curve.branch.curve.varied for curve in self.curves)
+        in_plane = any(self.axes == branch.curve.varied for branch in self.curves.values())
         return ("", "") if in_plane and new else self.axes
 
     def script(self) -> str:
@@ -176,7 +164,7 @@ class PageState:
         yield 'cb.save_figure(cb.plotting.plot_zones(zones), "zones.pdf")'
         if self.shown:
             x, y = self.columns
-            curves = ", ".join(curve.code for curve in self.shown)
+            curves = ", ".join(self.shown)
             yield f'cb.save_figure(cb.plot({curves}, x="{x}", y="{y}"), "branches.pdf")'
         if self.run is not None:
             yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 
 from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.jobs import point_of
-from contbreather.explorer.state import Named
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 
 
-def names(curves: Iterable[Named]) -> dict[str, str]:
+def names(curves: Mapping[str, Branch]) -> dict[str, str]:
     """The codes of curves by their names, which have what not all of them share: the parameters
     that vary, those that do not, and the lattice."""
-    by_code = {curve.code: _facts(curve.branch) for curve in curves}
+    by_code = {code: _facts(branch) for code, branch in curves.items()}
     shared = set.intersection(*map(set, by_code.values())) if by_code else set()
     rest = {code: [fact for fact in facts if fact not in shared] for code, facts in by_code.items()}
     return {": ".join(filter(None, (code, ", ".join(rest[code])))): code for code in rest}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from textwrap import wrap
 from typing import Any
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.explorer.preview import Preview, about, is_of
-from contbreather.explorer.state import Chosen, Named, PageState
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import Theme
 from contbreather.explorer.summary import on_ring
 from contbreather.lattice.chain import Ring
@@ -192,14 +192,13 @@ class ZonesView:
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
 
-    def boundaries(self, curves: Iterable[Named], drawn: Preview) -> None:
+    def boundaries(self, curves: Iterable[Branch], drawn: Preview) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
         (x, y), (name, value) = drawn.pair, drawn.fixed
         traced = (
-            curve.branch
-            for curve in curves
-            if {*curve.branch.curve.varied} == {x, y}
-            and curve.branch.problem.params.get(name) == value
+            branch
+            for branch in curves
+            if {*branch.curve.varied} == {x, y} and branch.problem.params.get(name) == value
         )
         _fill(self.traced, ((branch[x], branch[y]) for branch in traced))
 
@@ -252,20 +251,19 @@ class BranchView:
         _named_marks(fig, theme, self.special, **look)
         self.here = _here(fig, theme)
 
-    def show(self, curves: Sequence[Named], x: str, y: str) -> None:
+    def show(self, curves: Mapping[str, Branch], x: str, y: str) -> None:
         """Other curves, or other columns of them."""
         drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
         marks = []
-        for i, curve in enumerate(curves):
+        for i, (code, branch) in enumerate(curves.items()):
             colour = self.theme.cycle[i % len(self.theme.cycle)]
-            for style, xs, ys in pieces(curve.branch, x, y):
+            for style, xs, ys in pieces(branch, x, y):
                 drawn[style].append((xs, ys, colour))
-            marks += [_special(point, curve, x, y, colour) for point in curve.branch.special]
+            marks += [_special(point, code, x, y, colour) for point in branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
-        codes = [curve.code for curve in curves]
-        many = f"{len(codes)} curves" if len(codes) > MANY else ", ".join(codes)
+        many = f"{len(curves)} curves" if len(curves) > MANY else ", ".join(curves)
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
@@ -276,18 +274,18 @@ class BranchView:
         point = None if chosen is None else chosen.point
         _fill(self.here, [] if point is None else [(_value(point, x), _value(point, y))])
 
-    def nearest(self, curves: Iterable[Named], x: str, y: str, at: tuple[float, float]) -> Any:
+    def nearest(self, curves: Mapping[str, Branch], x: str, y: str, at: tuple[float, float]) -> Any:
         """The curve and the number of the point next to a place of the figure; None if there is
         none. Special points draw a little more."""
         width = self.figure.x_range.end - self.figure.x_range.start
         height = self.figure.y_range.end - self.figure.y_range.start
         candidates = []
-        for curve in curves:
-            across = (column_of(curve.branch, x) - at[0]) / (width or 1.0)
-            up = (column_of(curve.branch, y) - at[1]) / (height or 1.0)
+        for code, branch in curves.items():
+            across = (column_of(branch, x) - at[0]) / (width or 1.0)
+            up = (column_of(branch, y) - at[1]) / (height or 1.0)
             far = np.hypot(across, up)
-            far[[i for i, _ in marked(curve.branch)]] *= 0.5
-            candidates.append((float(far.min()), curve.code, int(far.argmin())))
+            far[[i for i, _ in marked(branch)]] *= 0.5
+            candidates.append((float(far.min()), code, int(far.argmin())))
         return min(candidates)[1:] if candidates else None
 
 
@@ -346,10 +344,10 @@ def _value(point: Any, name: str) -> float:
         return float("nan")
 
 
-def _special(point: Any, curve: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
+def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, ...]:
     text = point.label if point.located else f"{point.label}?"
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
-    what = f"{point.title} of {curve.code}: {values}"
+    what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
     mark = MARKS.get(point.kind, OTHER)
     return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what

@@ -103,7 +103,8 @@ def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
         replace(point, kind=point.parent.kind, label=point.parent.label) if point.parent else point
         for point in branch.special
     ]
-    return points if kinds is None else [point for point in points if point.kind in {*kinds}]
+    wanted = None if kinds is None else set(kinds)
+    return [point for point in points if wanted is None or point.kind in wanted]
 
 
 def _given(colours: Any, marked: Sequence[object]) -> list[str]:

@@ -146,7 +146,7 @@ def test_a_story_with_the_buttons(page: Page) -> None:
 def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
     press(page, "Show")
     press(page, "Continue")
-    branch = page.explorer.state.curve("branch1")
+    branch = page.explorer.state.curves["branch1"]
     wanted = next(i for i, point in enumerate(branch) if not point.kind and i > 8)
     x, y = branch["a"][wanted], branch["p"][wanted]
     page._branch_tapped(SimpleNamespace(x=x + 1e-4, y=y - 1e-4))
@@ -237,13 +237,13 @@ def test_lattice_springs_and_walls_are_typed(
     assert chosen.orbit.p == wanted.p
     assert eval(chosen.code, {"cb": cb}).p == wanted.p
     press(page, "Continue")
-    upper = page.explorer.state.curve("branch1")["p"].argmax()
+    upper = page.explorer.state.curves["branch1"]["p"].argmax()
     page.point.value = int(upper)
     fields = {name: field.input.value for name, field in page.forms.breather.items()}
     assert fields["lattice"].removeprefix("ring:") == texts.get("lattice", "").removeprefix("ring:")
     press(page, "Show")
     again = page.explorer.chosen.orbit.p
-    assert again == pytest.approx(page.explorer.state.curve("branch1")["p"][upper], rel=1e-7)
+    assert again == pytest.approx(page.explorer.state.curves["branch1"]["p"][upper], rel=1e-7)
 
 
 def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(page: Page) -> None:

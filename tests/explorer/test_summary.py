@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import contbreather as cb
 from contbreather.explorer import summary
-from contbreather.explorer.state import Named
 
 B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
 
 
 def test_curves_are_named_by_what_not_all_of_them_share() -> None:
     window = {"a": (0.49, 0.51), "gamma": (0.07, 0.09)}
-    curves = [
-        Named(f"branch{i}", cb.trace(orbit, free, within={free: window[free]}))
+    curves = {
+        f"branch{i}": cb.trace(orbit, free, within={free: window[free]})
         for i, (orbit, free) in enumerate([(B, "a"), (B.on(cb.Ring(12)), "a"), (B, "gamma")])
-    ]
-    assert summary.names(curves[:1]) == {"branch0": "branch0"}
-    assert list(summary.names(curves[:2])) == ["branch0: infinite chain", "branch1: ring of 12"]
-    assert list(summary.names(curves)) == [
+    }
+    assert [*summary.names(curves)] == [
         "branch0: in a, infinite chain, gamma = 0.08",
         "branch1: in a, ring of 12, gamma = 0.08",
         "branch2: in gamma, infinite chain, a = 0.5",
     ]
+    del curves["branch2"]
+    assert [*summary.names(curves)] == ["branch0: infinite chain", "branch1: ring of 12"]
+    del curves["branch1"]
+    assert summary.names(curves) == {"branch0": "branch0"}
 
 
 def test_verdicts_are_those_of_the_library() -> None:

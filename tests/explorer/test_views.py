@@ -16,7 +16,7 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 import contbreather as cb
 from contbreather.explorer import views
 from contbreather.explorer.preview import Preview, preview_of
-from contbreather.explorer.state import Chosen, Named, PageState
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import plot
@@ -193,7 +193,7 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
     drawn = preview_of(plane)
     for k, wanted in ((0.8, [line]), (0.7, [])):
         there = replace(drawn, fixed=("k", k))
-        view.boundaries([Named("branch1", branch), Named("line2", line)], there)
+        view.boundaries([branch, line], there)
         same(view.traced.data["xs"], [one["gamma"] for one in wanted])
         same(view.traced.data["ys"], [one["a"] for one in wanted])
     damped = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(12), damping=0.01)
@@ -227,7 +227,7 @@ def test_words_at_the_edge_of_the_zones_stay_inside_and_do_not_cover_each_other(
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in branch)
     view = views.BranchView(DARK)
-    both = [Named("one", replace(branch, points=doubtful)), Named("two", branch)]
+    both = {"one": replace(branch, points=doubtful), "two": branch}
     view.show(both, "a", "phi")
     printed = [line for line in plot(branch, x="a", y="phi").axes.get_lines()
                if line.get_linestyle() != "None"]  # fmt: skip
@@ -248,7 +248,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         for p in branch.special:
             text = "" if p.kind == "EP" else p.label + mark * (p.kind == "PF")
             values = ", ".join(f"{name} = {value:.8g}" for name, value in p.values.items())
-            what = f"{p.label} of {one.code}: {values}"
+            what = f"{p.label} of {one}: {values}"
             points.append((float(p["a"]), float(p["phi"]), text, colour, what))
     assert rows(view.special, "x", "y", "text", "colour", "what") == points
     assert [tool.tooltips for tool in view.figure.select(HoverTool)] == [[("", "@what")]]
@@ -265,7 +265,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         view.choose(Chosen("x", B, point), x, y)
         np.testing.assert_equal((view.here.data["x"], view.here.data["y"]), place)
     cusp = replace(branch[5], kind="CP", label="CP1")
-    view.show([Named("one", replace(branch, points=(branch[0], cusp, branch[-1])))], "a", "p")
+    view.show({"one": replace(branch, points=(branch[0], cusp, branch[-1]))}, "a", "p")
     marks, other = [*views.MARKS.values()], view.special.data["mark"][1]
     assert len({*marks, other}) == len(marks)  # GR and MX, where a walk ends, look alike
     assert {*marks, other} <= {*MarkerType}
