@@ -21,7 +21,6 @@ from panel.io.notebook import block_comm, patch_inline_stylesheets
 
 from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
-from contbreather.explorer import summary
 from contbreather.explorer.forms import (
     ErrorLabel,
     Field,
@@ -36,7 +35,7 @@ from contbreather.explorer.forms import (
 )
 from contbreather.explorer.jobs import fate
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import PageState, numbers
+from contbreather.explorer.state import PageState, names, numbers, verdict, verdicts
 from contbreather.explorer.style import (
     DARK,
     FOCUSED,
@@ -307,8 +306,8 @@ class Page:
         explorer, chosen = self.explorer, self.explorer.state.chosen
         words = explorer.progress or explorer.message
         if not words and chosen is not None:
-            verdict = "" if chosen.orbit is None else f": {summary.verdict(chosen.orbit)}"
-            words = f"{chosen.title}{verdict}"
+            words = chosen.title
+            words += "" if chosen.orbit is None else f": {verdict(chosen.orbit)}"
         if explorer.drawing:
             words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
@@ -335,15 +334,15 @@ class Page:
         x, y = new.columns
         codes = [*new.curves]
         if new.curves != old.curves:
-            self.curve.options = summary.names(new.curves)
+            self.curve.options = names(new.curves)
         self.curve.value = new.listed or next(iter(codes), None)
         self.remove.disabled = not codes
         self.undo.disabled = self.explorer.busy or not self.explorer.undoes
         self.shown.options = codes
         self.shown.value = [code for code in codes if code not in new.hidden]
-        names = _common(new)
-        offered(self.x, names, x)
-        offered(self.y, names, y)
+        common = _common(new)
+        offered(self.x, common, x)
+        offered(self.y, common, y)
         if (new.shown, new.columns) != (old.shown, old.columns):
             self.branches.show(new.shown, x, y)
         seen = new.chosen is not None and new.chosen.curve in new.shown
@@ -375,7 +374,7 @@ class Page:
                 view.nothing()
             return
         self.profile.show(orbit)
-        self.motion.show(orbit, new.sites, summary.verdict(orbit))
+        self.motion.show(orbit, new.sites, verdict(orbit))
         try:
             self.multipliers.show(orbit, new.ring)
         except ContbreatherError as error:
@@ -410,7 +409,7 @@ def _described(state: PageState) -> str:
     if chosen.orbit is None:
         sentences = [("equations", "this curve has none here: only its numbers are known")]
     else:
-        sentences = list(summary.verdicts(chosen.orbit, state.ring))
+        sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
     return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{items}</dl>"
 

@@ -22,10 +22,9 @@ from contbreather.explorer.jobs import (
     Progress,
     arguments,
     breather,
-    point_of,
 )
 from contbreather.explorer.preview import LADDER, Preview, between, preview_of
-from contbreather.explorer.state import Chosen, PageState
+from contbreather.explorer.state import Chosen, PageState, point_of
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.explorer.preview import Preview, about, is_of
-from contbreather.explorer.state import Chosen, PageState
+from contbreather.explorer.state import Chosen, PageState, on_ring
 from contbreather.explorer.style import Theme
-from contbreather.explorer.summary import on_ring
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
