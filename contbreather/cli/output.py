@@ -226,22 +226,18 @@ def branch_table(branches: Sequence[cb.Branch], tag: str = "", first: int = 0) -
     `tag` the branches are numbered."""
     names = dict.fromkeys(name for branch in branches for name in columns_of(branch))
     columns = [*filter(None, [tag]), *names, "label"]
-    rows = (
-        [{tag: number, **row}.get(name) for name in columns]
-        for number, branch in enumerate(branches, start=first)
-        for row in _rows(branch)
-    )
-    return columns, rows
 
+    def rows() -> Iterator[list[Any]]:
+        for number, branch in enumerate(branches, start=first):
+            own, cells = table_of({name: branch[name] for name in columns_of(branch)})
+            counts = [name for name in branch.problem.record if name in own]
+            for point, values in zip(branch, cells, strict=True):
+                row = {tag: number, **dict(zip(own, values, strict=True)), "label": point.label}
+                if point.kind:  # no count where rounding decides it, as in tables
+                    row |= {name: point.shown(name) for name in counts}
+                yield [row.get(name) for name in columns]
 
-def _rows(branch: cb.Branch) -> Iterator[dict[str, Any]]:
-    names, rows = table_of({name: branch[name] for name in columns_of(branch)})
-    counts = [name for name in branch.problem.record if name in names]
-    for point, values in zip(branch, rows, strict=True):
-        row = {**dict(zip(names, values, strict=True)), "label": point.label}
-        if point.kind:  # no count where rounding decides it, as in tables
-            row |= {name: point.shown(name) for name in counts}
-        yield row
+    return columns, rows()
 
 
 def point_entry(point: cb.continuation.Point) -> dict[str, Any]:

@@ -230,7 +230,10 @@ def simulate(
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
         if rows := list(_rows(summary, options)):
             say(Sheet.of(rows), aside=aside)
-        say(*_sentences(summary), *(f"Wrote {path}." for path in written), aside=aside)
+        lines = [summary.reason]
+        if summary.interrupted or summary.stop != "went through all its periods":
+            lines.append(summary.stop)
+        say(*sentences(lines), *(f"Wrote {path}." for path in written), aside=aside)
     end(summary.interrupted)
 
 
@@ -359,10 +362,3 @@ def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]
     for name, (words, shape) in WORDS.items():
         if name in summary.evidence:
             yield words, shape.format(summary.evidence[name])
-
-
-def _sentences(summary: RunSummary) -> list[str]:
-    lines = [summary.reason]
-    if summary.interrupted or summary.stop != "went through all its periods":
-        lines.append(summary.stop)
-    return sentences(lines)
