@@ -56,11 +56,10 @@ def show(
         lines, what = _lines(result), _entry(result)
     else:
         lines, what = iter([results.table()]), {}
-    content, table = _as_left(chosen)
     into.leave(
-        lambda: {"path": str(results.path), **what, **content()},
+        lambda: {"path": str(results.path), **what, **_as_left(chosen)[0]()},
         lines,
-        table,
+        lambda: _as_left(chosen)[1](),
         lambda: _drawn(chosen, axes),
     )
 
@@ -170,9 +169,7 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
-def _as_left(
-    by_name: Mapping[str, Any],
-) -> tuple[Callable[[], Any], Callable[[], Table]]:
+def _as_left(by_name: Mapping[str, Any]) -> tuple[Callable[[], Any], Callable[[], Table]]:
     """Results for JSON and for CSV: as the command that leaves such makes them, those of several
     commands each by its name."""
     from contbreather.cli import simulate, switch, zones
@@ -190,14 +187,14 @@ def _as_left(
         case cb.Branch():
             return lambda: {**about(first), **branch_entry(first)}, partial(branch_table, results)
         case Diagram():
-            table = partial(branch_table, first.branches, "branch")
-            return partial(switch.diagram_entry, first), table
+            branches = first.branches
+            return partial(switch.diagram_entry, first), partial(branch_table, branches, "branch")
         case cb.simulation.Run() | cb.simulation.SmoothRun():
             on, summary = first.conditions, summary_of(first)
             params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
             m = getattr(on, "m", None)
-            left = partial(simulate.strobe_table, summary)
-            return lambda: simulate.content(judged(summary), params, m), left
+            table = partial(simulate.strobe_table, summary)
+            return lambda: simulate.content(judged(summary), params, m), table
     return partial(_special, first), partial(_stacked, by_name)
 
 
