@@ -35,6 +35,7 @@ from contbreather.simulation.sweep import Sweep
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+LISTS = (list, tuple)
 MOST = 30  # rows
 ROOM = 90  # characters in a row of a table
 SMALL = 100  # sites of a lattice whose multipliers are found at once
@@ -114,7 +115,7 @@ def plot(
     }
     wanted: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     # several may be given together as well, as `switch` returns them
-    single = [one for value in values for one in (value if _is_list(value) else [value])]
+    single = [one for value in values for one in (value if isinstance(value, LISTS) else [value])]
     drawn = [one for one in single if not isinstance(one, str)]
     if all(isinstance(one, Branch) for one in drawn):
         return plot_branches(*drawn, **wanted)
@@ -129,15 +130,6 @@ def plot(
     if unknown := [*wanted.keys() - signature(draw).parameters.keys()]:
         raise BadInput(f"{unknown[0]} says nothing of the picture of {kind_of(value)}")
     return draw(value, **wanted)
-
-
-def has_picture(value: Any) -> bool:
-    """Whether `plot` can draw it."""
-    return _is_list(value) or _drawn(value)[1] is not None
-
-
-def _is_list(value: object) -> bool:
-    return isinstance(value, list | tuple)
 
 
 def _drawn(value: Any) -> tuple[Any, Any]:
@@ -208,7 +200,8 @@ def card(value: Any) -> str:
     try:
         # a legend of zones would cover them
         draw = partial(plot_zones, legend=False) if isinstance(value, Zones) else plot
-        picture = inline(lambda ax: draw(value, ax=ax)) if has_picture(value) else ""
+        there = isinstance(value, LISTS) or _drawn(value)[1] is not None
+        picture = inline(lambda ax: draw(value, ax=ax)) if there else ""
     except ContbreatherError as error:  # an interrupted diagram without a curve, say
         picture = f"<p>no picture: {escape(str(error))}</p>"
     table = value.table().further(*(_in_words(value) if isinstance(value, Orbit) else ()))

@@ -25,21 +25,15 @@ def plane() -> Any:
     return cb.zones(k=0.8)
 
 
-@pytest.fixture
-def page(plane: Any) -> Iterator[Page]:
+def opened(plane: Any) -> Iterator[Page]:
     explorer = Explorer()
     explorer._planes["k", 0.8, "", ""] = plane
     yield Page(explorer)
     explorer.stop()
 
 
-@pytest.fixture(scope="module")
-def bare(plane: Any) -> Iterator[Page]:
-    """One page for tests that leave it as it was."""
-    explorer = Explorer()
-    explorer._planes["k", 0.8, "", ""] = plane
-    yield Page(explorer)
-    explorer.stop()
+page = pytest.fixture(opened)
+bare = pytest.fixture(opened, scope="module")  # one page for tests that leave it as it was
 
 
 def press(page: Page, name: str) -> None:
