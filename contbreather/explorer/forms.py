@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from html import escape
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -228,14 +227,14 @@ class PageForms:
     def _button(
         self, trouble: ErrorLabel, name: str, do: Callable[..., object], fields: Mapping[str, Field]
     ) -> Any:
-        def do_it(_: object) -> None:
+        def read_and_do() -> None:
             typed = read_all(fields)
             if typed is not None:
-                tried(partial(do, **typed), trouble.say)
+                do(**typed)
 
         color = "primary" if name in FIRST else "default"
         self.buttons[name] = pn.widgets.Button(label=name, color=color, **BUTTON)
-        self.buttons[name].on_click(do_it)
+        self.buttons[name].on_click(lambda _: tried(read_and_do, trouble.say))
         return self.buttons[name]
 
     # --- one breather -----------------------------------------------------------------------------
