@@ -420,7 +420,7 @@ def plot_diagram(
     >>> tree = cb.diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
     >>> ax = plot_diagram(tree).axes
     >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
-    ('$\\mu$', 'x', True)
+    ('$\\\\mu$', 'x', True)
     """
     alone = isinstance(tree, Branch) or not np.iterable(tree)
     branches: list[Any] = [tree] if alone else list(tree)

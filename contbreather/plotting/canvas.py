@@ -156,8 +156,8 @@ class Drawn(list["Artist"]):
     >>> import contbreather as cb
     >>> drawn = cb.plot(cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)}))
     >>> drawn[0].set_linewidth(3.0)
-    >>> drawn.axes.set_ylabel("half the momentum")
-    Text(0, 0.5, 'half the momentum')
+    >>> drawn.axes.set_ylabel("half the momentum").get_text()
+    'half the momentum'
     """
 
     def __init__(self, axes: Any) -> None:

@@ -161,7 +161,7 @@ def plot_spectrum(
     >>> line = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": 1.0}, {"mu": 1.0})
     >>> ax = plot_spectrum(cb.trace(line, "mu", within={"x": (-1, 1)})).axes
     >>> ax.get_xlabel(), ax.get_ylabel()
-    ('$\\mu$', 'Re of eigenvalues')
+    ('$\\\\mu$', 'Re of eigenvalues')
     """
     check_kind(branch, Branch, "a branch")
     if len(branch.curve.free) > 1:
