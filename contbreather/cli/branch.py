@@ -11,12 +11,12 @@ import contbreather as cb
 from contbreather.cli.options import (
     Axes,
     BranchWindow,
+    ModelArguments,
     ModelOptions,
-    ModelParameters,
     StepSizes,
     Whole,
     Window,
-    interval,
+    typed_interval,
 )
 from contbreather.cli.output import (
     Output,
@@ -81,7 +81,7 @@ def point(
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 
 
-def _verdicts(breather: Any, on: ModelParameters, rule: ModelParameters) -> list[Any]:
+def _verdicts(breather: Any, on: ModelArguments, rule: ModelArguments) -> list[Any]:
     """On its own lattice, and by the paper's rule if that was asked for besides."""
     if on.lattice.sites is not None:
         return [breather.stability(threshold=on.threshold)]
@@ -92,7 +92,7 @@ def _verdicts(breather: Any, on: ModelParameters, rule: ModelParameters) -> list
 
 
 def _content(
-    breather: Any, on: ModelParameters, verdicts: list[Any], others: list[Any], sites: int | None
+    breather: Any, on: ModelArguments, verdicts: list[Any], others: list[Any], sites: int | None
 ) -> dict[str, Any]:
     verdict, margins = verdicts[0], breather.admissibility()
     # what goes through a wall is no motion of the lattice, be its linearisation what it may
@@ -182,7 +182,7 @@ def branch(
     traced, cut = until_interrupted(
         cb.continuation.trace, start.problem, start.free, steps=steps, **options
     )
-    leave(traced, "branch", about(traced), into, cut, axes)
+    leave(traced, "branch", curve_entry(traced), into, cut, axes)
 
 
 def boundary(
@@ -220,7 +220,10 @@ def boundary(
     if first == second:
         raise BadInput(f"--pair {first} {second}: two different parameters are expected")
     params = where.need(*(name for name in NEEDED if name not in pair))
-    within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
+    within = {
+        first: typed_interval(first, window, on.reach),
+        second: typed_interval(second, None, {}),
+    }
     options = {**params, **on.given, "within": within, "threshold": where.threshold}
     steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(kind.upper(), pair, **options)
@@ -229,10 +232,10 @@ def boundary(
     curve, cut = until_interrupted(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
-    leave(curve, "curve", about(curve), into, cut, axes)
+    leave(curve, "curve", curve_entry(curve), into, cut, axes)
 
 
-def about(branch: cb.Branch) -> dict[str, Any]:
+def curve_entry(branch: cb.Branch) -> dict[str, Any]:
     """What a branch or a boundary is, for JSON."""
     if branch.problem.beneath is None:
         return {"free": branch.free, **lives_on(branch)}

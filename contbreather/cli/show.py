@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any, Literal
 
 import contbreather as cb
-from contbreather.cli.branch import about, leave
-from contbreather.cli.options import Axes, Span, Whole, interval
+from contbreather.cli.branch import curve_entry, leave
+from contbreather.cli.options import Axes, Span, Whole, typed_interval
 from contbreather.cli.output import (
     Output,
     SavedOutput,
@@ -49,7 +49,7 @@ def show(
     """
     into.check({"RUN": run})
     axes.check(into.output)
-    results = opened(run)
+    results = opened_results(run)
     chosen = results if name is None else {"": results[name]}
     if len(chosen) == 1:
         (result,) = chosen.values()
@@ -93,7 +93,7 @@ def extend(
     """
     from contbreather.continuation.checkpoint import Checkpoint, Inner
 
-    results = opened(run)
+    results = opened_results(run)
     branch, place, key = _chosen(results, name)
     in_place = into.save is None or identity(into.save) == identity(place)
     into = replace(into, save=str(place) if in_place else into.save)
@@ -101,7 +101,7 @@ def extend(
     settings = branch.settings or cb.continuation.settings.Settings()
     within = dict(settings.within)
     if window is not None:
-        within[branch.free] = interval(branch.free, window, {})
+        within[branch.free] = typed_interval(branch.free, window, {})
     steps = settings.steps if most is None else replace(settings.steps, most=most)
     others = dict(cb.Run(place)) if in_place else {}
     file = Checkpoint(into.save or place, key)
@@ -128,7 +128,7 @@ def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     return branch, *run.place(name)
 
 
-def opened(path: str | None) -> cb.Run:
+def opened_results(path: str | None) -> cb.Run:
     """What is on disk; a sentence where nothing is."""
     if path is None:
         raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
@@ -185,11 +185,13 @@ def _as_left(by_name: Mapping[str, Any]) -> tuple[Callable[[], Any], Callable[[]
         return partial(_each, by_name), partial(_stacked, by_name)
     match first:
         case cb.Branch():
-            return lambda: {**about(first), **branch_entry(first)}, partial(branch_table, results)
+            return lambda: {**curve_entry(first), **branch_entry(first)}, partial(
+                branch_table, results
+            )
         case Diagram():
             branches = first.branches
             return partial(switch.diagram_entry, first), partial(branch_table, branches, "branch")
-        case cb.simulation.Run() | cb.simulation.SmoothRun():
+        case cb.simulation.SimulationRun() | cb.simulation.SmoothRun():
             on, summary = first.conditions, summary_of(first)
             params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
             m = getattr(on, "m", None)

@@ -194,7 +194,7 @@ def in_rows(fields: Iterable[Field], across: int) -> Any:
 # --- forms ----------------------------------------------------------------------------------------
 
 
-def card(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
+def titled_box(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
     """A box with a heading."""
     head = pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[WORDS], margin=(0, 5))
     return pn.Column(
@@ -222,7 +222,7 @@ class PageForms:
         below all of it is said why not."""
         trouble = self.troubles[title] = ErrorLabel()
         shown = [self._button(trouble, *p) if isinstance(p, tuple) else p for p in parts]
-        return card(title, *shown, trouble.view)
+        return titled_box(title, *shown, trouble.view)
 
     def _button(
         self, trouble: ErrorLabel, name: str, do: Callable[..., object], fields: Mapping[str, Field]

@@ -27,15 +27,15 @@ from contbreather.explorer.forms import (
     PageForms,
     Words,
     a_count,
-    card,
     offered,
     read_all,
     some_sites,
+    titled_box,
     tried,
 )
 from contbreather.explorer.jobs import fate
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import PageState, names, numbers, verdict, verdicts
+from contbreather.explorer.state import PageState, drawn_columns, names, verdict_in_words, verdicts
 from contbreather.explorer.style import (
     DARK,
     FOCUSED,
@@ -176,8 +176,10 @@ class Page:
             "multipliers": ("Multipliers", self.multipliers.figure),
             "words": ("What it is", self.words.view),
         }  # fmt: skip
-        figures = [card(title, *content, css=[name]) for name, (title, *content) in parts.items()]
-        self.run_card = card("Simulation", self.run.figure, css=["run"])
+        figures = [
+            titled_box(title, *content, css=[name]) for name, (title, *content) in parts.items()
+        ]
+        self.run_card = titled_box("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
             self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
             stylesheets=[STUCK], min_height=40,
@@ -307,7 +309,7 @@ class Page:
         words = explorer.progress or explorer.message
         if not words and chosen is not None:
             words = chosen.title
-            words += "" if chosen.orbit is None else f": {verdict(chosen.orbit)}"
+            words += "" if chosen.orbit is None else f": {verdict_in_words(chosen.orbit)}"
         if explorer.drawing:
             words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
@@ -374,7 +376,7 @@ class Page:
                 view.nothing()
             return
         self.profile.show(orbit)
-        self.motion.show(orbit, new.sites, verdict(orbit))
+        self.motion.show(orbit, new.sites, verdict_in_words(orbit))
         try:
             self.multipliers.show(orbit, new.ring)
         except ContbreatherError as error:
@@ -389,14 +391,14 @@ def _put(slider: Any, value: float, **more: Any) -> None:
 
 
 def _common(state: PageState) -> list[str]:
-    """Columns of numbers that all curves have which are drawn beside the first."""
+    """Columns of drawn_columns that all curves have which are drawn beside the first."""
     curves = [branch for code, branch in state.curves.items() if code not in state.hidden]
     if not curves:
         return ["a", "p"]
     # not of another problem
     alike = [branch for branch in curves if curves[0].free in branch.names]
-    others = [numbers(branch) for branch in alike]
-    return [name for name in numbers(curves[0]) if all(name in other for other in others)]
+    others = [drawn_columns(branch) for branch in alike]
+    return [name for name in drawn_columns(curves[0]) if all(name in other for other in others)]
 
 
 def _described(state: PageState) -> str:
@@ -407,7 +409,7 @@ def _described(state: PageState) -> str:
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        sentences = [("equations", "this curve has none here: only its numbers are known")]
+        sentences = [("equations", "this curve has none here: only its drawn_columns are known")]
     else:
         sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
-from contbreather.explorer.preview import Preview, about, is_of
-from contbreather.explorer.state import Chosen, PageState, on_ring
+from contbreather.explorer.preview import Preview, is_of, model_in_words
+from contbreather.explorer.state import Chosen, PageState, map_on_ring
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
@@ -24,7 +24,7 @@ from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, 
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import impacts_of
 from contbreather.plotting.zones import LINES
-from contbreather.simulation.simulate import Run
+from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
 
 Array = NDArray[Any]
@@ -186,7 +186,7 @@ class ZonesView:
         if wanted.awaited:
             words += f"; {coming} is being computed"
         elif drawn is not None and orbit is not None and not is_of(drawn, orbit):
-            words += f"; chosen: {about(orbit)}"
+            words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
@@ -299,10 +299,12 @@ def _mark(fig: Any, source: ColumnDataSource, marks: Iterable[Any]) -> None:
     # as wide and high as it is in the browser, once that has said so
     properties = fig.properties_with_values(include_defaults=False)
     wide, high = properties.get("inner_width", ROOM[0]), properties.get("inner_height", ROOM[1])
-    source.data = data | spread(wide * across, high * (1.0 - up), data["text"], wide)
+    source.data = data | spread_words(wide * across, high * (1.0 - up), data["text"], wide)
 
 
-def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> dict[str, list[Any]]:
+def spread_words(
+    x: Array, y: Array, words: Sequence[str], wide: float = np.inf
+) -> dict[str, list[Any]]:
     """Words beside points given in pixels, y downwards, that do not cover each other: on whichever
     side there is room, in a figure so wide; where there is none, or the same stands there already,
     the mark has to do, which says what it is under the pointer."""
@@ -441,7 +443,7 @@ class MotionView(OrbitView):
         real = there if size is None else [n % size for n in there]
         self._bound(wall for n in real for wall in orbit.walls.at(n))
 
-    def run(self, name: str, run: Run, fate: str) -> None:
+    def run(self, name: str, run: SimulationRun, fate: str) -> None:
         """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `jobs.simulated`
@@ -500,7 +502,7 @@ class MultipliersView(OrbitView):
     def show(self, orbit: Orbit, ring: int) -> None:
         """Those over a section, half a period of a symmetric orbit: on its own lattice if that is
         finite, otherwise on a ring of so many sites."""
-        finite = on_ring(orbit, ring) if orbit.lattice.sites is None else orbit
+        finite = map_on_ring(orbit, ring) if orbit.lattice.sites is None else orbit
         mu, waves, alone = with_band(finite, None, orbit.symmetric)
         out = alone & (np.abs(mu) > 1.0)
         self.dots.data = {

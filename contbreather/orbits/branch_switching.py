@@ -20,7 +20,7 @@ from contbreather.continuation.point import Event, Examined, Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
-from contbreather.orbits.orbit import Orbit, checked, orbit_at
+from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class OrbitSwitching(SwitchingProblem):
         """As there, for amplitudes at which the solution is a sequence of impacts."""
         problem = super().arm(amplitude, free)
         try:
-            checked(orbit_at(problem))
+            in_order(orbit_at(problem))
         except BadInput as error:
             raise NotConverged(f"no orbit at the amplitude {amplitude:g}: {error}") from error
         return problem

@@ -32,8 +32,8 @@ from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
-from contbreather.orbits.site_motion import phase
+from contbreather.orbits.orbit_problem import OrbitProblem, orbit_problem, ring_label, unstable_by
+from contbreather.orbits.site_motion import time_from_middle
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
@@ -72,7 +72,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(saddle_node(), *events_of(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=_domain(breather),
-        label=f"symmetric breather{on_ring(lattice, threshold)}",
+        label=f"symmetric breather{ring_label(lattice, threshold)}",
         closure=closure,
     )
 
@@ -349,7 +349,7 @@ def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     """Of displacement and velocity at a fixed time, u = a f + p times a `Flight` of that site."""
     breather: SymmetricBreather = orbit.representation
-    y, sign = phase(breather, t)
+    y, sign = time_from_middle(breather, t)
     p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
     place = breather.lattice, breather.gamma, breather.lattice.distance(site)
     rows = []

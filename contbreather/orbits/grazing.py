@@ -25,11 +25,11 @@ from contbreather.orbits.clearance import (
     Clearance,
     closest,
     closest_idle,
-    least,
     least_margin,
-    measure,
+    measured_margins,
     of_flights,
     of_idle,
+    smallest_margins,
     within_a_period,
 )
 from contbreather.orbits.margins import MARGIN, WHEN
@@ -214,7 +214,7 @@ def other_contacts(
         # margins are told apart by the larger of two influences: of those that feel the impacts
         # less the least is enough
         near |= {site, *(n for n in idle if orbit.influence(n) > size)}
-    measured = measure(orbit, idle, near, touching=site, time=t)
+    measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
         same, opposite = measured.rows[-2:, : WHEN + 1].tolist()
@@ -232,7 +232,7 @@ def other_contacts(
 
 def closest_other(orbit: SiteMotion, site: int, t: float, *, mirrored: bool = False) -> Clearance:
     """The one of `other_contacts` with the least margin."""
-    return least(other_contacts(orbit, site, t, mirrored=mirrored))
+    return smallest_margins(other_contacts(orbit, site, t, mirrored=mirrored))
 
 
 # --- an impact that vanishes ----------------------------------------------------------------------

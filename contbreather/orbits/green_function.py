@@ -15,7 +15,7 @@ from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green
 from contbreather.orbits.closure import EPS
-from contbreather.orbits.green_equations import EQUAL, OrbitEquations, Params, equations_of
+from contbreather.orbits.green_equations import EQUAL, OrbitEquations, Params, green_equations_of
 from contbreather.orbits.orbit import Orbit, orbit_of, read_by
 from contbreather.orbits.representation import Impacts, Offsets, Representation
 from contbreather.orbits.section import Impact, Section, check_order
@@ -88,7 +88,7 @@ class GreensFunction:
     @cached_property
     def equations(self) -> OrbitEquations:
         """The equations it solves, as functions of all unknowns and parameters."""
-        return equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
+        return green_equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
 
     @cached_property
     def x(self) -> FloatArray:

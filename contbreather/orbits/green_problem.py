@@ -26,7 +26,7 @@ from contbreather.orbits.grazing import GrazingSite, solution_at
 from contbreather.orbits.green_equations import EQUAL, NAMES, AsymmetricEquations, OrbitEquations
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_of
-from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblem, orbit_problem, ring_label, unstable_by
 from contbreather.orbits.site_motion import Terms
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.stability.verdict import THRESHOLD, check_threshold
@@ -126,7 +126,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        label=f"asymmetric breather{on_ring(orbit.lattice, threshold)}",
+        label=f"asymmetric breather{ring_label(orbit.lattice, threshold)}",
     )
 
 

@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Matrix, Vector, fixed, inlined
-from contbreather.lattice.free_flight import Responses, response
+from contbreather.lattice.free_flight import Responses, response_since
 
 OFFSET, LOW, HIGH = range(3)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
@@ -77,7 +77,9 @@ def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float
     u, v, w = motion.places[site, OFFSET] + motion.a * f, motion.a * df, motion.a * d2f
     for j in range(responses.which.shape[1]):
         J = motion.impacts[IMPULSE, j]
-        h, dh, d2h, _ = response(responses, responses.which[site, j], t - motion.impacts[TIME, j])
+        h, dh, d2h, _ = response_since(
+            responses, responses.which[site, j], t - motion.impacts[TIME, j]
+        )
         u, v, w = u + J * h, v + J * dh, w + J * d2h
     if motion.modes.z.size > 0:
         y, dy, d2y = free(motion, site, t)
@@ -102,13 +104,13 @@ def free(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
     u = v = w = 0.0
     for j in range(modes.z.size):
         z, e = modes.z[j], flip * modes.shapes[site, j]
-        C, S, dS = propagator(z, modes.damping, since - modes.starts[i])
+        C, S, dS = mode_solutions(z, modes.damping, since - modes.starts[i])
         y, dy = C * modes.q[i, j] + S * modes.r[i, j], dS * modes.r[i, j] - z * S * modes.q[i, j]
         u, v, w = u + e * y, v + e * dy, w - e * (z * y + modes.damping * dy)
     return u, v, w
 
 
-def propagator(z: float, damping: float, t: float) -> tuple[float, float, float]:
+def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
     """C, S and S' of a mode, the solutions that start with (1, 0) and (0, 1); S is finite at z = 0,
     and overdamped modes neither overflow nor cancel."""
     x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
@@ -137,7 +139,7 @@ def on_grid(motion: Motion, site: int, p: int, points: int) -> float:
     return site_state(motion, site, motion.start + motion.length / points * p)[0]
 
 
-def bound(motion: Motion, site: int) -> float:
+def largest_displacement(motion: Motion, site: int) -> float:
     """No less than the largest displacement of a site."""
     if motion.modes.z.size > 0:
         return math.inf

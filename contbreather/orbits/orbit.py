@@ -24,7 +24,7 @@ from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import finite
 from contbreather.orbits.clearance import Admissibility, clearance
-from contbreather.orbits.periodic_motion import PeriodicMotion
+from contbreather.orbits.periodic_motion import OrbitBase
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
@@ -45,7 +45,7 @@ ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
 
 
 @dataclass(frozen=True, repr=False)
-class Orbit(PeriodicMotion, HtmlRepr):
+class Orbit(OrbitBase, HtmlRepr):
     """A periodic orbit with impacts: what a point of its branch is physically.
 
     Built by `symmetric`, `asymmetric`, `shooting`, `multibreather`, or from values, `orbit_of`.
@@ -372,11 +372,11 @@ def orbit_of(
 def _settled(problem: Problem) -> Orbit:
     solved, solution = problem.solve(tolerance=1e-11)
     orbit = orbit_at(solved)
-    checked(orbit, solution.iterations)  # not all that solves the equations is an orbit
+    in_order(orbit, solution.iterations)  # not all that solves the equations is an orbit
     return orbit
 
 
-def checked(orbit: Orbit, iterations: int | None = None) -> None:
+def in_order(orbit: Orbit, iterations: int | None = None) -> None:
     """`NotConverged` where what solves the equations has impacts out of order, or with a site that
     moves away from the wall it should hit."""
 

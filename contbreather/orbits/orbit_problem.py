@@ -112,7 +112,7 @@ def orbit_problem(
     )
 
 
-def on_ring(lattice: Any, threshold: float) -> str:
+def ring_label(lattice: Any, threshold: float) -> str:
     """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
     sites = lattice.sites
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"

@@ -37,7 +37,7 @@ class Hit(NamedTuple):
     acceleration: float
 
 
-class PeriodicMotion:
+class OrbitBase:
     """What every `Orbit` is, see there."""
 
     representation: Any  # with what it knows besides: p and b of a closed form, modes, ...

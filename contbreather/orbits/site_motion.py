@@ -212,7 +212,7 @@ class ClosedFormMotion(ChainMotion):
         return _alike(self.forcing), responses, _NO_MODES
 
 
-def phase(breather: Any, t: float) -> tuple[float, float]:
+def time_from_middle(breather: Any, t: float) -> tuple[float, float]:
     """Time from the middle of the flight, and its sign."""
     flights = math.floor((t - breather.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
     sign = -1.0 if flights % 2 else 1.0

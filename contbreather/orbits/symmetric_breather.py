@@ -24,7 +24,7 @@ from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ClosedFormMotion, Terms, phase
+from contbreather.orbits.site_motion import ClosedFormMotion, Terms, time_from_middle
 from contbreather.parameters import parameter
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ class SymmetricBreather:
 
     def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site at one time."""
-        (y, sign), (f, df, d2f) = phase(self, t), self.forcing.motion(t)
+        (y, sign), (f, df, d2f) = time_from_middle(self, t), self.forcing.motion(t)
         (u, v, w), a, p = self.flight(site).at(y), self.a, sign * self.p
         return a * f + p * u, a * df + p * v, a * d2f + p * w
 

@@ -31,7 +31,7 @@ from contbreather.orbits.closure import folds
 from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
-from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
+from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots, is_meeting
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -228,7 +228,7 @@ class Search:
     def _breathers(self, x: float, y: float) -> list[Orbit]:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        breathers = admissible(values, **self.model)
+        breathers = admissible_roots(values, **self.model)
         return [b for b in breathers if self.past_folds or family_of(b) == "upper"]
 
     def _follow(self, point: Point, shown: Counter) -> None:

@@ -70,7 +70,7 @@ class Arc(NamedTuple):
     C: Any
 
 
-def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
+def wave_frequency(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
     """nu, the frequency of the wave ``theta = 2 alpha``."""
     sine = 2.0 * np.sqrt(gamma) * np.sin(alpha)
     return np.sqrt(spring + sine * sine) if spring else sine
@@ -78,7 +78,7 @@ def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
 
 def sample(gamma: float, alpha: Array, spring: float = 0.0) -> Arc:
     """R, B, C at ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
-    nu = angle(gamma, alpha, spring)
+    nu = wave_frequency(gamma, alpha, spring)
     # v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2), without a difference next to either edge
     v = 4.0 * gamma * np.sin(alpha) * np.cos(alpha)
     return Arc(alpha, nu, v, *regular(gamma, nu, None, spring))
@@ -460,7 +460,7 @@ def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> Ov
     i = np.concatenate([gain_at, growth_at])
     kind = np.repeat([False, True], [gain_at.size, growth_at.size])
     value, alpha = _zoom(gamma, k, b, spring, arc.alpha[i - 1], arc.alpha[i + 1], kind)
-    nu = angle(gamma, alpha, spring)
+    nu = wave_frequency(gamma, alpha, spring)
     best = int(value[~kind].argmax())
     most = gain_at.size + int(value[kind].argmax())
     return OverReflection(

@@ -19,12 +19,12 @@ from contbreather.stability.arc import (
     over_reflects,
     window,
 )
-from contbreather.stability.characteristic import D, D_gradient, Gradient, checked
+from contbreather.stability.characteristic import D, D_gradient, Gradient, checked_chain
 from contbreather.stability.counting import (
     Count,
     closest_approach,
+    count_on_chain,
     ends_of,
-    outside,
     unstable_count,
     unstable_multipliers,
 )
@@ -53,7 +53,7 @@ class HalfMap:
     lattice: Any = InfiniteChain()
 
     def __post_init__(self) -> None:
-        checked(0.0, self.lattice)
+        checked_chain(0.0, self.lattice)
 
     @property
     def period(self) -> float:
@@ -129,7 +129,7 @@ class HalfMap:
         """How many multipliers are outside: isolated ones on the infinite chain, of a ring those
         beyond a threshold over the period."""
         if self.lattice.sites is None:
-            return outside(self.gamma, self.k, self.b, self.lattice)
+            return count_on_chain(self.gamma, self.k, self.b, self.lattice)
         radius = math.sqrt(threshold)
         return unstable_count(self.gamma, self.k, self.b, self.lattice, radius=radius).count
 

@@ -383,7 +383,7 @@ def test_words_in_a_crowd_do_not_cover_each_other_and_none_stands_twice() -> Non
     x[20], y[20] = x[3] + 2.0, y[3]
     words = [f"PF{i % 20}" for i in range(40)]  # number 20 is number 0 again, at another place
     words[20] = words[3]
-    found = views.spread(x, y, words)
+    found = views.spread_words(x, y, words)
     shown = [i for i, word in enumerate(found["text"]) if word]
     left, base = x + found["dx"], y + found["dy"]
     for i, j in itertools.combinations(shown, 2):
@@ -396,12 +396,12 @@ def test_words_in_a_crowd_do_not_cover_each_other_and_none_stands_twice() -> Non
 
 
 def test_a_word_alone_stands_to_the_upper_right() -> None:
-    assert views.spread(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
+    assert views.spread_words(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
         "text": ["LP1"], "dx": [7.0], "dy": [-5.0],
     }  # fmt: skip
 
 
 def test_a_word_stays_inside_the_figure() -> None:
-    place = views.spread(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
+    place = views.spread_words(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
     assert place["text"] == ["LP1"]
     assert place["dx"][0] < 0.0
