@@ -84,7 +84,7 @@ __all__ = front(__name__, breathers="orbits", dynamics="simulation")
 
 def _card(value: object) -> str:
     """A value as a notebook shows it; what draws it is loaded then."""
-    return str(import_module(f"{__name__}.plotting.cards").card(value))
+    return str(import_module(f"{__name__}.plotting.pictures").card(value))
 
 
 HtmlRepr.painter = _card

@@ -275,21 +275,21 @@ def data_of(ax) -> np.ndarray:
     return np.concatenate([np.stack(line.get_data(), 1) for line in ax.get_lines()])
 
 
-def test_picture_of_a_branch_is_that_of_its_columns(run, pictures) -> None:
-    out = run("branch --free gamma --a 0.2 --k 0.8 -o b.png --json")[1]
-    columns = json.loads(out)["columns"]
+@pytest.mark.parametrize(
+    ("line", "x", "y", "labels"),
+    [
+        ("branch --free gamma --a 0.2 --k 0.8", "gamma", "p", (r"$\gamma$", "$p$")),
+        ("boundary PF --k 0.8", "gamma", "a", (r"$\gamma$", "$a$")),
+    ],
+)
+def test_picture_of_a_curve_is_that_of_its_columns(
+    run, pictures, line: str, x: str, y: str, labels: tuple[str, str]
+) -> None:
+    columns = json.loads(run(f"{line} -o b.png --json")[1])["columns"]
     (ax,) = pictures[0].axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$p$")
-    for gamma, p in list(zip(columns["gamma"], columns["p"], strict=True))[::5]:
-        assert np.abs(data_of(ax) - (gamma, p)).max(axis=1).min() < 1e-9
-
-
-def test_picture_of_a_boundary_is_in_its_pair(run, pictures) -> None:
-    columns = json.loads(run("boundary PF --k 0.8 -o b.png --json")[1])["columns"]
-    (ax,) = pictures[0].axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
-    for gamma, a in list(zip(columns["gamma"], columns["a"], strict=True))[::7]:
-        assert np.abs(data_of(ax) - (gamma, a)).max(axis=1).min() < 1e-9
+    assert (ax.get_xlabel(), ax.get_ylabel()) == labels
+    for place in list(zip(columns[x], columns[y], strict=True))[::5]:
+        assert np.abs(data_of(ax) - place).max(axis=1).min() < 1e-9
 
 
 def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictures) -> None:

@@ -62,6 +62,8 @@ POINT --set c=lots >> NAME=VALUE was expected
 POINT --set =1 >> NAME=VALUE was expected
 POINT --sites 0 >> sites = .*: a whole number, at least 1
 POINT --sites many >> many is not a whole number
+POINT --sites 2.5 >> 2\.5 is not a whole number
+POINT --root 1.5 >> 1\.5 is not a whole number
 POINT --threshold 1.005 >> --threshold needs --sites
 BRANCH --threshold 1.01 >> --threshold needs --sites
 boundary LP --k 0.8 --threshold 1.01 >> --threshold needs --sites
@@ -162,6 +164,8 @@ SWITCH --sites 0 >> sites = .*: a whole number, at least 1
 SWITCH --a 0.4 --window 0.5 0.9 >> outside of the window
 SWITCH --csv nowhere/a.csv >> there is no directory nowhere
 SWITCH --csv a.svg --output a.svg >> --csv and --output both name
+SWITCH --sites 7.5 >> 7\.5 is not a whole number
+DIAGRAM --depth 1.2 >> 1\.2 is not a whole number
 DIAGRAM --depth -1 >> depth = -1: a whole number, at least 0
 DIAGRAM --most 0 >> most = 0: a whole number, at least 1
 diagram --gamma 0.04 --k 0.8 >> --free is missing

@@ -19,7 +19,7 @@ import contbreather as cb
 from contbreather import progress
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import KINDS, Zones
-from contbreather.plotting import cards, plot_orbit, style
+from contbreather.plotting import pictures, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, GREY
 from contbreather.simulation import (
     Axis,
@@ -108,7 +108,7 @@ def table_of(shown: str) -> list[list[str]]:
 
 @pytest.fixture
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cards, "inline", lambda draw: "")
+    monkeypatch.setattr(pictures, "inline", lambda draw: "")
 
 
 def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> None:
@@ -179,9 +179,9 @@ def test_of_a_long_table_the_first_rows_are_shown_and_the_rest_is_counted(withou
 
 @pytest.mark.parametrize("more", [-1, 0, 1, 2])
 def test_one_row_beyond_a_table_is_counted_and_none_is_not(more: int) -> None:
-    rows = [(f"row {i}", "1") for i in range(cards.MOST + more)]
-    shown = Sheet.of(rows).html(most=cards.MOST)
-    assert shown.count("<tr>") == min(len(rows), cards.MOST)
+    rows = [(f"row {i}", "1") for i in range(pictures.MOST + more)]
+    shown = Sheet.of(rows).html(most=pictures.MOST)
+    assert shown.count("<tr>") == min(len(rows), pictures.MOST)
     assert shown.endswith(f"<p>and {more} more</p>" if more > 0 else "</table>")
 
 

@@ -307,6 +307,8 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
 @pytest.mark.parametrize(
     ("draw", "sentence"),
     [
+        (lambda b, z: plot(b, x="b"), "no column 'b'; this branch has"),
+        (lambda b, z: plot(), "at least one branch"),
         (lambda b, z: plot(b, z), "only branches are drawn together, or zones; a Zones was"),
         (lambda b, z: plot(z, y="p"), "y says nothing of the picture of a Zones"),
         (lambda b, z: plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),
@@ -347,13 +349,6 @@ def test_plot_draws_several_zones_beside_each_other(diagram: Zones) -> None:
 
 def test_a_branch_alone_is_drawn_as_a_diagram(in_a: Branch) -> None:
     assert curves(plot_diagram(in_a, y="p").axes)
-
-
-def test_unknown_column_is_refused_with_the_known_ones(in_a: Branch) -> None:
-    with pytest.raises(BadInput, match=r"no column 'b'; this branch has"):
-        plot(in_a, x="b")
-    with pytest.raises(BadInput, match="at least one branch"):
-        plot()
 
 
 # --- zones --------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from contbreather.plotting import (
     plot_profile,
     plot_spectrum,
 )
-from contbreather.plotting.cards import card
+from contbreather.plotting.pictures import card
 
 MOST = 0.5
 

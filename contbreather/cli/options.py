@@ -11,7 +11,7 @@ from unicodedata import normalize
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.output import OWN, inform
+from contbreather.cli.output import OWN, inform, model_entry
 from contbreather.errors import BadInput
 from contbreather.parameters import CHOICES, NAMES, NEEDED, NUMBERS, window_of
 
@@ -127,8 +127,9 @@ class LatticeOptions:
             if name not in names:
                 raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
         threshold = THRESHOLD if self.threshold is None else self.threshold
-        more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
-        return ModelArguments(lattice, threshold, forcing, more)
+        walls = walls_by(self.walls, lattice.sites)
+        given = {"lattice": lattice, "forcing": forcing, "site": self.site, "walls": walls}
+        return ModelArguments(lattice, threshold, given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,17 +196,11 @@ class ZoneOptions(LatticeOptions):
 
 
 class ModelArguments(NamedTuple):
-    """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""
+    """What a breather lives on: its lattice with a threshold, and all as `symmetric` takes it."""
 
     lattice: Any
     threshold: float
-    forcing: cb.lattice.Forcing
-    more: dict[str, Any]
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """As `symmetric` takes it."""
-        return {"lattice": self.lattice, "forcing": self.forcing, **self.more}
+    given: dict[str, Any]
 
     @property
     def reach(self) -> dict[str, Span]:
@@ -219,20 +214,8 @@ class ModelArguments(NamedTuple):
         """For JSON."""
         from contbreather.lattice.conditions import Walls
 
-        walls = Walls.given(self.more["walls"])
-        return model_entry(self.forcing, self.lattice, self.threshold, self.more["site"], walls)
-
-
-def model_entry(
-    forcing: cb.lattice.Forcing, lattice: Any, threshold: float, site: int, walls: Any
-) -> dict[str, Any]:
-    """What a breather lives on for JSON; of the infinite chain the forcing alone."""
-    about: dict[str, Any] = {"forcing": forcing.describe()}
-    if lattice.sites is not None:
-        about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
-        pairs = dict(walls.own) or walls.of_all
-        about |= {"site": site, "walls": None if pairs == (-1.0, 1.0) else pairs}
-    return about
+        given, walls = self.given, Walls.given(self.given["walls"])
+        return model_entry(given["forcing"], self.lattice, self.threshold, given["site"], walls)
 
 
 def _assignment(text: str) -> tuple[str, float]:
@@ -407,7 +390,3 @@ class Start(NamedTuple):
                 f"the paper's {THRESHOLD}; leave it out"
             )
         return self.problem if self.on.lattice.sites is None else cb.shooting(self.breather)
-
-    def entry(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"free": self.free, **self.on.entry()}

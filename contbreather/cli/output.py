@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
 ENDLESS = 100_000
-Table = tuple[Iterable[Mapping[str, Any]], Sequence[str]]  # rows, and the columns to write
+Table = tuple[Sequence[str], Iterable[Sequence[Any]]]  # the names of columns, and the rows
 CUT = "interrupted: cut short"
 BOTH = 1e-6  # of two margins that vanish together
 
@@ -74,14 +74,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def to_csv(
-    path: str, rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, cut: bool = False
-) -> Path:
-    """Rows under their columns. What was cut short by Ctrl-C says so in a last line."""
-    cells = ([row.get(name) for name in columns] for row in rows)
-    return write_csv(path, columns, cells, CUT if cut else "")
-
-
 def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
     """Draw and write; what was cut short by Ctrl-C says so above."""
     drawn = draw()
@@ -94,7 +86,7 @@ def to_figure(path: str, draw: Callable[[], Any], *, cut: bool = False) -> Path:
 def table_of(columns: Mapping[str, Any]) -> Table:
     """Columns as rows, for CSV."""
     plain = [array.tolist() if hasattr(array, "tolist") else array for array in columns.values()]
-    return (dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True)), list(columns)
+    return list(columns), zip(*plain, strict=True)
 
 
 def sentences(lines: Iterable[str]) -> list[str]:
@@ -166,7 +158,8 @@ class Output:
         """Files first, then one JSON object, or lines for people; each made where it is wanted."""
         written = [] if self.kept is None else [self.kept]
         if self.csv is not None:
-            written.append(str(to_csv(self.csv, *table(), cut=cut)))
+            # what was cut short by Ctrl-C says so in a last line
+            written.append(str(write_csv(self.csv, *table(), CUT if cut else "")))
         if self.output is not None:
             written.append(str(to_figure(self.output, draw, cut=cut)))
         if self.json:
@@ -228,28 +221,23 @@ def number_columns(branch: cb.Branch) -> list[str]:
 OWN = ("arclength", "residual")  # columns that points have as attributes
 
 
-def branch_table(
-    branches: Sequence[cb.Branch], tag: str = "", first: int = 0
-) -> tuple[Iterator[dict[str, Any]], list[str]]:
+def branch_table(branches: Sequence[cb.Branch], tag: str = "", first: int = 0) -> Table:
     """One row for each point, in order along each branch, with its label; and the columns. Under
     `tag` the branches are numbered."""
     names = dict.fromkeys(name for branch in branches for name in number_columns(branch))
-    rows = (
-        {tag: number, **row}
-        for number, branch in enumerate(branches, start=first)
-        for row in _rows(branch)
-    )
-    return rows, [*filter(None, [tag]), *names, "label"]
+    columns = [*filter(None, [tag]), *names, "label"]
 
+    def rows() -> Iterator[list[Any]]:
+        for number, branch in enumerate(branches, start=first):
+            own, cells = table_of({name: branch[name] for name in number_columns(branch)})
+            counts = [name for name in branch.problem.record if name in own]
+            for point, values in zip(branch, cells, strict=True):
+                row = {tag: number, **dict(zip(own, values, strict=True)), "label": point.label}
+                if point.kind:  # no count where rounding decides it, as in tables
+                    row |= {name: point.shown(name) for name in counts}
+                yield [row.get(name) for name in columns]
 
-def _rows(branch: cb.Branch) -> Iterator[dict[str, Any]]:
-    rows, names = table_of({name: branch[name] for name in number_columns(branch)})
-    counts = [name for name in branch.problem.record if name in names]
-    for point, values in zip(branch, rows, strict=True):
-        row = {**values, "label": point.label}
-        if point.kind:  # no count where rounding decides it, as in tables
-            row |= {name: point.shown(name) for name in counts}
-        yield row
+    return columns, rows()
 
 
 def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
@@ -265,6 +253,30 @@ def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
         **({"parent": point.parent.label} if point.parent else {}),
         **{name: value for name, value in point.detail.items() if name not in numbers},
     }
+
+
+def model_entry(
+    forcing: cb.lattice.Forcing, lattice: Any, threshold: float, site: int, walls: Any
+) -> dict[str, Any]:
+    """What a breather lives on for JSON; of the infinite chain the forcing alone."""
+    about: dict[str, Any] = {"forcing": forcing.describe()}
+    if lattice.sites is not None:
+        about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
+        pairs = dict(walls.own) or walls.of_all
+        about |= {"site": site, "walls": None if pairs == (-1.0, 1.0) else pairs}
+    return about
+
+
+def lives_on(branch: cb.Branch) -> dict[str, Any]:
+    """The same of the breathers of a branch; nothing of a problem of one's own."""
+    from contbreather.orbits.orbit_problem import OrbitProblem
+
+    problem: Any = branch[0].base_point.curve.problem
+    if not isinstance(problem, OrbitProblem):
+        return {}
+    (site, _), *_ = problem.section.impacts
+    on = problem.conditions
+    return model_entry(on.forcing, on.lattice, problem.threshold, site, on.walls)
 
 
 def branch_entry(branch: cb.Branch) -> dict[str, Any]:

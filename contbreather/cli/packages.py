@@ -42,7 +42,8 @@ def figure(number: str | None = None, *, into: Output = Output()) -> None:
     content: dict[str, Any] = {"figure": int(number), "caption": drawing.caption, "rows": rows}
     if hasattr(drawing, "numbers"):  # what the caption's verdict is made of
         content["numbers"] = drawing.numbers
-    into.leave(lambda: content, [drawing.caption], lambda: (rows, list(rows[0])), drawing.draw)
+    table = list(rows[0]), [[row.get(name) for name in rows[0]] for row in rows]
+    into.leave(lambda: content, [drawing.caption], lambda: table, drawing.draw)
 
 
 def explore(

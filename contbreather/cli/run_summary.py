@@ -5,6 +5,7 @@ A run and its verdict are two steps: what took long to simulate is on disk befor
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -88,12 +89,9 @@ def judged(summary: RunSummary) -> RunSummary:
 
 def _counted(tables: Iterable[Any]) -> dict[int, int]:
     """Impacts of each site that has any."""
-    import numpy as np
-
-    counts: dict[int, int] = {}
+    counts = Counter[int]()
     for table in tables:
-        for site, count in zip(*np.unique(table["site"], return_counts=True), strict=True):
-            counts[int(site)] = counts.get(int(site), 0) + int(count)
+        counts.update(table["site"].tolist())
     return dict(sorted(counts.items()))
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal
 
 import contbreather as cb
-from contbreather.cli.branch import leave
-from contbreather.cli.options import Axes, Span, Whole, model_entry, typed_interval
+from contbreather.cli.branch import curve_entry, leave
+from contbreather.cli.options import Axes, Span, Whole, typed_interval
 from contbreather.cli.output import (
     Output,
     SavedOutput,
@@ -17,6 +18,7 @@ from contbreather.cli.output import (
     branch_entry,
     branch_table,
     lines_of,
+    lives_on,
     point_entry,
     table_of,
 )
@@ -51,13 +53,13 @@ def show(
     chosen = results if name is None else {"": results[name]}
     if len(chosen) == 1:
         (result,) = chosen.values()
-        lines, about = _lines(result), _entry(result)
+        lines, what = _lines(result), _entry(result)
     else:
-        lines, about = iter([results.table()]), {}
+        lines, what = iter([results.table()]), {}
     into.leave(
-        lambda: {"path": str(results.path), **about, **_content(chosen)},
+        lambda: {"path": str(results.path), **what, **_as_left(chosen)[0]()},
         lines,
-        lambda: _table_of(chosen),
+        lambda: _as_left(chosen)[1](),
         lambda: _drawn(chosen, axes),
     )
 
@@ -167,63 +169,49 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
-def _what(by_name: Mapping[str, Any]) -> str:
-    """The command that leaves such results; nothing where several have."""
+def _as_left(by_name: Mapping[str, Any]) -> tuple[Callable[[], Any], Callable[[], Table]]:
+    """Results for JSON and for CSV: as the command that leaves such makes them, those of several
+    commands each by its name."""
+    from contbreather.cli import simulate, switch, zones
     from contbreather.continuation.diagram import Diagram
 
     results = list(by_name.values())
+    first: Any = results[0]
     if all(isinstance(result, cb.orbits.Zones) and any(result) for result in results):
-        return "zones"
+        return partial(zones.zones_entry, results), partial(zones.curves_table, results)
     if all(re.fullmatch(r"arm\d+", name) and _is_arm(result) for name, result in by_name.items()):
-        return "switch"
+        return partial(switch.arms_entry, results), partial(branch_table, results, "arm", 1)
     if len(results) > 1:
-        return ""
-    match results[0]:
+        return partial(_each, by_name), partial(_stacked, by_name)
+    match first:
         case cb.Branch():
-            return "branch" if results[0].problem.beneath is None else "boundary"
+            return lambda: {**curve_entry(first), **branch_entry(first)}, partial(
+                branch_table, results
+            )
         case Diagram():
-            return "diagram"
+            branches = first.branches
+            return partial(switch.diagram_entry, first), partial(branch_table, branches, "branch")
         case cb.simulation.SimulationRun() | cb.simulation.SmoothRun():
-            return "simulate"
-    return ""
+            on, summary = first.conditions, summary_of(first)
+            params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
+            m = getattr(on, "m", None)
+            table = partial(simulate.strobe_table, summary)
+            return lambda: simulate.content(judged(summary), params, m), table
+    return partial(_special, first), partial(_stacked, by_name)
 
 
 def _is_arm(result: Any) -> bool:
     """Whether it left a branch of breathers."""
-    return isinstance(result, cb.Branch) and result[0].parent is not None and bool(_model(result))
+    return isinstance(result, cb.Branch) and result[0].parent is not None and bool(lives_on(result))
 
 
-def _content(by_name: Mapping[str, Any]) -> dict[str, Any]:
-    """For JSON, as by the command that computed it; of results of several commands each."""
-    from contbreather.cli import simulate, switch, zones
+def _each(by_name: Mapping[str, Any]) -> dict[str, Any]:
+    entries = {name: _entry(one) | _as_left({"": one})[0]() for name, one in by_name.items()}
+    return {"results": entries}
 
-    results = list(by_name.values())
-    first: Any = results[0]
-    match _what(by_name):
-        case "zones":
-            entries = [zones.diagram_entry(diagram) for diagram in results]
-            return {**_model(next(branch for _, branch in first)), "zones": entries}
-        case "switch":
-            about = {"free": first.free, **_model(first), "at": point_entry(first[0].parent)}
-            return {**about, "arms": [switch.arm_entry(arm) for arm in results]}
-        case "diagram":
-            return {"free": first[0].free, **_model(first[0]), **switch.diagram_entry(first)}
-        case "branch":
-            return {"free": first.free, **_model(first), **branch_entry(first)}
-        case "boundary":
-            kind, pair = first.problem.label.partition(" ")[0], first.curve.varied
-            return {"curve": kind, "pair": pair, **_model(first), **branch_entry(first)}
-        case "simulate":
-            on = first.conditions
-            params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
-            return simulate.content(judged(summary_of(first)), params, getattr(on, "m", None))
-    if len(by_name) > 1:
-        return {
-            "results": {
-                name: _entry(result) | _content({"": result}) for name, result in by_name.items()
-            }
-        }
-    special = [point_entry(point) for point in getattr(first, "special", ())]
+
+def _special(result: Any) -> dict[str, Any]:
+    special = [point_entry(point) for point in getattr(result, "special", ())]
     return {"special": special} if special else {}
 
 
@@ -234,35 +222,11 @@ def _entry(result: Any) -> dict[str, Any]:
     return {"kind": type(result).__name__, "description": _described(result)}
 
 
-def _model(branch: cb.Branch) -> dict[str, Any]:
-    """What the breathers of a branch live on; nothing of a problem of one's own."""
-    from contbreather.orbits.orbit_problem import OrbitProblem
-
-    problem: Any = branch[0].base_point.curve.problem
-    if not isinstance(problem, OrbitProblem):
-        return {}
-    (site, _), *_ = problem.section.impacts
-    on = problem.conditions
-    return model_entry(on.forcing, on.lattice, problem.threshold, site, on.walls)
-
-
-def _table_of(by_name: Mapping[str, Any]) -> Table:
-    """Rows and columns for CSV, as by the command that computed them, or all below each other."""
-    from contbreather.cli import simulate, zones
+def _stacked(by_name: Mapping[str, Any]) -> Table:
+    """All columns, below each other."""
     from contbreather.columns import stacked
 
     results = list(by_name.values())
-    match _what(by_name):
-        case "zones":
-            return zones.curves_table(results)
-        case "switch":
-            return branch_table(results, "arm", 1)
-        case "diagram":
-            return branch_table(results[0].branches, "branch")
-        case "branch" | "boundary":
-            return branch_table(results)
-        case "simulate":
-            return simulate.strobe_table(summary_of(results[0]))
     if not all(hasattr(result, "columns") for result in results):
         raise BadInput("--csv: a point has no columns; name what it is on")
     if len(by_name) > 1:

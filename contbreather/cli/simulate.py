@@ -21,7 +21,6 @@ from contbreather.cli.output import (
     printed,
     say,
     sentences,
-    to_csv,
     to_figure,
     to_json,
 )
@@ -35,14 +34,13 @@ from contbreather.cli.run_summary import (
     summary_of,
 )
 from contbreather.errors import BadInput
-from contbreather.files import read_text, write_whole
+from contbreather.files import read_text, write_csv, write_whole
 from contbreather.parameters import NEEDED
 from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from contbreather.progress import Bar
     from contbreather.simulation.smooth import SmoothRun
 
 SITES = 20  # the paper's ring
@@ -123,30 +121,24 @@ class RunOptions:
 
         # also before the first period: on long rings and dense lattices the breather takes a while
         with Bar(None, int(length_of(self.periods, 0))) as bar:
-            return self._simulate(where, bar)
-
-    def _simulate(self, where: ModelOptions, bar: Bar) -> RunSummary:
-        values, on = where.need(*NEEDED), where.on()
-        lattice = None if on.lattice.sites is None else on.lattice
-        state, t0 = (
-            self._read(where, lattice) if self.start is not None else _breather(where, on, lattice)
-        )
-        shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.forcing, "t0": t0}
-        shared["progress"] = bar
-        if self.smooth is not None:
-            smooth: dict[str, Any] = {"m": self.smooth, "periods": self.periods}
-            return summary_of(
-                cb.simulation.simulate_smooth(self._pushed(state), **smooth, **shared)
+            values, on = where.need(*NEEDED), where.on()
+            lattice = None if on.lattice.sites is None else on.lattice
+            state, t0 = (
+                _breather(where, on, lattice) if self.start is None else self._read(where, lattice)
             )
-        shared |= {"walls": on.more["walls"]}
-        if self.stream is not None:
-            recording = cb.simulation.record(
-                self.stream, self._pushed(state), periods=int(self.periods), **shared
-            )
-            return summary_in(recording, int(self.periods), where.site)
-        shared |= {"noise": self.noise, "seed": self.seed}
-        run = cb.simulate(self._pushed(state), periods=self.periods, **shared)
-        return summary_of(run, where.site)
+            pushed = self._pushed(state)
+            shared: dict[str, Any] = {**values, "lattice": lattice, "forcing": on.given["forcing"]}
+            shared |= {"t0": t0, "progress": bar}
+            if self.smooth is not None:
+                shared |= {"m": self.smooth, "periods": self.periods}
+                return summary_of(cb.simulation.simulate_smooth(pushed, **shared))
+            shared["walls"] = on.given["walls"]
+            if self.stream is not None:
+                count = int(self.periods)
+                recording = cb.simulation.record(self.stream, pushed, periods=count, **shared)
+                return summary_in(recording, count, where.site)
+            shared |= {"noise": self.noise, "seed": self.seed, "periods": self.periods}
+            return summary_of(cb.simulate(pushed, **shared), where.site)
 
     def _read(self, where: ModelOptions, lattice: Any) -> tuple[Any, float]:
         """The state in a file, and its time."""
@@ -238,7 +230,10 @@ def simulate(
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
         if rows := list(_rows(summary, options)):
             say(Sheet.of(rows), aside=aside)
-        say(*_sentences(summary), *(f"Wrote {path}." for path in written), aside=aside)
+        lines = [summary.reason]
+        if summary.interrupted or summary.stop != "went through all its periods":
+            lines.append(summary.stop)
+        say(*sentences(lines), *(f"Wrote {path}." for path in written), aside=aside)
     end(summary.interrupted)
 
 
@@ -253,9 +248,10 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         cb.save(into.save, run=summary.run)
         yield into.save
     if into.csv is not None:
-        yield to_csv(into.csv, *strobe_table(summary))
+        yield write_csv(into.csv, *strobe_table(summary))
     if options.impacts is not None:
-        yield to_csv(options.impacts, _impacts(summary), IMPACTS)
+        rows = (row for chunk in summary.chunks() for row in chunk.impacts.tolist())
+        yield write_csv(options.impacts, IMPACTS, rows)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
 
@@ -270,10 +266,10 @@ def write_state(path: str, state: cb.simulation.State, t: float) -> Path:
 def strobe_table(summary: RunSummary) -> Table:
     """A row for each stroboscopic state, and the columns."""
     names = [f"{name}_{n}" for name in "uv" for n in range(summary.run.sites)]
-    return _strobes(summary), ["period", "time", *names]
+    return ["period", "time", *names], _strobes(summary)
 
 
-def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
+def _strobes(summary: RunSummary) -> Iterator[list[float]]:
     """One row for each stroboscopic state; those of a stream are read piece by piece."""
     import numpy as np
 
@@ -286,16 +282,7 @@ def _strobes(summary: RunSummary) -> Iterator[dict[str, float]]:
     for first_period, u, v in chain([start], later):
         for i in range(len(u)):
             period = first_period + i
-            row = {"period": period, "time": t0 + PERIOD * period}
-            row |= {f"u_{n}": float(x) for n, x in enumerate(u[i])}
-            row |= {f"v_{n}": float(x) for n, x in enumerate(v[i])}
-            yield row
-
-
-def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
-    for chunk in summary.chunks():
-        for row in chunk.impacts.tolist():
-            yield dict(zip(IMPACTS, row, strict=True))
+            yield [period, t0 + PERIOD * period, *u[i].tolist(), *v[i].tolist()]
 
 
 def draw(run: cb.simulation.SimulationRun | SmoothRun, site: int = 0) -> Figure:
@@ -375,10 +362,3 @@ def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]
     for name, (words, shape) in WORDS.items():
         if name in summary.evidence:
             yield words, shape.format(summary.evidence[name])
-
-
-def _sentences(summary: RunSummary) -> list[str]:
-    lines = [summary.reason]
-    if summary.interrupted or summary.stop != "went through all its periods":
-        lines.append(summary.stop)
-    return sentences(lines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
@@ -15,6 +15,7 @@ from contbreather.cli.output import (
     branch_table,
     check_ends,
     end_sentences,
+    lives_on,
     number_columns,
     point_entry,
 )
@@ -56,12 +57,8 @@ def switch(
     point = _first(at[-1], parent)
     arms, cut = until_interrupted(cb.switch, point, within=within, save=into.save)
 
-    def content() -> dict[str, Any]:
-        about = {**start.entry(), "at": point_entry(point), "branch": branch_entry(branch)}
-        return {**about, "arms": [arm_entry(arm) for arm in arms]}
-
     into.leave(
-        content,
+        lambda: {**arms_entry(arms), "branch": branch_entry(branch)},
         _lines(point, parent, arms),
         lambda: branch_table(arms, "arm", 1),
         lambda: _drawn(parent, arms),
@@ -147,16 +144,21 @@ def _ends(arm: cb.Branch) -> Iterator[str]:
         yield f"the mirror image of arm {arm.image_of + 1}"
 
 
-def arm_entry(arm: cb.Branch) -> dict[str, Any]:
-    """An arm for JSON."""
-    image = arm.image_of
-    return {
-        **branch_entry(arm),
-        "label": arm.problem.label,
-        "stability": list(_stretches(arm)),
-        "end": next(_ends(arm)),
-        "image_of": None if image is None else image + 1,
-    }
+def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
+    """All that leaves a point for JSON."""
+    first = arms[0]
+    told = [
+        {
+            **branch_entry(arm),
+            "label": arm.problem.label,
+            "stability": list(_stretches(arm)),
+            "end": next(_ends(arm)),
+            "image_of": None if arm.image_of is None else arm.image_of + 1,
+        }
+        for arm in arms
+    ]
+    at = point_entry(first[0].parent)
+    return {"free": first.free, **lives_on(first), "at": at, "arms": told}
 
 
 def _drawn(parent: cb.Branch, arms: Sequence[cb.Branch]) -> Figure:
@@ -210,8 +212,8 @@ def diagram(
     options: dict[str, Any] = {"within": start.within, "depth": depth, "most": most}
     tree, cut = until_interrupted(cb.diagram, start.shot, start.free, **options, save=into.save)
     into.leave(
-        lambda: {**start.entry(), **diagram_entry(tree)},
-        _diagram_lines(tree, depth),
+        lambda: diagram_entry(tree),
+        chain([tree], (f"{line}." for line in _loose_ends(tree, depth))),
         lambda: branch_table(tree.branches, "branch"),
         lambda: cb.plotting.plot_diagram(tree),
         cut=cut or tree.interrupted,
@@ -221,11 +223,6 @@ def diagram(
     if broken or tree.failed:
         lost = [f"branch {i} broke off" for i in broken] + [str(failure) for failure in tree.failed]
         raise NotConverged(f"the diagram is not complete: {'; '.join(lost)}")
-
-
-def _diagram_lines(tree: Any, depth: int) -> Iterator[object]:
-    yield tree
-    yield from (f"{line}." for line in _loose_ends(tree, depth))
 
 
 def _loose_ends(tree: Any, depth: int) -> Iterator[str]:
@@ -250,13 +247,15 @@ def _named(places: list[Any]) -> str:
 
 
 def diagram_entry(tree: Any) -> dict[str, Any]:
-    """Branches, and the graph as nodes and edges that name them."""
+    """Branches for JSON, and the graph as nodes and edges that name them."""
     places = {place.name: place for row in tree.places for place in row}
     edges = [
         {"from": start, "to": end, "relation": relation}
         for start, end, relation in tree.graph.edges(data="relation")
     ]
     return {
+        "free": tree[0].free,
+        **lives_on(tree[0]),
         "branches": [
             {"label": branch.problem.label, "depth": birth.depth, **branch_entry(branch)}
             for branch, birth in zip(tree.branches, tree.births, strict=True)

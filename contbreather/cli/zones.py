@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
 from contbreather.cli.options import Workers, ZoneOptions, letter, unique
-from contbreather.cli.output import Output, SavedOutput, Table, table_of
+from contbreather.cli.output import Output, SavedOutput, Table, lives_on, table_of
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
 
@@ -54,14 +54,13 @@ def zones(
     if into == SavedOutput():
         into = SavedOutput(csv="zones.csv", output="zones.png")
     into.check(plane.read)
-    on = plane.on()
-    options = {"ks" if name == "k" else name: values, **plane.options(on)}
+    options = {"ks" if name == "k" else name: values, **plane.options(plane.on())}
     diagrams, cut = until_interrupted(_computed, options, into.save)
     if not any(branches for diagram in diagrams for branches in diagram.curves.values()):
         nothing = cb.orbits.zone_diagram.NO_CURVE
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
     into.leave(
-        lambda: {**on.entry(), "zones": [diagram_entry(diagram) for diagram in diagrams]},
+        lambda: zones_entry(diagrams),
         _lines(diagrams),
         lambda: curves_table(diagrams),
         lambda: cb.plotting.plot_zones(diagrams, within=options["within"])[0],
@@ -93,7 +92,13 @@ def curves_table(diagrams: Sequence[cb.orbits.Zones]) -> Table:
     return table_of(stacked(({}, diagram.columns()) for diagram in nonempty))
 
 
-def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
+def zones_entry(diagrams: Sequence[cb.orbits.Zones]) -> dict[str, Any]:
+    """Diagrams for JSON."""
+    first = next(branch for diagram in diagrams for _, branch in diagram)
+    return {**lives_on(first), "zones": [_entry(diagram) for diagram in diagrams]}
+
+
+def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     shown = ("gamma", "a", "k", "p", "nu", "t")
     curves = [
         {"curve": kind, **{name: branch[name] for name in shown if name in branch.curve.slots},
@@ -214,7 +219,8 @@ def _columns(dataset: Dataset) -> dict[str, Any]:
 
 def _failed(dataset: Dataset) -> list[dict[str, Any]]:
     columns = {str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("failed",)}
-    return [dict(row) for row in table_of(columns)[0]]
+    names, rows = table_of(columns)
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def _atlas_lines(dataset: Dataset) -> Iterator[object]:

@@ -63,7 +63,8 @@ def trace_many(
     >>> [round(branch.first("PF")["a"], 9) for branch in branches]
     [0.777632426, 0.753654232]
     """
-    if isinstance(starts, Problem | str) or not isinstance(starts, Iterable):
+    none = isinstance(starts, Problem | str) or not isinstance(starts, Iterable)
+    if none or getattr(starts, "shape", None) == ():  # an array without dimensions is Iterable
         raise BadInput(f"trace_many takes several starts, a list of them; got {starts!r}")
     walk = partial(
         trace,

@@ -27,6 +27,8 @@ MOST = 2000  # sites
 # where walks go unless a window is typed
 REACH = {**{name: window_of(name) for name in NEEDED}, "a": (0.01, 1.2)}
 MANY = 100_000  # periods
+FIRST = ("Show", "Continue")  # the buttons that most begin with
+BUTTON = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED]}
 
 
 def _float(text: str) -> float:
@@ -206,6 +208,7 @@ class PageForms:
     def __init__(self, explorer: Session) -> None:
         self.explorer = explorer
         self.buttons: dict[str, Any] = {}
+        self.troubles: dict[str, ErrorLabel] = {}  # by the title of the card that they are on
         self.orbit: Any = None  # the one whose parameters the fields show
         self.replaced = ""  # the file that the next press of the button replaces
         parts = (self._breather(), self._walks(), self._special(), self._run(), self._keep())
@@ -214,11 +217,24 @@ class PageForms:
             stylesheets=[FORMS],
         )  # fmt: skip
 
-    def _button(self, name: str, do: Callable[[], object], trouble: ErrorLabel, **more: Any) -> Any:
-        """A button that does something, or says why not."""
-        more = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED], **more}
-        self.buttons[name] = pn.widgets.Button(label=name, **more)
-        self.buttons[name].on_click(lambda _: tried(do, trouble.say))
+    def _card(self, title: str, *parts: Any) -> Any:
+        """A card: for a name, what it does and the fields that this takes there is a button, and
+        below all of it is said why not."""
+        trouble = self.troubles[title] = ErrorLabel()
+        shown = [self._button(trouble, *p) if isinstance(p, tuple) else p for p in parts]
+        return titled_box(title, *shown, trouble.view)
+
+    def _button(
+        self, trouble: ErrorLabel, name: str, do: Callable[..., object], fields: Mapping[str, Field]
+    ) -> Any:
+        def read_and_do() -> None:
+            typed = read_all(fields)
+            if typed is not None:
+                do(**typed)
+
+        color = "primary" if name in FIRST else "default"
+        self.buttons[name] = pn.widgets.Button(label=name, color=color, **BUTTON)
+        self.buttons[name].on_click(lambda _: tried(read_and_do, trouble.say))
         return self.buttons[name]
 
     # --- one breather -----------------------------------------------------------------------------
@@ -234,15 +250,8 @@ class PageForms:
         # 1 has the largest p, admissible or not
         root = optional(a_count("root", 1, 99))
         self.breather["root"] = Field("root, by p", "", root, hint="upper")
-        self.breather_trouble = ErrorLabel()
-        button = self._button("Show", self._show, self.breather_trouble, color="primary")
-        return titled_box("Breather", in_rows(self.breather.values(), 2), button,
-                    self.breather_trouble.view)  # fmt: skip
-
-    def _show(self) -> None:
-        typed = read_all(self.breather)
-        if typed is not None:
-            self.explorer.choose_typed(**typed)
+        button = "Show", self.explorer.choose_typed, self.breather
+        return self._card("Breather", in_rows(self.breather.values(), 2), button)
 
     def _lattice(self, text: str) -> str:
         """As it was typed; of a lattice that a curve brought its description."""
@@ -258,33 +267,26 @@ class PageForms:
             "high": Field("to", high, a_number("to")),
         }
         self.free.param.watch(self._usual_window, "value")
-        self.walk_trouble = ErrorLabel()
-        button = self._button("Continue", self._walk, self.walk_trouble, color="primary")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
-        return titled_box("Continue from here", fields, button, self.walk_trouble.view)
+        return self._card("Continue from here", fields, ("Continue", self._walk, self.window))
 
     def _usual_window(self, event: Any) -> None:
         for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
             field.input.value = f"{end:g}"
 
-    def _walk(self) -> None:
-        chosen, typed = self.explorer.chosen, read_all(self.window)
-        if typed is not None:
-            window = typed["low"], typed["high"]
-            self.explorer.begin(jobs.traced(chosen, self.free.value, window))
+    def _walk(self, low: float, high: float) -> None:
+        self.explorer.begin(jobs.traced(self.explorer.chosen, self.free.value, (low, high)))
 
     # --- special points ---------------------------------------------------------------------------
 
     def _special(self) -> Any:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
         self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
-        self.special_trouble = ErrorLabel()
-        return titled_box(
+        return self._card(
             "From a special point",
-            self._button("Switch branch here", self._switch, self.special_trouble),
+            ("Switch branch here", self._switch, {}),
             pn.Row(self.first, self.second, margin=0),
-            self._button("Trace this boundary", self._trace, self.special_trouble),
-            self.special_trouble.view,
+            ("Trace this boundary", self._trace, {}),
         )
 
     def _switch(self) -> None:
@@ -302,61 +304,48 @@ class PageForms:
             "periods": Field("periods", "100", a_count("periods", 1, MANY)),
             "push": Field("push", "0.001", a_number("push", -10.0, 10.0, "a small velocity")),
         }
-        self.run_trouble = ErrorLabel()
-        button = self._button("Simulate from here", self._simulate, self.run_trouble)
-        return titled_box(
-            "Simulation", in_rows(self.length.values(), 3), button, self.run_trouble.view
-        )
+        button = "Simulate from here", self._simulate, self.length
+        return self._card("Simulation", in_rows(self.length.values(), 3), button)
 
-    def _simulate(self) -> None:
-        chosen, typed = self.explorer.chosen, read_all(self.length)
-        if typed is not None:
-            self.explorer.begin(jobs.simulated(chosen, **typed, watched=self.explorer.state.sites))
+    def _simulate(self, **typed: Any) -> None:
+        watched = self.explorer.state.sites
+        self.explorer.begin(jobs.simulated(self.explorer.chosen, **typed, watched=watched))
 
     # --- what is kept -----------------------------------------------------------------------------
 
     def _keep(self) -> Any:
         self.file = Field("file", "run.nc", str)
-        self.keep_trouble = ErrorLabel()
         self.what = pn.widgets.Select(
             label="figure", options=["zones", "branches", "motion"], width=120
         )
         self.suffix = pn.widgets.Select(label="format", options=[".pdf", ".svg", ".png"], width=90)
         self.figure = pn.widgets.FileDownload(
-            callback=self._figure, filename="zones.pdf", label="Export figure",
-            sizing_mode="stretch_width", margin=(3, 5), stylesheets=[FOCUSED],
-        )  # fmt: skip
+            callback=self._figure, filename="zones.pdf", label="Export figure", **BUTTON
+        )
         self.script = pn.widgets.FileDownload(
             callback=lambda: StringIO(self.explorer.script()), filename="explored.py",
-            label="Export Python code", sizing_mode="stretch_width", margin=(3, 5),
-            stylesheets=[FOCUSED],
+            label="Export Python code", **BUTTON,
         )  # fmt: skip
         for select in (self.what, self.suffix):
             select.param.watch(self._renamed, "value")
-        return titled_box(
-            "Keep",
-            self.file.view,
-            self._button("Save all curves", self._save, self.keep_trouble),
-            pn.Row(self.what, self.suffix, margin=0),
-            self.figure,
-            self.script,
-            self.keep_trouble.view,
-        )
+        which = pn.Row(self.what, self.suffix, margin=0)
+        button = "Save all curves", self._save, {"path": self.file}
+        return self._card("Keep", self.file.view, button, which, self.figure, self.script)
 
     def _renamed(self, _: object) -> None:
         self.figure.filename = f"{self.what.value}{self.suffix.value}"
 
     def _figure(self) -> BytesIO:
+        trouble = self.troubles["Keep"]
         try:
             drawn = BytesIO(self.explorer.figure(self.what.value, self.suffix.value))
         except BadInput as error:
-            self.keep_trouble.say(str(error))
+            trouble.say(str(error))
             raise
-        self.keep_trouble.say("")
+        trouble.say("")
         return drawn
 
-    def _save(self) -> None:
-        path = self.file.get()
+    def _save(self, path: str) -> None:
         if path not in ("", self.replaced) and Path(path).exists():
             self.replaced = path
             raise BadInput(f"{path} exists: press again to replace it, or name another file.")

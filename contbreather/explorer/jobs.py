@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.continuation.switching import switch
 from contbreather.continuation.trace import trace
@@ -221,19 +220,6 @@ def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
         params["walls"] = walls_by(params["walls"].split(), on.lattice.sites)
         codes["walls"] = repr(params["walls"])
     return params, ", ".join(f"{name}={code}" for name, code in codes.items())
-
-
-def point_of(code: str, branch: Branch, index: int) -> Chosen:
-    """A point of a curve; of one that was loaded without its equations its numbers only."""
-    point = branch[index]
-    try:
-        orbit = point.solution
-    except BadInput:
-        orbit = None
-    if not hasattr(orbit, "admissibility"):  # what another problem's points are is its own
-        orbit = None
-    place = f".first({point.label!r})" if point.label else f"[{index}]"
-    return Chosen(code + place, orbit, point, code, index)
 
 
 def traced(chosen: Chosen, free: str, window: Window) -> Computation:

@@ -21,7 +21,6 @@ from panel.io.notebook import block_comm, patch_inline_stylesheets
 
 from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
-from contbreather.explorer import summary
 from contbreather.explorer.forms import (
     ErrorLabel,
     Field,
@@ -36,7 +35,7 @@ from contbreather.explorer.forms import (
 )
 from contbreather.explorer.jobs import fate
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import PageState, drawn_columns
+from contbreather.explorer.state import PageState, drawn_columns, names, verdict_in_words, verdicts
 from contbreather.explorer.style import (
     DARK,
     FOCUSED,
@@ -58,13 +57,14 @@ from contbreather.explorer.views import (
     symbol,
 )
 from contbreather.orbits.zone_search import PAIRS
+from contbreather.parameters import NUMBERS
 
 # Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
 # at first. Beyond an amplitude of 1 there is nothing.
 SLIDERS = {
-    "k": ("restitution k", 0.01, 0.99, 0.01, 0.8),
-    "gamma": ("coupling \N{GREEK SMALL LETTER GAMMA}", 0.005, 0.245, 0.005, 0.08),
-    "a": ("amplitude a", 0.05, 0.99, 0.01, 0.5),
+    "k": (0.01, 0.99, 0.01, 0.8),
+    "gamma": (0.005, 0.245, 0.005, 0.08),
+    "a": (0.05, 0.99, 0.01, 0.5),
 }
 PLANES = {
     f"{symbol(x)}, {symbol(y)}": name for name, (x, y) in PAIRS.items()
@@ -109,10 +109,11 @@ class Page:
     def _zone_controls(self) -> None:
         name, value = self.explorer.state.fixed
         self.plane = pn.widgets.Select(label="plane", options=PLANES, value=name, width=90)
-        label, start, end, step, _ = SLIDERS[name]
+        start, end, step, _ = SLIDERS[name]
         self.slider = pn.widgets.FloatSlider(
-            label=label, start=start, end=end, step=step, value=value, sizing_mode="stretch_width"
-        )
+            label=NUMBERS[name].label, start=start, end=end, step=step, value=value,
+            sizing_mode="stretch_width",
+        )  # fmt: skip
         self.zones_trouble = ErrorLabel()
         self._on(self.slider, lambda value: self.explorer.look_at(round(value, 9)))
         self._on(self.plane, self._other_plane)
@@ -220,7 +221,7 @@ class Page:
 
     def _other_plane(self, name: str) -> None:
         """The plane through what is looked at, if the slider reaches it."""
-        _, start, end, step, value = SLIDERS[name]
+        start, end, step, value = SLIDERS[name]
         chosen = self.explorer.state.chosen
         if chosen is not None and chosen.orbit is not None:
             value = min(max(float(getattr(chosen.orbit, name)), start), end)
@@ -243,8 +244,7 @@ class Page:
             self.explorer.choose_point(self.curve.value, index)
 
     def _hide(self, shown: list[str]) -> None:
-        curves = {curve.code for curve in self.explorer.state.curves}
-        self.explorer.change(hidden=frozenset(curves - set(shown)))
+        self.explorer.change(hidden=frozenset({*self.explorer.state.curves} - {*shown}))
 
     def _asked(self) -> None:
         typed = read_all(self.asked)
@@ -308,8 +308,8 @@ class Page:
         explorer, chosen = self.explorer, self.explorer.state.chosen
         words = explorer.progress or explorer.message
         if not words and chosen is not None:
-            verdict = "" if chosen.orbit is None else f": {summary.verdict_in_words(chosen.orbit)}"
-            words = f"{chosen.title}{verdict}"
+            words = chosen.title
+            words += "" if chosen.orbit is None else f": {verdict_in_words(chosen.orbit)}"
         if explorer.drawing:
             words = f"{words} ({explorer.drawing})".lstrip()
         words = words or "Click into a diagram, or type the parameters of a breather."
@@ -318,36 +318,36 @@ class Page:
 
     def _render_zones(self, new: PageState, old: PageState) -> None:
         name, value = new.fixed
-        label, start, end, step, _ = SLIDERS[name]
+        start, end, step, _ = SLIDERS[name]
         self.plane.value = name
         # what came from the browser does not go back to it rounded: it may have moved on by then
         there: Any = self.slider.value
         value = there if round(there, 9) == value else value
-        _put(self.slider, value, label=label, start=start, end=end, step=step)
+        _put(self.slider, value, label=NUMBERS[name].label, start=start, end=end, step=step)
         self.zones.title(new)
         if new.preview is None:
             return
         if new.preview is not old.preview:
             self.zones.show(new.preview)
-        self.zones.boundaries(new.curves, new.preview)
+        self.zones.boundaries(new.curves.values(), new.preview)
         self.zones.choose(new.chosen, new.preview)
 
     def _render_branches(self, new: PageState, old: PageState) -> None:
         x, y = new.columns
-        codes = [curve.code for curve in new.curves]
+        codes = [*new.curves]
         if new.curves != old.curves:
-            self.curve.options = summary.names(new.curves)
+            self.curve.options = names(new.curves)
         self.curve.value = new.listed or next(iter(codes), None)
         self.remove.disabled = not codes
         self.undo.disabled = self.explorer.busy or not self.explorer.undoes
         self.shown.options = codes
         self.shown.value = [code for code in codes if code not in new.hidden]
-        names = _common(new)
-        offered(self.x, names, x)
-        offered(self.y, names, y)
+        common = _common(new)
+        offered(self.x, common, x)
+        offered(self.y, common, y)
         if (new.shown, new.columns) != (old.shown, old.columns):
             self.branches.show(new.shown, x, y)
-        seen = new.chosen is not None and new.chosen.curve in (curve.code for curve in new.shown)
+        seen = new.chosen is not None and new.chosen.curve in new.shown
         self.branches.choose(new.chosen if seen else None, x, y)
         self._render_place(new)
 
@@ -358,7 +358,7 @@ class Page:
             return
         there = new.chosen is not None and new.chosen.curve == self.curve.value
         chosen = new.chosen if there else None
-        branch = new.curve(self.curve.value)
+        branch = new.curves[self.curve.value]
         labels = {point.title: i for i, point in marked(branch)}
         self.label.options = {"\N{EN DASH}": NOWHERE, **labels}
         index = NOWHERE if chosen is None else chosen.index
@@ -375,10 +375,10 @@ class Page:
             for view in (self.profile, self.motion, self.multipliers):
                 view.nothing()
             return
-        self.profile.show(summary.profile(orbit))
-        self.motion.show(summary.sites_wanted(orbit, new.sites), summary.verdict_in_words(orbit))
+        self.profile.show(orbit)
+        self.motion.show(orbit, new.sites, verdict_in_words(orbit))
         try:
-            self.multipliers.show(summary.multipliers_shown(orbit, new.ring))
+            self.multipliers.show(orbit, new.ring)
         except ContbreatherError as error:
             self.multipliers.nothing(str(error))
 
@@ -391,8 +391,8 @@ def _put(slider: Any, value: float, **more: Any) -> None:
 
 
 def _common(state: PageState) -> list[str]:
-    """Columns of numbers that all curves have which are drawn beside the first."""
-    curves = [curve.branch for curve in state.curves if curve.code not in state.hidden]
+    """Columns of drawn_columns that all curves have which are drawn beside the first."""
+    curves = [branch for code, branch in state.curves.items() if code not in state.hidden]
     if not curves:
         return ["a", "p"]
     # not of another problem
@@ -409,9 +409,9 @@ def _described(state: PageState) -> str:
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        sentences = [("equations", "this curve has none here: only its numbers are known")]
+        sentences = [("equations", "this curve has none here: only its drawn_columns are known")]
     else:
-        sentences = list(summary.verdicts(chosen.orbit, state.ring))
+        sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)
     return f"<h2>{escape(chosen.title)}</h2>{table}<dl>{items}</dl>"
 

@@ -38,12 +38,20 @@ def server_for(
         is missing.
     """
     panel = _panel()
+    from bokeh.server.util import create_hosts_allowlist
+
     if whole("port", port, 0) > HIGHEST:
         raise BadInput(
             f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
         )
     port = _free(address, port)
-    _check_origins(origins, port)
+    for origin in origins:
+        try:
+            create_hosts_allowlist([origin], port)
+        except ValueError as error:
+            raise BadInput(
+                f"origin {origin!r}: HOST:PORT was expected, example.org:80 for instance"
+            ) from error
     own_origins = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
     from contbreather.explorer.page import in_template
 
@@ -54,18 +62,6 @@ def server_for(
         websocket_origin=[*own_origins, *origins], title="contbreather explorer", verbose=False,
     )  # fmt: skip
     return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
-
-
-def _check_origins(origins: Sequence[str], port: int) -> None:
-    from bokeh.server.util import create_hosts_allowlist
-
-    for origin in origins:
-        try:
-            create_hosts_allowlist([origin], port)
-        except ValueError as error:
-            raise BadInput(
-                f"origin {origin!r}: HOST:PORT was expected, example.org:80 for instance"
-            ) from error
 
 
 def _panel() -> Any:

@@ -22,10 +22,9 @@ from contbreather.explorer.jobs import (
     Progress,
     arguments,
     breather,
-    point_of,
 )
 from contbreather.explorer.preview import LADDER, Preview, diagram_between, preview_of
-from contbreather.explorer.state import Chosen, PageState
+from contbreather.explorer.state import Chosen, PageState, point_of
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -283,7 +282,7 @@ class Session:
 
     def choose_point(self, curve: str, index: int) -> None:
         """Look at a point of a curve, and have zones of what it lives on."""
-        branch = self.state.curve(curve)
+        branch = self.state.curves[curve]
         chosen = point_of(curve, branch, min(max(index, 0), len(branch) - 1))
         if chosen.orbit is not None:
             on = self.lives_on(chosen)
@@ -383,7 +382,7 @@ class Session:
             self.message, before = self._before.pop()
             state = replace(self.state, **{name: getattr(before, name) for name in UNDONE})
             chosen = state.chosen
-            gone = chosen is not None and chosen.curve not in ("", *(c.code for c in state.curves))
+            gone = chosen is not None and chosen.curve not in ("", *state.curves)
             # of a curve that is gone no point can be made: what was looked at before it came
             self.state = replace(state, chosen=before.chosen) if gone else state
         self._say()
@@ -422,7 +421,7 @@ class Session:
         """
         state = self.state
         results: dict[str, Any] = {} if state.plane is None else {"zones": state.plane}
-        results |= {curve.code.translate(PLAIN): curve.branch for curve in state.curves}
+        results |= {code.translate(PLAIN): branch for code, branch in state.curves.items()}
         results |= {} if state.run is None else {state.run[0].translate(PLAIN): state.run[1]}
         if not results:
             raise BadInput("there is nothing to save yet: trace a branch first.")
@@ -463,7 +462,7 @@ class Session:
             return plot_zones(state.plane)
         if what == "branches" and state.shown:
             x, y = state.columns
-            return plot(*(curve.branch for curve in state.shown), x=x, y=y)
+            return plot(*state.shown.values(), x=x, y=y)
         if what == "motion" and state.run is not None:
             return plot_motion(state.run[1])
         raise BadInput(f"there is nothing to draw as {what} yet.")

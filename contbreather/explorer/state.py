@@ -1,9 +1,12 @@
-"""What the explorer shows, as one frozen value, and the script that makes the same."""
+"""What the explorer shows, as one frozen value, the script that makes the same, and what is said of
+it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,19 +15,14 @@ from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
 from contbreather.continuation.switching import lift_of
+from contbreather.errors import BadInput, ContbreatherError
 from contbreather.explorer.preview import Preview, preview_of
+from contbreather.lattice.chain import Ring
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.simulation.simulate import SimulationRun
 
 RING = 400  # sites of the ring that is judged besides, the paper's
-
-
-@dataclass(frozen=True)
-class Named:
-    """A curve, and how the script calls it."""
-
-    code: str
-    branch: Branch
 
 
 @dataclass(frozen=True)
@@ -64,6 +62,19 @@ class Chosen:
         return f"{label} on {self.curve}" if label else self.code.removeprefix("cb.")
 
 
+def point_of(code: str, branch: Branch, index: int) -> Chosen:
+    """A point of a curve; of one that was loaded without its equations its numbers only."""
+    point = branch[index]
+    try:
+        orbit = point.solution
+    except BadInput:
+        orbit = None
+    if not hasattr(orbit, "admissibility"):  # what another problem's points are is its own
+        orbit = None
+    place = f".first({point.label!r})" if point.label else f"[{index}]"
+    return Chosen(code + place, orbit, point, code, index)
+
+
 @dataclass(frozen=True)
 class PageState:
     """All that is seen; of zones those that are wanted, which may still be computed."""
@@ -75,7 +86,7 @@ class PageState:
     awaited: str = ""  # the diagram that is being computed, in words
     plane: Zones | None = None  # the last that was computed
     preview: Preview | None = None  # what is drawn: that, or what lies between its neighbours
-    curves: tuple[Named, ...] = ()
+    curves: Mapping[str, Branch] = field(default_factory=dict)  # by what the script calls them
     listed: str = ""  # the curve whose points are offered, by its code
     hidden: frozenset[str] = frozenset()  # curves that are not drawn, by their code
     axes: tuple[str, str] = ("", "")  # columns; empty: those of the first curve
@@ -86,19 +97,19 @@ class PageState:
     lines: tuple[str, ...] = ()  # of the script that made curves and runs
 
     @property
-    def shown(self) -> tuple[Named, ...]:
+    def shown(self) -> dict[str, Branch]:
         """The curves that are drawn: of those that are not hidden, those with both columns."""
         columns = set(self.columns)
-        return tuple(
-            curve
-            for curve in self.curves
-            if curve.code not in self.hidden and columns <= set(curve.branch.names)
-        )
+        return {
+            code: branch
+            for code, branch in self.curves.items()
+            if code not in self.hidden and columns <= set(branch.names)
+        }
 
     @property
     def columns(self) -> tuple[str, str]:
         """What the axes of the bifurcation diagram are."""
-        first = next((curve.branch for curve in self.curves if curve.code not in self.hidden), None)
+        first = next((one for code, one in self.curves.items() if code not in self.hidden), None)
         if first is None:
             return "a", "p"
         start = first.problem.start  # a period before the orbit of a cycle without its equations
@@ -114,20 +125,16 @@ class PageState:
         of = (f"F = a ({self.forcing})" if self.forcing else "", self.zones_of)
         return ", ".join(filter(None, (f"{name} = {value:g}", *of)))
 
-    def curve(self, code: str) -> Branch:
-        """The curve that the script calls so."""
-        return next(curve.branch for curve in self.curves if curve.code == code)
-
     def without(self, code: str) -> PageState:
         """Without a curve; the script goes on making it, for others may come from it, and what is
         looked at."""
-        curves = tuple(curve for curve in self.curves if curve.code != code)
+        curves = {other: branch for other, branch in self.curves.items() if other != code}
         return replace(self, curves=curves, listed=self.listed if self.listed != code else "")
 
     def with_result(self, name: str, lines: Iterable[str], value: Any) -> PageState:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(result_leaves(name, value))
-        curves = [Named(code, part) for code, part in parts.items() if isinstance(part, Branch)]
+        curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
         runs = [
             (c, part)
             for c, part in parts.items()
@@ -138,22 +145,22 @@ class PageState:
         return replace(
             self,
             lines=(*self.lines, *lines),
-            curves=(*self.curves, *curves),
-            listed=curves[0].code if curves else self.listed,
+            curves={**self.curves, **curves},
+            listed=next(iter(curves), self.listed),
             run=runs[-1] if runs else self.run,
             plane=plane,
             preview=preview_of(plane) if planes and plane is not None else self.preview,
             fixed=plane.fixed if planes and plane is not None else self.fixed,
-            axes=self._axes_for(curves),
+            axes=self._axes_for([*curves.values()]),
         )
 
-    def _axes_for(self, new: Iterable[Named]) -> tuple[str, str]:
+    def _axes_for(self, new: Sequence[Branch]) -> tuple[str, str]:
         """Those of the diagram when curves join it: of one in two parameters its own plane, until a
         branch comes."""
-        pairs = [curve.branch.curve.varied for curve in new if len(curve.branch.curve.varied) > 1]
+        pairs = [branch.curve.varied for branch in new if len(branch.curve.varied) > 1]
         if pairs:
             return pairs[-1][0], pairs[-1][1]
-        in_plane = any(self.axes == curve.branch.curve.varied for curve in self.curves)
+        in_plane = any(self.axes == branch.curve.varied for branch in self.curves.values())
         return ("", "") if in_plane and new else self.axes
 
     def script(self) -> str:
@@ -180,7 +187,7 @@ class PageState:
         yield 'cb.save_figure(cb.plotting.plot_zones(zones), "zones.pdf")'
         if self.shown:
             x, y = self.columns
-            curves = ", ".join(curve.code for curve in self.shown)
+            curves = ", ".join(self.shown)
             yield f'cb.save_figure(cb.plot({curves}, x="{x}", y="{y}"), "branches.pdf")'
         if self.run is not None:
             yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
@@ -207,3 +214,72 @@ def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
             yield from result_leaves(f"{code}[{i}]", item)
     else:
         yield code, value
+
+
+# --- in words -------------------------------------------------------------------------------------
+
+
+def names(curves: Mapping[str, Branch]) -> dict[str, str]:
+    """The codes of curves by their names, which have what not all of them share: the parameters
+    that vary, those that do not, and the lattice."""
+    by_code = {code: _facts(branch) for code, branch in curves.items()}
+    shared = set.intersection(*map(set, by_code.values())) if by_code else set()
+    rest = {code: [fact for fact in facts if fact not in shared] for code, facts in by_code.items()}
+    return {": ".join(filter(None, (code, ", ".join(rest[code])))): code for code in rest}
+
+
+def _facts(branch: Branch) -> list[str]:
+    varied, first = branch.curve.varied, point_of("", branch, 0)
+    facts = [f"in {', '.join(varied)}"]
+    facts += [first.orbit.lattice.describe()] if first.orbit is not None else []
+    fixed = ((n, v) for n, v in branch.problem.params.items() if n not in varied)
+    return facts + [f"{name} = {value:.6g}" for name, value in fixed]
+
+
+@lru_cache(maxsize=1)
+def map_on_ring(orbit: Orbit, ring: int) -> Orbit:
+    """The same there, once: its multipliers are drawn and judged."""
+    return orbit.on(Ring(ring))
+
+
+def verdict_in_words(orbit: Orbit) -> str:
+    """Whether the lattice moves so, and whether it stays at it, in half a line."""
+    margins = orbit.admissibility()
+    if not margins.ok and margins.margin < -1e-9:
+        return "not admissible: it passes a wall"
+    words = {True: "stable", False: "unstable", None: "of unknown stability"}
+    stable = _sentence(lambda: words[orbit.stability().stable])
+    return stable if margins.ok else f"{stable}, at the edge of what is admissible"
+
+
+def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
+    """What is said of it: a heading and a sentence each."""
+    margins = orbit.admissibility()
+    yield "admissible" if margins.ok else "not admissible", margins.reason
+    if not margins.ok and margins.margin < -1e-9:
+        yield "stability", "nothing is said of it: the lattice has no such motion"
+        return
+    yield "own lattice", _sentence(lambda: orbit.stability().describe())
+    if orbit.lattice.sites is None:
+        yield f"ring of {ring}", _sentence(lambda: map_on_ring(orbit, ring).stability().describe())
+        if orbit.symmetric and orbit.section.count == 1:
+            yield "over-reflection", _sentence(lambda: _reflection(orbit))
+
+
+def _reflection(orbit: Orbit) -> str:
+    waves = orbit.stability().over_reflection
+    if not waves.over_reflecting:
+        return "waves come back no larger than they were: no ring of any size is unstable by them"
+    return (
+        f"waves come back up to {math.exp(waves.gain):.6g} times as large (at the angle "
+        f"{waves.nu:.6g} pi); on long rings |mu| = 1 + {waves.growth:.6g}/N over half a period"
+    )
+
+
+def _sentence(ask: Callable[[], str]) -> str:
+    try:
+        return ask()
+    except BadInput as error:
+        return f"not known: {error}"
+    except ContbreatherError as error:
+        return str(error)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from contbreather.plotting.canvas import BLACK, BLUE, CYCLE, VERMILLION
+from contbreather.plotting.zones import SHADES
+
 GRID = """
 :host { display: grid !important; gap: 10px; padding: 8px !important; align-items: stretch;
   grid-template-columns: 300px minmax(0, 1fr) minmax(0, 1fr);
@@ -86,10 +89,8 @@ class Theme:
 
 
 LIGHT = Theme(
-    text="#212529", grid="#e9ecef", faint="#8a9097", line="#000000", blue="#0072B2",
-    vermillion="#D55E00",
-    cycle=("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
-    stable="#D9EAF5", unstable="#FBE6D5", band="#BFDDF2", paper="#ffffff",
+    text="#212529", grid="#e9ecef", faint="#8a9097", line=BLACK, blue=BLUE, vermillion=VERMILLION,
+    cycle=CYCLE, stable=SHADES["S"], unstable=SHADES["US"], band="#BFDDF2", paper="#ffffff",
 )  # fmt: skip
 DARK = Theme(
     text="#dee2e6", grid="#343a40", faint="#868e96", line="#f1f3f5", blue="#56B4E9",

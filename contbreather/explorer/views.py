@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from textwrap import wrap
 from typing import Any
@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.explorer.preview import Preview, is_of, model_in_words
-from contbreather.explorer.state import Chosen, Named, PageState
+from contbreather.explorer.state import Chosen, PageState, map_on_ring
 from contbreather.explorer.style import Theme
-from contbreather.explorer.summary import Multipliers, Profile, ShownMotion
+from contbreather.lattice.chain import Ring
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
+from contbreather.plotting.multipliers import with_band
+from contbreather.plotting.orbits import impacts_of
+from contbreather.plotting.zones import LINES
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
 
@@ -31,7 +35,6 @@ MARKS = {
     "GR": "x", "HB": "star", "EP": "dot", "MX": "x", "UZ": "plus",
 }  # fmt: skip
 OTHER = "hex"
-SPECIAL = ("x", "y", "text", "colour", "mark", "what")
 ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its page
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
@@ -40,9 +43,9 @@ WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the m
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
-LINES = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
-WORDS = {"LP": "fold (LP)", "GR": "grazing (GR)", "PF": "pitchfork (PF)",
-         "NS": "Neimark\N{EN DASH}Sacker (NS)"}  # fmt: skip
+LIMITS = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
+BESIDE = 10  # sites on either side of the one that impacts
+MOMENTS = 401  # of a period
 
 
 def _source(*columns: str) -> ColumnDataSource:
@@ -130,11 +133,11 @@ class ZonesView:
             "xs", "ys", source=self.regions, fill_color="colour", line_color="colour"
         )
         colours = {"LP": theme.line, "GR": theme.line, "PF": theme.vermillion, "NS": theme.blue}
-        self.curves = {kind: _source("xs", "ys") for kind in LINES}
+        self.curves = {kind: _source("xs", "ys") for kind in LIMITS}
         for kind, source in self.curves.items():
             fig.multi_line(
                 "xs", "ys", source=source, color=colours[kind], line_width=2,
-                line_dash=LINES[kind], legend_label=WORDS[kind],
+                line_dash=LIMITS[kind], legend_label=LINES[kind]["label"],
             )  # fmt: skip
         self.letters = _source("x", "y", "text")
         fig.text(
@@ -163,11 +166,7 @@ class ZonesView:
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
-        columns: dict[str, Any] = {
-            name: [meeting[i] for meeting in drawn.meetings]
-            for i, name in enumerate(("x", "y", "text"))
-        }
-        self.meetings.data = columns | {"what": columns["text"]} | _beside(self.figure, **columns)
+        _mark(self.figure, self.meetings, ((x, y, name, name) for x, y, name in drawn.meetings))
 
     def _region(self, region: Region) -> tuple[Any, Any, str]:
         rings = (region.outline, *region.holes)
@@ -192,14 +191,13 @@ class ZonesView:
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
 
-    def boundaries(self, curves: Iterable[Named], drawn: Preview) -> None:
+    def boundaries(self, curves: Iterable[Branch], drawn: Preview) -> None:
         """Draw the traced curves that lie in this plane, on those of the diagram."""
         (x, y), (name, value) = drawn.pair, drawn.fixed
         traced = (
-            curve.branch
-            for curve in curves
-            if {*curve.branch.curve.varied} == {x, y}
-            and curve.branch.problem.params.get(name) == value
+            branch
+            for branch in curves
+            if {*branch.curve.varied} == {x, y} and branch.problem.params.get(name) == value
         )
         _fill(self.traced, ((branch[x], branch[y]) for branch in traced))
 
@@ -247,61 +245,61 @@ class BranchView:
             fig.multi_line(
                 "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
             )
-        self.special = _source(*SPECIAL, "dx", "dy")
+        self.special = _source("x", "y", "text", "colour", "mark", "what", "dx", "dy")
         look = {"marker": "mark", "fill_color": "colour", "line_color": "colour"}
         _named_marks(fig, theme, self.special, **look)
         self.here = _here(fig, theme)
 
-    def show(self, curves: Sequence[Named], x: str, y: str) -> None:
+    def show(self, curves: Mapping[str, Branch], x: str, y: str) -> None:
         """Other curves, or other columns of them."""
         drawn: dict[str, list[Any]] = {style: [] for style in DASHES}
         marks = []
-        for i, curve in enumerate(curves):
+        for i, (code, branch) in enumerate(curves.items()):
             colour = self.theme.cycle[i % len(self.theme.cycle)]
-            for style, xs, ys in pieces(curve.branch, x, y):
+            for style, xs, ys in pieces(branch, x, y):
                 drawn[style].append((xs, ys, colour))
-            marks += [_mark(point, curve, x, y, colour) for point in curve.branch.special]
+            marks += [_special(point, code, x, y, colour) for point in branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
-        codes = [curve.code for curve in curves]
-        many = f"{len(codes)} curves" if len(codes) > MANY else ", ".join(codes)
+        many = f"{len(curves)} curves" if len(curves) > MANY else ", ".join(curves)
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for rows in drawn.values() for row in rows for v in row[at]))
-        data: dict[str, Any] = {name: [mark[i] for mark in marks] for i, name in enumerate(SPECIAL)}
-        self.special.data = data | _beside(self.figure, data["x"], data["y"], data["text"])
+        _mark(self.figure, self.special, marks)
 
     def choose(self, chosen: Chosen | None, x: str, y: str) -> None:
         """Mark the point that is looked at."""
         point = None if chosen is None else chosen.point
         _fill(self.here, [] if point is None else [(_value(point, x), _value(point, y))])
 
-    def nearest(self, curves: Iterable[Named], x: str, y: str, at: tuple[float, float]) -> Any:
+    def nearest(self, curves: Mapping[str, Branch], x: str, y: str, at: tuple[float, float]) -> Any:
         """The curve and the number of the point next to a place of the figure; None if there is
         none. Special points draw a little more."""
         width = self.figure.x_range.end - self.figure.x_range.start
         height = self.figure.y_range.end - self.figure.y_range.start
         candidates = []
-        for curve in curves:
-            across = (column_of(curve.branch, x) - at[0]) / (width or 1.0)
-            up = (column_of(curve.branch, y) - at[1]) / (height or 1.0)
+        for code, branch in curves.items():
+            across = (column_of(branch, x) - at[0]) / (width or 1.0)
+            up = (column_of(branch, y) - at[1]) / (height or 1.0)
             far = np.hypot(across, up)
-            far[[i for i, _ in marked(curve.branch)]] *= 0.5
-            candidates.append((float(far.min()), curve.code, int(far.argmin())))
+            far[[i for i, _ in marked(branch)]] *= 0.5
+            candidates.append((float(far.min()), code, int(far.argmin())))
         return min(candidates)[1:] if candidates else None
 
 
-def _beside(fig: Any, x: Iterable[float], y: Iterable[float], text: Any) -> dict[str, list[Any]]:
-    """Words beside points of a figure."""
+def _mark(fig: Any, source: ColumnDataSource, marks: Iterable[Any]) -> None:
+    """Other marks, each a row of all columns but the last two, by which words stand beside them."""
+    rows, names = list(marks), source.column_names[:-2]
+    data: dict[str, Any] = {name: [row[i] for row in rows] for i, name in enumerate(names)}
     across, up = (
-        (np.array(values, dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
-        for values, axis in ((x, fig.x_range), (y, fig.y_range))
+        (np.array(data[name], dtype=float) - axis.start) / (axis.end - axis.start or 1.0)
+        for name, axis in (("x", fig.x_range), ("y", fig.y_range))
     )
     # as wide and high as it is in the browser, once that has said so
     properties = fig.properties_with_values(include_defaults=False)
     wide, high = properties.get("inner_width", ROOM[0]), properties.get("inner_height", ROOM[1])
-    return spread_words(wide * across, high * (1.0 - up), text, wide)
+    source.data = data | spread_words(wide * across, high * (1.0 - up), data["text"], wide)
 
 
 def spread_words(
@@ -347,10 +345,10 @@ def _value(point: Any, name: str) -> float:
         return float("nan")
 
 
-def _mark(point: Any, curve: Named, x: str, y: str, colour: str) -> tuple[Any, ...]:
+def _special(point: Any, code: str, x: str, y: str, colour: str) -> tuple[Any, ...]:
     text = point.label if point.located else f"{point.label}?"
     values = ", ".join(f"{n} = {v:.8g}" for n, v in point.values.items() if np.ndim(v) == 0)
-    what = f"{point.title} of {curve.code}: {values}"
+    what = f"{point.title} of {code}: {values}"
     quiet = point.kind == "EP"
     mark = MARKS.get(point.kind, OTHER)
     return _value(point, x), _value(point, y), "" if quiet else text, colour, mark, what
@@ -384,17 +382,31 @@ class ProfileView(OrbitView):
         )  # fmt: skip
         fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
-    def show(self, profile: Profile) -> None:
-        """The profile of another orbit."""
-        n = profile.sites.astype(float)
-        positions, walls = np.repeat(n, 2), profile.walls.ravel()
+    def show(self, orbit: Orbit) -> None:
+        """The sites around the first that impacts, all of a small lattice; a wall that is not there
+        is NaN."""
+        size, middle = orbit.lattice.sites, orbit.section.hit[0]
+        n = np.arange(middle - BESIDE, middle + BESIDE + 1)
+        if size is not None and (size <= n.size or not isinstance(orbit.lattice, Ring)):
+            n = np.arange(min(size, 4 * BESIDE + 1))
+        u, first = orbit.displacement(n[:, None], _moments(orbit)), float(orbit.times[0])
+        walls = np.array([orbit.walls.at(i if size is None else i % size) for i in n.tolist()])
+        walls = np.where(np.isfinite(walls), walls, np.nan).ravel()
+        positions = np.repeat(n.astype(float), 2)
         self.walls.data = {"x0": positions - 0.5, "x1": positions + 0.5, "y": walls}
         self.sites.data = {
-            "n": n, "u": profile.at_impact, "low": profile.lowest, "high": profile.highest,
+            "n": n.astype(float), "u": orbit.displacement(n, first),
+            "low": u.min(axis=1), "high": u.max(axis=1),
         }  # fmt: skip
-        self.figure.title.text = f"at the impact, t = {profile.time:.4g}, and over the period"
+        self.figure.title.text = f"at the impact, t = {first:.4g}, and over the period"
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
-        _reach(self.figure.y_range, [*walls, *profile.lowest, *profile.highest])
+        _reach(self.figure.y_range, [*walls, *u.min(axis=1), *u.max(axis=1)])
+
+
+def _moments(orbit: Orbit) -> Array:
+    """Times of a period, its impacts among them: there sites turn round sharply."""
+    hits = [hit.time % orbit.period for hit in orbit.hits]
+    return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
 
 
 class MotionView(OrbitView):
@@ -417,12 +429,19 @@ class MotionView(OrbitView):
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
 
-    def show(self, motion: ShownMotion, verdict: str) -> None:
-        """The motion of an orbit, with its walls and impacts, and what is said of it."""
+    def show(self, orbit: Orbit, sites: tuple[int, ...], verdict: str) -> None:
+        """An orbit at those of the sites that there are, its walls and impacts, and what is said of
+        it."""
+        size = orbit.lattice.sites
+        there = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
+        times = _moments(orbit)
+        u = orbit.displacement(np.array(there)[:, None], times)
         self.figure.title.text = verdict
-        colours = self._draw(motion.times, motion.by_site)
-        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in motion.hits))
-        self._bound(motion.walls)
+        colours = self._draw(times / PERIOD, dict(zip(there, u, strict=True)))
+        hits = impacts_of(orbit, there)
+        _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))
+        real = there if size is None else [n % size for n in there]
+        self._bound(wall for n in real for wall in orbit.walls.at(n))
 
     def run(self, name: str, run: SimulationRun, fate: str) -> None:
         """The motion of a simulation, and what became of it."""
@@ -480,18 +499,22 @@ class MultipliersView(OrbitView):
         self.dots = _source("x", "y", "colour", "size")
         fig.scatter("x", "y", source=self.dots, color="colour", size="size")
 
-    def show(self, multipliers: Multipliers) -> None:
-        """Those of another orbit."""
-        mu, out = multipliers.mu, multipliers.alone & (np.abs(multipliers.mu) > 1.0)
+    def show(self, orbit: Orbit, ring: int) -> None:
+        """Those over a section, half a period of a symmetric orbit: on its own lattice if that is
+        finite, otherwise on a ring of so many sites."""
+        finite = map_on_ring(orbit, ring) if orbit.lattice.sites is None else orbit
+        mu, waves, alone = with_band(finite, None, orbit.symmetric)
+        out = alone & (np.abs(mu) > 1.0)
         self.dots.data = {
             "x": mu.real, "y": mu.imag,
             "colour": np.where(out, self.theme.vermillion, self.theme.blue).tolist(),
-            "size": np.where(multipliers.alone, 8.0, 2.5),
+            "size": np.where(alone, 8.0, 2.5),
         }  # fmt: skip
-        _fill(self.band, ((part.real, part.imag) for part in multipliers.waves))
+        _fill(self.band, ((part.real, part.imag) for part in waves))
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
-        self.figure.title.text = f"{multipliers.about}{beyond}"
+        about = f"over {'half a' if orbit.symmetric else 'a'} period, {finite.lattice.describe()}"
+        self.figure.title.text = f"{about}{beyond}"
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
             _bounded(axis, -reach, reach)

@@ -145,7 +145,7 @@ def zones(
         shared |= {"progress": progress}
         shared |= {"site": site, "damping": damping, "spring": spring, "walls": walls}
         return _several(name, value, save, **shared, threshold=threshold, past_folds=past_folds)
-    value = _fixed(name, value)
+    value = fixed_value(name, value)
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
     model["forcing"] = forcing_of(forcing)
     modulus = threshold_on(model["lattice"], threshold)
@@ -161,7 +161,7 @@ def zones(
     return search.zones()
 
 
-def _fixed(name: str, raw: Any) -> float:
+def fixed_value(name: str, raw: Any) -> float:
     """The value of the parameter that is fixed, or a sentence."""
     value = parameter(name, raw)
     if name == "k" and value in (0.0, 1.0):
@@ -209,7 +209,7 @@ def model_of(
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, ...]:
     """A diagram for each of several values."""
-    values = [_fixed(name, value) for value in values]  # all before any diagram is drawn
+    values = [fixed_value(name, value) for value in values]  # all before any diagram is drawn
     if not values:
         raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []

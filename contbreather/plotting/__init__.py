@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from contbreather.fronts import front
 
 if TYPE_CHECKING:
+    from .branches import plot_diagram as plot_diagram
     from .canvas import Drawn as Drawn
     from .canvas import new_figure as new_figure
     from .canvas import save_figure as save_figure
     from .canvas import style as style
-    from .diagrams import plot_diagram as plot_diagram
     from .fields import plot_profile as plot_profile
     from .fields import plot_space_time as plot_space_time
     from .multipliers import plot_multipliers as plot_multipliers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation.branch import Branch
+from contbreather.continuation.branch import Branch, refined, with_columns
+from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.interpolant import between
 from contbreather.continuation.point import Point
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
@@ -43,6 +44,7 @@ MOST = 7  # values in a legend
 CROWD = 14  # words beside points; of more none is read, and the axes have no room
 TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
+SMOOTH = 60  # points of a drawn branch
 
 
 def plot_branches(
@@ -97,8 +99,11 @@ def _marked(branch: Branch, kinds: Iterable[str] | None) -> list[Point]:
     """The special points to mark, where an arm sets out with the name of the point it left."""
     if kinds is not None and (isinstance(kinds, str) or not np.iterable(kinds)):
         raise BadInput(f"kinds = {kinds!r}: several were expected, as in kinds=('PF', 'NS')")
+    points = [
+        replace(point, kind=point.parent.kind, label=point.parent.label) if point.parent else point
+        for point in branch.special
+    ]
     wanted = None if kinds is None else set(kinds)
-    points = map(_named, branch.special)
     return [point for point in points if wanted is None or point.kind in wanted]
 
 
@@ -112,29 +117,24 @@ def _given(colours: Any, marked: Sequence[object]) -> list[str]:
 
 
 def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
-    """The colour of each group of branches that are alike."""
+    """The colour of each group of branches that are alike; no two values have the same one."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
     order = list(dict.fromkeys(alike))
-    if values and len(order) > len(CYCLE):
-        order = sorted(order, key=lambda member: [value for _, value in member])
-    return dict(zip(order, _colours(taken, len(order), values), strict=True))
+    if not values or len(order) <= len(CYCLE):
+        return {one: CYCLE[(taken + i) % len(CYCLE)] for i, one in enumerate(order)}
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    order = sorted(order, key=lambda member: [value for _, value in member])
+    shades = colormaps["viridis"](np.linspace(0.0, BRIGHTEST, len(order)))
+    return dict(zip(order, map(to_hex, shades), strict=True))
 
 
 def _families(branches: Iterable[Branch]) -> list[int]:
     """A number for each branch, the same for the arms that leave one point: mirror images."""
     parents = [next((p.parent for p in branch.special if p.parent), None) for branch in branches]
     return [parents.index(parent) if parent else i for i, parent in enumerate(parents)]
-
-
-def _colours(taken: int, count: int, values: bool) -> list[str]:
-    """The colours of so many branches or values; no two values have the same one."""
-    if not values or count <= len(CYCLE):
-        return [CYCLE[(taken + i) % len(CYCLE)] for i in range(count)]
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    return [to_hex(shade) for shade in colormaps["viridis"](np.linspace(0.0, BRIGHTEST, count))]
 
 
 def _members(branches: tuple[Branch, ...]) -> list[Values]:
@@ -190,14 +190,6 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
         for column, slot in zip(columns, slots, strict=True)
     ]
     return smooth[0], smooth[1]
-
-
-def _named(point: Point) -> Point:
-    """Where an arm sets out, with the name of the point it left; every other point itself."""
-    parent = point.parent
-    if parent is None:
-        return point
-    return replace(point, kind=parent.kind, label=parent.label)
 
 
 def _gathered(
@@ -384,3 +376,83 @@ def _write(labels: Labels, words: Sequence[Word], x: str) -> None:
         if point.kind == "EP":
             style = {"fontsize": "x-small", "color": GREY}
         labels.place(value_of(point, x), y, text, **style)
+
+
+# --- arms and whole diagrams ----------------------------------------------------------------------
+
+
+def plot_diagram(
+    tree: Diagram | Branch | Sequence[Branch],
+    *,
+    x: str | None = None,
+    y: str | Callable[[Point], float] | None = None,
+    ax: Axes | None = None,
+) -> Drawn:
+    """Draw all branches of a diagram as `plot` does branches, also where their problems differ.
+
+    Parameters
+    ----------
+    tree : Diagram, Branch, or sequence of Branch
+    x : str, optional
+        The free parameter unless given.
+    y : str or callable, optional
+        A column, or ``y(point)``, the number to draw. By default the first unknown that all
+        branches have; of breathers and orbits the time of the first impact. Branches without
+        the column are left out.
+    ax : matplotlib Axes, optional
+        A new figure of the width of a journal column unless given.
+
+    Returns
+    -------
+    Drawn
+        The artists, with their ``axes`` and ``figure``.
+
+    Raises
+    ------
+    BadInput
+        If there is nothing to draw.
+
+    Examples
+    --------
+    >>> import contbreather as cb, numpy as np
+    >>> mine = cb.Problem(lambda x, p: np.array([x[0] * (p["mu"] - x[0]**2)]),
+    ...                   start={"x": 0.0}, params={"mu": -1.0})
+    >>> tree = cb.diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
+    >>> ax = plot_diagram(tree).axes
+    >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
+    ('$\\\\mu$', 'x', True)
+    """
+    alone = isinstance(tree, Branch) or not np.iterable(tree)
+    branches: list[Any] = [tree] if alone else list(tree)
+    for branch in branches:
+        check_kind(branch, Branch, "a diagram, or a sequence of branches,")
+    if not branches:
+        raise BadInput("there is no branch to draw")
+    y = _common(branches) if y is None else y
+    if not callable(y):
+        check_kind(y, str, "the name of a column, or a function of a point,")
+    if callable(y):
+        name = getattr(y, "__name__", "y")
+        branches = [with_columns(branch, **{name: y}) for branch in branches]
+        y = name
+    drawable = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
+    shown = [refined(branch, SMOOTH) for branch in drawable]
+    if not shown:
+        there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
+        raise BadInput(f"no branch has a column {y!r}; there are {there}")
+    return plot_branches(*shown, x=x, y=y, ax=ax)
+
+
+def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:
+    """What to draw where nothing was said."""
+    problems = [branch.problem for branch in branches]
+    unknowns = [[n for n in problem.start if n not in problem.internals] for problem in problems]
+    if all("phi" in names or "t1" in names for names in unknowns):
+        return t1
+    common = [name for name in unknowns[0] if all(name in names for names in unknowns)]
+    return (common or unknowns[0])[0]
+
+
+def t1(point: Point) -> float:
+    """When site 0 hits the wall +1: breathers and orbits all have it, arms differ in it."""
+    return float(point["t1" if "t1" in point.curve.problem.start else "phi"])

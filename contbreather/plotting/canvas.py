@@ -25,6 +25,9 @@ COLUMN = 8.5  # cm, one column of a journal
 PAGE = 17.5  # both columns
 CM = 1.0 / 2.54
 LAYOUT: Literal["constrained"] = "constrained"
+ABOVE: dict[str, Any] = {  # a legend in one row, over the right end of the axes
+    "frameon": False, "loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "handlelength": 1.3,
+}  # fmt: skip
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey by their brightness
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -153,8 +156,8 @@ class Drawn(list["Artist"]):
     >>> import contbreather as cb
     >>> drawn = cb.plot(cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)}))
     >>> drawn[0].set_linewidth(3.0)
-    >>> drawn.axes.set_ylabel("half the momentum")
-    Text(0, 0.5, 'half the momentum')
+    >>> drawn.axes.set_ylabel("half the momentum").get_text()
+    'half the momentum'
     """
 
     def __init__(self, axes: Any) -> None:

@@ -115,7 +115,10 @@ class Labels:
                 shift = way * radius * self.pixel + 0.5 * size * np.clip(1.5 * way, -1.0, 1.0)
                 box = _box(anchor + shift, size + 2.0 * self.pixel)
                 cost = radius + 0.01 * i
-                cost += 1e4 * sum(_overlap(box, other) for other in self.taken)
+                cost += 1e4 * sum(
+                    np.all(box[:2] < other[2:]) and np.all(other[:2] < box[2:])
+                    for other in self.taken
+                )
                 cost += 1e4 * (np.any(box[:2] < frame[:2]) or np.any(box[2:] > frame[2:]))
                 inside = np.all((curves >= box[:2]) & (curves <= box[2:]), axis=1)
                 cost += 25.0 * int(inside.sum())
@@ -154,10 +157,6 @@ def _box(centre: Array, size: Array) -> Array:
 def _gap(box: Array, point: Array) -> float:
     """Distance from a point to a box."""
     return float(np.linalg.norm(np.maximum(np.maximum(box[:2] - point, point - box[2:]), 0.0)))
-
-
-def _overlap(box: Array, other: Array) -> bool:
-    return bool(np.all(box[:2] < other[2:]) and np.all(other[:2] < box[2:]))
 
 
 def _dense(nodes: Array, spacing: float) -> Array:

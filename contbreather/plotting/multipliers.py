@@ -96,8 +96,12 @@ def plot_multipliers(
         mu, waves, alone = with_band(orbit, sites, half)
     with drawing(ax, height=8.5) as (drawn, axes):
         _circle_and_band(axes, waves)
-        shown = _within(mu)
-        _frame(axes, shown, half or isinstance(orbit, Cycle))
+        size = np.abs(mu)  # those far out are shown at the rim, in their direction
+        shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
+        reach = 1.1 * max(1.15, float(np.abs(shown).max()))
+        axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
+        axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
         _dots(axes, mu, shown, alone)
         labels = Labels(axes)
         labels.avoid(*_circle())
@@ -157,7 +161,7 @@ def plot_spectrum(
     >>> line = cb.Problem(lambda x, p: np.array([p["mu"] - x[0] ** 2]), {"x": 1.0}, {"mu": 1.0})
     >>> ax = plot_spectrum(cb.trace(line, "mu", within={"x": (-1, 1)})).axes
     >>> ax.get_xlabel(), ax.get_ylabel()
-    ('$\\mu$', 'Re of eigenvalues')
+    ('$\\\\mu$', 'Re of eigenvalues')
     """
     check_kind(branch, Branch, "a branch")
     if len(branch.curve.free) > 1:
@@ -227,12 +231,6 @@ def off_the_band(mu: Array, waves: Array, sites: int) -> NDArray[np.bool_]:
     return np.asarray(gap > max(0.01, ALONE / sites))
 
 
-def _within(mu: Array) -> Array:
-    """Where multipliers are shown: those far out at the rim, in their direction."""
-    size = np.abs(mu)
-    return np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
-
-
 def _named(mu: Array, shown: Array, which: NDArray[np.bool_]) -> list[tuple[complex, complex]]:
     """The multipliers to name and their places: those farthest off the circle, of these the
     tightest place first."""
@@ -263,13 +261,6 @@ def _circle_and_band(ax: Axes, waves: Array) -> None:
                 solid_capstyle="butt")  # fmt: skip
     ax.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
     ax.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
-
-
-def _frame(ax: Axes, mu: Array, half: bool) -> None:
-    reach = 1.1 * max(1.15, float(np.abs(mu).max()))
-    name, ticks = r"$\mu$" if half else r"$\mu^2$", [-1, 0, 1]
-    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=ticks, yticks=ticks)
-    ax.set(xlabel=f"Re {name}", ylabel=f"Im {name}")
 
 
 def _number(mu: complex, digits: int, space: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.flows.orbit import Cycle, CycleProblem
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, symbol
+from contbreather.plotting.canvas import ABOVE, CYCLE, GREY, Drawn, drawing, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,12 +91,14 @@ def plot_orbit(
         for alike, u in _motions(whole, chosen, t):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
             axes.plot(t / (2 * math.pi), u, label=label)
-        _impacts(axes, whole, chosen)
-        _walls(axes, whole, hit)
+        for _, time, wall in impacts_of(whole, chosen):
+            axes.plot(time, wall, "o", color=GREY, markersize=4, clip_on=False, zorder=3)
+        # others may stand farther off
+        for wall in {wall for n in hit for wall in whole.walls.at(n) if math.isfinite(wall)}:
+            axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
-        axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
-                    bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
+        axes.legend(ncols=len(chosen), **ABOVE)
     return drawn
 
 
@@ -155,22 +157,15 @@ def _near(hit: list[int], sites: int | None) -> list[int]:
     return list(dict.fromkeys([*hit, *beside]))[: len(CYCLE)]
 
 
-def _impacts(axes: Axes, orbit: Orbit, chosen: Sequence[int]) -> None:
-    """A dot at each impact of the sites that are drawn."""
-    sites = orbit.lattice.sites
-    shown = set(chosen) if sites is None else {n % sites for n in chosen}
+def impacts_of(orbit: Orbit, sites: Iterable[int]) -> Iterator[tuple[int, float, float]]:
+    """Each impact of these sites: its site as it was asked for, its time in units of 2 pi, and the
+    wall."""
+    size = orbit.lattice.sites
+    asked = {n if size is None else n % size: n for n in sites}
     for hit in orbit.hits:
-        if hit.site in shown:
-            axes.plot(
-                hit.time % orbit.period / (2 * math.pi), orbit.walls.position(hit.site, hit.wall),
-                "o", color=GREY, markersize=4, clip_on=False, zorder=3,
-            )  # fmt: skip
-
-
-def _walls(axes: Axes, orbit: Orbit, hit: list[int]) -> None:
-    """The walls of the sites that hit; others may stand farther off."""
-    for wall in {wall for n in hit for wall in orbit.walls.at(n) if math.isfinite(wall)}:
-        axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
+        if hit.site in asked:
+            time = hit.time % orbit.period / math.tau
+            yield asked[hit.site], time, orbit.walls.position(hit.site, hit.wall)
 
 
 # --- flows ----------------------------------------------------------------------------------------
@@ -219,8 +214,7 @@ def draw_states(
         if x == TIME:
             axes.margins(x=0.0)
         if len(chosen) > 1:
-            axes.legend(frameon=False, ncols=len(chosen), loc="lower right",
-                        bbox_to_anchor=(1.0, 0.97), handlelength=1.3)  # fmt: skip
+            axes.legend(ncols=len(chosen), **ABOVE)
     return drawn
 
 

@@ -1,26 +1,28 @@
-"""The picture of anything that was computed."""
+"""The picture of anything that was computed, and what notebooks show of it: a sentence, a small
+picture, a table. Nothing is fetched."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from html import escape
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from contbreather.checks import kind_of
-from contbreather.continuation.branch import Branch
+from contbreather.continuation.branch import Branch, Branches
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
 from contbreather.continuation.run import Run as Kept
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, ContbreatherError
 from contbreather.flows.integrate import Trajectory
 from contbreather.flows.orbit import Cycle
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.plotting.branches import plot_branches
-from contbreather.plotting.canvas import Drawn, drawing, symbol
-from contbreather.plotting.diagrams import plot_diagram
+from contbreather.plotting.branches import plot_branches, plot_diagram
+from contbreather.plotting.canvas import Drawn, drawing, inline, symbol
 from contbreather.plotting.orbits import plot_orbit, solution_of
 from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motion, plot_sweep
 from contbreather.plotting.zones import plot_zones
@@ -32,6 +34,11 @@ from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+LISTS = (list, tuple)
+MOST = 30  # rows
+ROOM = 90  # characters in a row of a table
+SMALL = 100  # sites of a lattice whose multipliers are found at once
 
 
 def plot(
@@ -108,7 +115,7 @@ def plot(
     }
     wanted: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     # several may be given together as well, as `switch` returns them
-    single = [one for value in values for one in (value if _is_list(value) else [value])]
+    single = [one for value in values for one in (value if isinstance(value, LISTS) else [value])]
     drawn = [one for one in single if not isinstance(one, str)]
     if all(isinstance(one, Branch) for one in drawn):
         return plot_branches(*drawn, **wanted)
@@ -123,15 +130,6 @@ def plot(
     if unknown := [*wanted.keys() - signature(draw).parameters.keys()]:
         raise BadInput(f"{unknown[0]} says nothing of the picture of {kind_of(value)}")
     return draw(value, **wanted)
-
-
-def has_picture(value: Any) -> bool:
-    """Whether `plot` can draw it."""
-    return _is_list(value) or _drawn(value)[1] is not None
-
-
-def _is_list(value: object) -> bool:
-    return isinstance(value, list | tuple)
 
 
 def _drawn(value: Any) -> tuple[Any, Any]:
@@ -179,3 +177,62 @@ def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
                 axes.axline((point[free], point[name]), beside, linewidth=0.8)
         axes.set_ylabel(symbol(name))
     return drawn
+
+
+# --- in notebooks ---------------------------------------------------------------------------------
+
+
+def card(value: Any) -> str:
+    """A value as HTML, with its picture as SVG inside of it.
+
+    Parameters
+    ----------
+    value : Branch, several of them, Point, Orbit, Zones, Diagram, Run, SmoothRun, Sweep, Basin, a
+        verdict, margins, a cycle of flows, a trajectory, or what is on disk
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> shown = card(cb.symmetric(a=0.5, gamma=0.08, k=0.8))
+    >>> "<svg" in shown, "<table" in shown, "src=" in shown
+    (True, True, False)
+    """
+    try:
+        # a legend of zones would cover them
+        draw = partial(plot_zones, legend=False) if isinstance(value, Zones) else plot
+        there = isinstance(value, LISTS) or _drawn(value)[1] is not None
+        picture = inline(lambda ax: draw(value, ax=ax)) if there else ""
+    except ContbreatherError as error:  # an interrupted diagram without a curve, say
+        picture = f"<p>no picture: {escape(str(error))}</p>"
+    table = value.table().further(*(_in_words(value) if isinstance(value, Orbit) else ()))
+    return (
+        f"<div><p>{escape(_sentence(value))}</p>"
+        '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
+        f'<div style="background:white">{picture}</div>'
+        f'<div style="overflow-x:auto;max-width:40em">{table.html(ROOM, MOST)}</div></div></div>'
+    )
+
+
+def _sentence(value: Any) -> str:
+    match value:
+        case Branch() | Diagram() | Orbit():
+            return value.describe()
+        case Kept():
+            return str(value.path)
+        case Branches():
+            return f"{len(value)} branches"
+        case Zones():
+            return ". ".join([repr(value).strip("<>"), *value.sentences()])
+        case _:
+            return repr(value).strip("<>")
+
+
+def _in_words(orbit: Orbit) -> Iterator[tuple[str, str]]:
+    """Its forcing, its impacts and its verdicts."""
+    yield "forcing", orbit.forcing.describe()
+    for impact in orbit.hits:
+        values = f"wall {impact.wall:+d}, t = {impact.time:.6g}, velocity {impact.before:.6g}"
+        yield f"impact of site {impact.site}", values
+    yield "admissible", repr(orbit.admissibility()).strip("<>").partition(" ")[2]
+    if orbit.lattice.sites is None or orbit.lattice.sites <= SMALL:
+        yield "stability", repr(orbit.stability()).strip("<>")

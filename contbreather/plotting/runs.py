@@ -13,6 +13,7 @@ from contbreather.checks import check_kind, one_of, row, whole
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.plotting.canvas import (
+    ABOVE,
     BLUE,
     CYCLE,
     GREY,
@@ -130,10 +131,7 @@ def plot_motion(
                 axes.plot(t, u, "-", linewidth=1.0, **look)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
-        axes.legend(
-            frameon=False, ncols=len(record.sites), loc="lower right", bbox_to_anchor=(1.0, 0.97),
-            handlelength=1.3, fontsize=_size(axes),
-        )  # fmt: skip
+        axes.legend(ncols=len(record.sites), fontsize=_size(axes), **ABOVE)
     return drawn
 
 

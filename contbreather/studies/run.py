@@ -11,12 +11,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from contbreather.continuation.branch import Branch
 from contbreather.errors import BadInput, ContbreatherError, partial_result
 from contbreather.orbits.atlas import save_atlas, slices_of, surfaces
 from contbreather.plotting.canvas import save_figure
 from contbreather.plotting.pictures import plot
-from contbreather.plotting.zones import plot_atlas, plot_zones
+from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
 from contbreather.studies.schema import Figure, Study, part
 from contbreather.studies.tasks import Task, Worker, dry_run
@@ -278,8 +277,4 @@ class _Shown:
         if first in self.study.atlas:
             return plot_atlas(self.atlas(first), over=figure.over, at=figure.at)
         results = [result for name in figure.draws for result in self.results(name)]
-        if not isinstance(results[0], Branch):
-            return plot_zones(results)
-        axes = {"x": figure.x, "y": figure.y}
-        chosen: dict[str, Any] = {name: value for name, value in axes.items() if value is not None}
-        return plot(*results, **chosen)
+        return plot(*results, x=figure.x, y=figure.y)

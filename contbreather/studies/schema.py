@@ -23,12 +23,14 @@ from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits.zone_search import PAIRS
+from contbreather.orbits.zones import fixed_value
 from contbreather.parameters import parameter
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 _PART = re.compile(r"([^/=]+)(?:/([^/=]+=[^/]+))?(?:/([^/=]+))?")
 SPREAD = {"from", "to", "count"}
 WANTED = "a value"
+KINDS = ("branch", "arms", "boundary", "zones", "atlas")  # of results
 
 
 class Part(NamedTuple):
@@ -89,6 +91,11 @@ def in_range(typed: Any, info: ValidationInfo) -> Any:
     for value in typed if isinstance(typed, list) else [typed]:
         parameter(str(info.field_name), value)
     return typed
+
+
+def in_planes(typed: list[float]) -> list[float]:
+    """Values of k at which there are zones."""
+    return [fixed_value("k", value) for value in typed]
 
 
 Named = Annotated[str, AfterValidator(a_part)]
@@ -223,6 +230,7 @@ class Boundary(FromPoint):
 class ZonesTask(GridTask):
     """Zone diagrams, one for each value."""
 
+    k: Annotated[list[float], PlainValidator(typed_values), AfterValidator(in_planes)] | None = None
     within: dict[str, Window] = Field(default_factory=dict)
     past_folds: bool = False
 
@@ -276,5 +284,4 @@ class Study(Table):
     @property
     def results(self) -> dict[str, Table]:
         """Everything that is computed, by its name."""
-        families = (self.branch, self.arms, self.boundary, self.zones, self.atlas)
-        return {name: table for family in families for name, table in family.items()}
+        return {name: table for kind in KINDS for name, table in getattr(self, kind).items()}

@@ -160,7 +160,7 @@ def test_many_branches_are_asked_for_as_one_is(monkeypatch: pytest.MonkeyPatch) 
     walked = {**own, "free": "mu", "events": (event,), "progress": False}
     shown = {"executor": 3, "progress": True, "unit": "branches"}
     assert seen == [(trace, walked, (starts,), shown)]
-    for wrong in (LINE.problem, "line", 3):
+    for wrong in (LINE.problem, "line", 3, np.array(1.0)):
         with pytest.raises(BadInput, match="takes several starts, a list of them"):
             many.trace_many(wrong, "mu")
 

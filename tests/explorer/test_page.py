@@ -25,21 +25,15 @@ def plane() -> Any:
     return cb.zones(k=0.8)
 
 
-@pytest.fixture
-def page(plane: Any) -> Iterator[Page]:
+def opened(plane: Any) -> Iterator[Page]:
     explorer = Explorer()
     explorer._planes["k", 0.8, "", ""] = plane
     yield Page(explorer)
     explorer.stop()
 
 
-@pytest.fixture(scope="module")
-def bare(plane: Any) -> Iterator[Page]:
-    """One page for tests that leave it as it was."""
-    explorer = Explorer()
-    explorer._planes["k", 0.8, "", ""] = plane
-    yield Page(explorer)
-    explorer.stop()
+page = pytest.fixture(opened)
+bare = pytest.fixture(opened, scope="module")  # one page for tests that leave it as it was
 
 
 def press(page: Page, name: str) -> None:
@@ -108,7 +102,7 @@ def test_what_the_library_refuses_stands_below_the_button(page: Page) -> None:
     ):
         page.forms.breather[name].input.value = typed
         press(page, "Show")
-        assert words in sentence(page.forms.breather_trouble)
+        assert words in sentence(page.forms.troubles["Breather"])
         page.forms.breather[name].input.value = "0.5" if name == "a" else ""
 
 
@@ -146,7 +140,7 @@ def test_a_story_with_the_buttons(page: Page) -> None:
 def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
     press(page, "Show")
     press(page, "Continue")
-    branch = page.explorer.state.curve("branch1")
+    branch = page.explorer.state.curves["branch1"]
     wanted = next(i for i, point in enumerate(branch) if not point.kind and i > 8)
     x, y = branch["a"][wanted], branch["p"][wanted]
     page._branch_tapped(SimpleNamespace(x=x + 1e-4, y=y - 1e-4))
@@ -237,20 +231,20 @@ def test_lattice_springs_and_walls_are_typed(
     assert chosen.orbit.p == wanted.p
     assert eval(chosen.code, {"cb": cb}).p == wanted.p
     press(page, "Continue")
-    upper = page.explorer.state.curve("branch1")["p"].argmax()
+    upper = page.explorer.state.curves["branch1"]["p"].argmax()
     page.point.value = int(upper)
     fields = {name: field.input.value for name, field in page.forms.breather.items()}
     assert fields["lattice"].removeprefix("ring:") == texts.get("lattice", "").removeprefix("ring:")
     press(page, "Show")
     again = page.explorer.chosen.orbit.p
-    assert again == pytest.approx(page.explorer.state.curve("branch1")["p"][upper], rel=1e-7)
+    assert again == pytest.approx(page.explorer.state.curves["branch1"]["p"][upper], rel=1e-7)
 
 
 def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(page: Page) -> None:
     typed(page, damping="0.02")
-    assert "take a ring or another finite lattice" in sentence(page.forms.breather_trouble)
+    assert "take a ring or another finite lattice" in sentence(page.forms.troubles["Breather"])
     typed(page, damping="", walls="-1")
-    assert "--walls -1: LOW,HIGH" in sentence(page.forms.breather_trouble)
+    assert "--walls -1: LOW,HIGH" in sentence(page.forms.troubles["Breather"])
 
 
 def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp_path: Any) -> None:
@@ -260,16 +254,16 @@ def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp
     press(page, "Continue")
     page.forms.file.input.value = ""
     press(page, "Save all curves")
-    assert "the name of the file" in sentence(page.forms.keep_trouble)
+    assert "the name of the file" in sentence(page.forms.troubles["Keep"])
     page.forms.file.input.value = str(path)
     press(page, "Save all curves")
-    assert "press again to replace it" in sentence(page.forms.keep_trouble)
+    assert "press again to replace it" in sentence(page.forms.troubles["Keep"])
     assert path.read_text() == "of last week"
     press(page, "Save all curves")
-    assert sentence(page.forms.keep_trouble) == ""
+    assert sentence(page.forms.troubles["Keep"]) == ""
     assert cb.load(path)["branch1"].names
     press(page, "Save all curves")  # and is asked about again the next time
-    assert "press again" in sentence(page.forms.keep_trouble)
+    assert "press again" in sentence(page.forms.troubles["Keep"])
 
 
 RANGES = (

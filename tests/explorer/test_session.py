@@ -18,7 +18,7 @@ from contbreather.errors import BadInput, Interrupted, NoSolution
 from contbreather.explorer import Explorer, jobs, session
 from contbreather.explorer.jobs import Computation, JobThread, Progress
 from contbreather.explorer.preview import LADDER, _mixed, diagram_between
-from contbreather.explorer.state import drawn_columns
+from contbreather.explorer.state import drawn_columns, names, verdicts
 
 from ..apart import HUNG, until
 
@@ -38,7 +38,7 @@ def told() -> Explorer:
     explorer = Explorer()
     explorer.choose_at(a=0.7, gamma=0.04)
     do(explorer, jobs.traced(explorer.chosen, "a", (0.6, 0.95)))
-    kinds = [point.kind for point in explorer.state.curve("branch1")]
+    kinds = [point.kind for point in explorer.state.curves["branch1"]]
     explorer.choose_point("branch1", kinds.index("PF"))
     do(explorer, jobs.switched(explorer.chosen))
     do(explorer, jobs.bounded(explorer.chosen, ("gamma", "a"), WINDOWS))
@@ -50,8 +50,7 @@ def told() -> Explorer:
 
 
 def test_a_story_leaves_its_curves_under_the_names_of_the_script(told: Explorer) -> None:
-    codes = [one.code for one in told.state.curves]
-    assert codes == ["branch1", "arms2[0]", "arms2[1]", "line3", "branch4"]
+    assert [*told.state.curves] == ["branch1", "arms2[0]", "arms2[1]", "line3", "branch4"]
     assert told.state.run is not None
     assert told.state.run[0] == "run5"
 
@@ -61,12 +60,12 @@ def test_the_script_makes_what_is_seen_to_the_last_digit(told: Explorer) -> None
     kept = [one for one in lines if not one.startswith(("cb.save_figure", "zones ="))]
     made: dict[str, Any] = {}
     exec("\n".join(kept), made)
-    for one in told.state.curves:
-        again = eval(one.code, made)
+    for code, branch in told.state.curves.items():
+        again = eval(code, made)
         for name in ("a", "gamma", "p", "t1", "arclength"):
-            if name in one.branch.names:
-                np.testing.assert_array_equal(again[name], one.branch[name])
-        assert [p.label for p in again] == [p.label for p in one.branch]
+            if name in branch.names:
+                np.testing.assert_array_equal(again[name], branch[name])
+        assert [p.label for p in again] == [p.label for p in branch]
     assert told.state.run is not None
     np.testing.assert_array_equal(made["run5"].record.u, told.state.run[1].record.u)
     assert made["here"].p == told.chosen.orbit.p
@@ -84,7 +83,7 @@ def test_the_whole_script_runs_and_leaves_its_figures(
 
 def test_a_curve_that_lacks_a_column_is_not_drawn(told: Explorer) -> None:
     told.change(axes=("a", "phi"))
-    shown = [one.code for one in told.state.shown]
+    shown = [*told.state.shown]
     told.change(axes=("", ""))
     assert shown == ["branch1", "line3", "branch4"]  # arms have the times of two impacts
 
@@ -93,11 +92,11 @@ def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) 
     path = told.save(tmp_path / "run.nc")
     again = Explorer(run=path)
     assert len(again.state.curves) == len(told.state.curves)
-    first = again.state.curves[0]
+    code, branch = next(iter(again.state.curves.items()))
     assert f"cb.load({str(path)!r})" in again.script()
     made: dict[str, Any] = {}
     exec(again.state.lines[0], {"cb": cb}, made)
-    np.testing.assert_array_equal(eval(first.code, made)["a"], first.branch["a"])
+    np.testing.assert_array_equal(eval(code, made)["a"], branch["a"])
 
 
 def test_figures_are_exported_in_each_format(told: Explorer) -> None:
@@ -128,7 +127,7 @@ def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
 
     explorer.begin(Computation(one.title, one.name, one.code, early))
     assert explorer.wait(HUNG)
-    branch = explorer.state.curves[0].branch
+    branch = explorer.state.curves["branch1"]
     assert branch.stop is cb.continuation.Stop.INTERRUPTED
     assert 9 <= len(branch) < len(whole)
     assert "stopped" in explorer.message
@@ -472,20 +471,20 @@ def test_another_root_is_chosen_and_stays_so_at_a_click() -> None:
 
 
 def test_a_curve_is_removed_and_everything_taken_back_step_by_step(told: Any) -> None:
-    branch = told.state.curves[0].branch
+    branch = told.state.curves["branch1"]
     explorer = Explorer(branch, branch)
     lines = explorer.state.lines
     explorer.choose_point("given1", 3)
     explorer.remove("given1")
-    assert [one.code for one in explorer.state.curves] == ["given2"]
+    assert [*explorer.state.curves] == ["given2"]
     assert explorer.chosen.code == "given1[3]"  # as before, and so is the script that makes it
     assert explorer.state.lines == lines
     explorer.undo()
     assert explorer.message == "given1 is back."
-    assert [one.code for one in explorer.state.curves] == ["given1", "given2"]
+    assert [*explorer.state.curves] == ["given1", "given2"]
     explorer.choose_point("given2", 3)
     explorer.undo()
-    assert [one.code for one in explorer.state.curves] == ["given1"]
+    assert [*explorer.state.curves] == ["given1"]
     assert explorer.message == "given2 is taken back."
     assert explorer.state.chosen is None  # nothing was when it came
     explorer.undo()
@@ -494,8 +493,8 @@ def test_a_curve_is_removed_and_everything_taken_back_step_by_step(told: Any) ->
 
 
 def test_a_curve_in_two_parameters_is_drawn_in_its_plane_until_a_branch_comes(told: Any) -> None:
-    line = next(one.branch for one in told.state.curves if len(one.branch.curve.varied) > 1)
-    branch = told.state.curves[0].branch
+    line = told.state.curves["line3"]
+    branch = told.state.curves["branch1"]
     explorer = Explorer(branch, line)
     assert explorer.state.columns == line.curve.varied
     explorer._take("later", ("{} = ...",), branch)
@@ -526,3 +525,50 @@ def test_a_cycle_is_drawn_by_its_period_with_and_without_its_equations(tmp_path:
     for known in (branch, cb.load(tmp_path / "cycles.nc")):
         assert Explorer(known).state.columns == ("a", "period")
     assert not {"orbit", "mesh"} & {*drawn_columns(branch)}
+
+
+# --- in words -------------------------------------------------------------------------------------
+
+B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
+
+
+def test_curves_are_named_by_what_not_all_of_them_share() -> None:
+    window = {"a": (0.49, 0.51), "gamma": (0.07, 0.09)}
+    curves = {
+        f"branch{i}": cb.trace(orbit, free, within={free: window[free]})
+        for i, (orbit, free) in enumerate([(B, "a"), (B.on(cb.Ring(12)), "a"), (B, "gamma")])
+    }
+    assert [*names(curves)] == [
+        "branch0: in a, infinite chain, gamma = 0.08",
+        "branch1: in a, ring of 12, gamma = 0.08",
+        "branch2: in gamma, infinite chain, a = 0.5",
+    ]
+    del curves["branch2"]
+    assert [*names(curves)] == ["branch0: infinite chain", "branch1: ring of 12"]
+    del curves["branch1"]
+    assert names(curves) == {"branch0": "branch0"}
+
+
+def test_verdicts_are_those_of_the_library() -> None:
+    said = dict(verdicts(B, 400))
+    assert said["own lattice"] == B.stability().describe()
+    assert said["ring of 400"] == B.stability(sites=400).describe()
+    assert f"{B.stability().over_reflection.growth:.6g}/N" in said["over-reflection"]
+    assert said["admissible"] == B.admissibility().reason
+
+
+def test_nothing_is_said_of_the_stability_of_what_goes_through_a_wall() -> None:
+    through = cb.symmetric(a=0.9, gamma=0.08, k=0.8, root=1)
+    said = dict(verdicts(through, 400))
+    assert said["not admissible"] == through.admissibility().reason
+    assert said["stability"].startswith("nothing is said of it")
+    assert len(said) == 2
+
+
+def test_arms_are_described_by_their_impacts() -> None:
+    arm = cb.switch(
+        cb.trace(cb.symmetric(a=0.7, gamma=0.04, k=0.8), "a", within={"a": (0.7, 0.9)}).first("PF")
+    )[0]
+    names = [name for name, _ in arm[3].solution.table().rows]
+    assert names == ["a", "gamma", "k", "t1", "impulse 1", "t2", "impulse 2", "c"]
+    assert "over-reflection" not in dict(verdicts(arm[3].solution, 60))

@@ -14,12 +14,12 @@ from bokeh.models import GlyphRenderer, HoverTool
 from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
-from contbreather.explorer import summary, views
+from contbreather.explorer import views
 from contbreather.explorer.preview import Preview, preview_of
-from contbreather.explorer.state import Chosen, Named, PageState
+from contbreather.explorer.state import Chosen, PageState
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
-from contbreather.plotting import canvas, plot
+from contbreather.plotting import plot
 from contbreather.plotting.zones import LINES, SHADES
 
 B = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
@@ -117,10 +117,7 @@ def test_every_column_is_drawn_as_what_it_is() -> None:
         assert "; ".join(found) == wanted
 
 
-def test_inks_are_those_of_the_figures_on_white_and_lighter_ones_of_the_same_hues() -> None:
-    names = "BLUE", "VERMILLION", "GREEN", "PURPLE", "ORANGE", "SKY", "BLACK"
-    assert LIGHT.cycle == tuple(getattr(canvas, name) for name in names)
-    assert {"S": LIGHT.stable, "US": LIGHT.unstable} == SHADES
+def test_inks_on_dark_paper_are_lighter_ones_of_the_same_hues() -> None:
     for theme in (LIGHT, DARK):
         assert (theme.blue, theme.vermillion, theme.line) == (*theme.cycle[:2], theme.cycle[-1])
         cool = (
@@ -196,7 +193,7 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
     drawn = preview_of(plane)
     for k, wanted in ((0.8, [line]), (0.7, [])):
         there = replace(drawn, fixed=("k", k))
-        view.boundaries([Named("branch1", branch), Named("line2", line)], there)
+        view.boundaries([branch, line], there)
         same(view.traced.data["xs"], [one["gamma"] for one in wanted])
         same(view.traced.data["ys"], [one["a"] for one in wanted])
     damped = cb.symmetric(0.5, 0.08, 0.8, lattice=cb.Ring(12), damping=0.01)
@@ -230,7 +227,7 @@ def test_words_at_the_edge_of_the_zones_stay_inside_and_do_not_cover_each_other(
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in branch)
     view = views.BranchView(DARK)
-    both = [Named("one", replace(branch, points=doubtful)), Named("two", branch)]
+    both = {"one": replace(branch, points=doubtful), "two": branch}
     view.show(both, "a", "phi")
     printed = [line for line in plot(branch, x="a", y="phi").axes.get_lines()
                if line.get_linestyle() != "None"]  # fmt: skip
@@ -251,7 +248,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         for p in branch.special:
             text = "" if p.kind == "EP" else p.label + mark * (p.kind == "PF")
             values = ", ".join(f"{name} = {value:.8g}" for name, value in p.values.items())
-            what = f"{p.label} of {one.code}: {values}"
+            what = f"{p.label} of {one}: {values}"
             points.append((float(p["a"]), float(p["phi"]), text, colour, what))
     assert rows(view.special, "x", "y", "text", "colour", "what") == points
     assert [tool.tooltips for tool in view.figure.select(HoverTool)] == [[("", "@what")]]
@@ -268,7 +265,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         view.choose(Chosen("x", B, point), x, y)
         np.testing.assert_equal((view.here.data["x"], view.here.data["y"]), place)
     cusp = replace(branch[5], kind="CP", label="CP1")
-    view.show([Named("one", replace(branch, points=(branch[0], cusp, branch[-1])))], "a", "p")
+    view.show({"one": replace(branch, points=(branch[0], cusp, branch[-1]))}, "a", "p")
     marks, other = [*views.MARKS.values()], view.special.data["mark"][1]
     assert len({*marks, other}) == len(marks)  # GR and MX, where a walk ends, look alike
     assert {*marks, other} <= {*MarkerType}
@@ -277,14 +274,16 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
 
 
 def test_the_motion_shows_each_site_between_its_walls() -> None:
-    view, shown = views.MotionView(LIGHT, "t/2π"), summary.sites_wanted(B, (1, 0))
+    view = views.MotionView(LIGHT, "t/2π")
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
                       sample=cb.simulation.Sample((0, 3), 32))  # fmt: skip
-    view.show(shown, "stable")
+    view.show(B, (1, 0), "stable")
     assert view.figure.title.text == "stable"
     assert rows(view.lines, "site", "colour") == [("site 1", "#0072B2"), ("site 0", "#D55E00")]
-    hits = [(time, wall, "#D55E00") for _, time, wall in shown.hits]
-    assert rows(view.hits, "x", "y", "colour") == hits
+    hits = rows(view.hits, "x", "y", "colour")
+    assert {(wall, colour) for _, wall, colour in hits} == {(-1.0, "#D55E00"), (1.0, "#D55E00")}
+    for time, wall, _ in hits:
+        assert B.displacement(0, 2 * np.pi * time) == pytest.approx(wall, abs=1e-12)
     for start, end, sites in ((0.0, 1.0, (1, 0)), (1.0, run.record.times[-1] / 2 / np.pi, (0, 3))):
         for n, (x, y) in zip(sites, rows(view.lines, "xs", "ys"), strict=True):
             np.testing.assert_allclose(y, B.displacement(n, 2 * np.pi * x), atol=2e-2)
@@ -294,14 +293,50 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
         assert rows(view.walls, "xs", "ys") == [(ends, [wall, wall]) for wall in (-1.0, 1.0)]
         view.run("run1", run, "periodic")
     assert view.figure.title.text == "run1: 2 periods, 4 impacts; periodic"
+    for sites, there in (((0, 3, 40), (0, 3)), ((-1,), (-1,)), ((40,), (0,))):
+        view.show(B.on(cb.Ring(10)), sites, "")
+        assert view.lines.data["site"] == [f"site {n}" for n in there]
+
+
+def test_the_profile_shows_the_site_that_impacts_at_its_wall_and_small_lattices_whole() -> None:
+    view = views.ProfileView(LIGHT)
+    view.show(B)
+    data = view.sites.data
+    centre = list(data["n"]).index(0)
+    assert data["u"][centre] == pytest.approx(1.0, abs=1e-14)
+    assert data["high"][centre] == pytest.approx(1.0, abs=1e-12)
+    assert data["high"][centre + 1] == pytest.approx(B.admissibility().max_neighbour, abs=1e-4)
+    same(view.walls.data["y"], np.tile([-1.0, 1.0], data["n"].size))
+    ends = cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.OpenChain(9), site=0, damping=0.01)
+    for orbit, size in ((ends, 9), (B.on(cb.Ring(20)), 20)):
+        view.show(orbit)
+        assert list(view.sites.data["n"]) == list(range(size))
+
+
+def test_multipliers_are_those_of_half_a_period_of_the_ring_or_of_the_own_lattice() -> None:
+    view = views.MultipliersView(LIGHT)
+    view.show(B, 100)
+    same(view.dots.data["x"] + 1j * view.dots.data["y"], B.multipliers(sites=100, half=True))
+    assert view.figure.title.text == "over half a period, ring of 100"
+    edge = np.exp(2j * np.pi * 0.08**0.5)  # exp(+-i pi w), w up to 2 sqrt(gamma)
+    ends = [xs[-1] + 1j * ys[-1] for xs, ys in rows(view.band, "xs", "ys")]
+    assert ends == pytest.approx([edge, edge.conjugate()])
+    assert sum(view.dots.data["size"] > 5.0) == 2
+    view.show(cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.Ring(12), damping=0.02), 400)
+    assert len(view.dots.data["x"]) == 24
+    waves = [np.hypot(xs, ys) for xs, ys in rows(view.band, "xs", "ys")]
+    assert np.median(waves) == pytest.approx(np.exp(-0.01 * np.pi))  # half a period
 
 
 @pytest.mark.parametrize(("largest", "reach"), [(1.0, 1.265), (2.0, 2.2), (4.0, 4.4), (4.5, 4.4)])
-def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, reach: float) -> None:
+def test_multipliers_are_drawn_on_a_square_those_outside_red(
+    largest: float, reach: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mu, alone = np.array([1j, -1j, largest, 1.0 / largest]), np.array([False, False, True, True])
     view = views.MultipliersView(LIGHT)
     waves = np.exp(1j * np.linspace([0.0, 0.0], [np.pi / 4, -np.pi / 4]).T)
-    view.show(summary.Multipliers(mu, alone, waves, "over a period"))
+    monkeypatch.setattr(views, "with_band", lambda *_: (mu, waves, alone))
+    view.show(B, 20)
     x, y, size = (np.asarray(view.dots.data[name]) for name in ("x", "y", "size"))
     same(x + 1j * y, mu)
     colours = [LIGHT.vermillion if mu == largest > 1.0 else LIGHT.blue for mu in mu]
@@ -312,7 +347,7 @@ def test_multipliers_are_drawn_on_a_square_those_outside_red(largest: float, rea
         assert (angles[0], angles[-1]) == pytest.approx((0.0, sign * np.pi / 4))
         np.testing.assert_allclose(np.hypot(xs, ys), 1.0)
     fig, beyond = view.figure, "; one at |μ| = 4.5" * (largest > 4.0)
-    assert fig.title.text == f"over a period{beyond}"
+    assert fig.title.text == f"over half a period, ring of 20{beyond}"
     for axis in (fig.x_range, fig.y_range):
         ends = axis.start, axis.end, axis.reset_start, axis.reset_end
         assert ends == pytest.approx((-reach, reach) * 2)
