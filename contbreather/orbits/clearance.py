@@ -18,8 +18,19 @@ from numpy.typing import NDArray
 from contbreather.checks import kind_of, whole
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
-from contbreather.orbits.margins import FOUND, LENGTH, MARGIN, MARGINS, NEXT, STEEP, TIE, WHEN
-from contbreather.orbits.motion import IMPULSE, TIME, points_of
+from contbreather.orbits.margins import (
+    FOUND,
+    IMPULSE,
+    LENGTH,
+    MARGIN,
+    MARGINS,
+    NEXT,
+    STEEP,
+    TIE,
+    TIME,
+    WHEN,
+    points_of,
+)
 from contbreather.orbits.site_motion import USUAL, SiteMotion
 
 if TYPE_CHECKING:

@@ -21,8 +21,7 @@ from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.free_flight import POWERS, Responses, response_weights
 from contbreather.lattice.periodic_green import bounds, is_resonant, responses
-from contbreather.orbits.margins import IMAGE
-from contbreather.orbits.motion import Forced, FreeModes, Motion, points_of
+from contbreather.orbits.margins import IMAGE, Forced, FreeModes, Motion, points_of
 from contbreather.orbits.section import Impact, Section
 
 FloatArray = NDArray[np.float64]
