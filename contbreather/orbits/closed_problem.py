@@ -29,15 +29,20 @@ from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import Closure
 from contbreather.orbits.grazing import GrazingSite
-from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
+from contbreather.orbits.orbit_events import events_without_losses, saddle_node
+from contbreather.orbits.orbit_problem import (
+    OnCircle,
+    OrbitProblem,
+    on_ring,
+    orbit_problem,
+    unstable_by,
+)
 from contbreather.orbits.site_motion import phase
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
-from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
 
@@ -55,8 +60,6 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = breather.representation
     forcing, lattice = motion.forcing, breather.lattice
-    if isinstance(lattice, Ring):
-        check_threshold(threshold)  # there NS is by the paper's rule
     closure = Closure(forcing, lattice)
     return orbit_problem(
         "symmetric breather",
@@ -69,7 +72,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
-        events=(saddle_node(), *events_of(HALF, lattice, threshold)),
+        events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=_domain(breather),
         label=f"symmetric breather{on_ring(lattice, threshold)}",

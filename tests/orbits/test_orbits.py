@@ -18,7 +18,7 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.green_equations import OrbitEquations
-from contbreather.orbits.green_problem import impact_problem
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import SAME, images_of, shifted, simpler_than
