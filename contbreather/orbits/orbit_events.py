@@ -45,12 +45,11 @@ from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.orbits.branch_switching import from_arms
-from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.grazing import grazing as grazed
 from contbreather.orbits.grazing import merging, solution_at
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_problem import OnCircle, unstable_by
+from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
 from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap

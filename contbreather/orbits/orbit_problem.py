@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -21,12 +21,14 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
+from contbreather.orbits.clearance import measure
 from contbreather.orbits.orbit import VANISHED, Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
+from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -155,6 +157,59 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
         b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.averages(gamma, "eta"))[1]
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)
+
+
+# --- many symmetric breathers at once -------------------------------------------------------------
+
+# One by one most of the time goes into making them. For tests along a branch in the amplitude they
+# are one breather with arrays for its amplitude, momentum and phase.
+
+
+@dataclass(frozen=True, eq=False)
+class BreathersAlong:
+    """Symmetric breathers of the infinite chain that differ in amplitude and roots alone."""
+
+    first: Orbit
+    a: FloatArray
+    p: FloatArray
+    phi: FloatArray
+
+    @property
+    def map(self) -> HalfMap:
+        """Theirs, with an array for b."""
+        on = self.first.representation
+        # (19): b = (1 + k)^2 [a f''(phi) - p eta]/(2p), eta of the coupling alone
+        curvature, eta = on.forcing.d2f(self.phi), on.lattice.eta(on.gamma)
+        return replace(self.first.map, b=saltation(self.a, on.k, self.p, curvature, eta)[1])
+
+    def margins(self) -> FloatArray:
+        """The least margin of each, as `clearance.least_margin` has it of one."""
+        motion = self.first.motion
+        # (4): a momentum of 2p is lost on the wall +1 at phi, and gained on -1 half a period later
+        times = np.stack([self.phi, self.phi + np.pi], axis=1)
+        impulses = np.stack([-2.0 * self.p, 2.0 * self.p], axis=1)
+        along = self.a, times, impulses
+        return measure(motion, motion.idle, only_closest=True, along=along).least
+
+
+def breathers_along(points: Points) -> BreathersAlong | None:
+    """The breathers of points, None where they are no such breathers; kept by the curve, because
+    all events ask."""
+    make = partial(_breathers, points)
+    breathers: BreathersAlong | None = points.curve.cached("breathers", points.z, make)
+    return breathers
+
+
+def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
+    curve: Any = points.curve
+    if curve.free != ("a",) or curve.problem.beneath is not None:
+        return None
+    first = points[0].solution
+    if not (first.symmetric and first.lattice.sites is None and isinstance(first.map, HalfMap)):
+        return None
+    p, phi, a = np.ascontiguousarray(z.T)
+    # with p <= 0 the wall +1 would pull at its site
+    return BreathersAlong(first, a, p, phi) if (p > 0.0).all() else None
 
 
 # --- a multiplier on a circle ---------------------------------------------------------------------

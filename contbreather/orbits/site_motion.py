@@ -22,7 +22,7 @@ from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.free_flight import POWERS, Responses, response_weights
 from contbreather.lattice.periodic_green import bounds, is_resonant, responses
 from contbreather.orbits.margins import IMAGE, Forced, FreeModes, Motion, points_of
-from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.section import Section
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[float, float, float]  # a value and its first two derivatives
@@ -50,21 +50,12 @@ class SiteMotion:
         self.forcing, self.lattice = self.on.forcing, self.on.lattice
         self.k, self.sign, self.hit = float(self.on.k), self.section.sign, self.section.hit
         self.length, self.period = self.section.length, self.section.period
-
-    @property
-    def fine(self) -> int:
-        """Points to half a period of the forcing."""
-        return max(FINE, 16 * int(self.forcing.highest))
-
-    @cached_property
-    def start(self) -> float:
-        """Time of the first impact of a section."""
-        return float(self.impacts[0].time)
-
-    @cached_property
-    def impacts(self) -> tuple[Impact, ...]:
-        """Of a period, those of a section first."""
-        return self.section.course(self.representation.impacts, 1 if self.sign > 0 else 2)
+        self.endless = self.lattice.sites is None  # with a far field
+        self.fine = max(FINE, 16 * int(self.forcing.highest))  # points to half a period of it
+        # of a period, those of a section first
+        sections = 1 if self.sign > 0 else 2
+        self.impacts = self.section.course(representation.impacts, sections)
+        self.start = float(self.impacts[0].time)  # of a section
 
     @cached_property
     def idle(self) -> Sequence[int]:
@@ -78,11 +69,6 @@ class SiteMotion:
 
     def walls(self, site: int) -> Wall:
         return USUAL
-
-    @property
-    def endless(self) -> bool:
-        """Whether there is a far field."""
-        return self.lattice.sites is None
 
     @property
     def far(self) -> float:
@@ -108,11 +94,6 @@ class SiteMotion:
         """The power of the coupling in which a site first moves otherwise than another, or, given
         twice, than without impacts."""
         raise NotImplementedError
-
-    def at(self, site: int, t: float) -> Terms:
-        """Displacement, velocity and acceleration of a site."""
-        terms: Terms = self.representation.at(site, t)
-        return terms
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
