@@ -38,7 +38,6 @@ from contbreather.orbits.orbit_problem import (
     orbit_problem,
     unstable_by,
 )
-from contbreather.orbits.site_motion import phase
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
@@ -336,7 +335,7 @@ def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     """Of displacement and velocity at a fixed time, u = a f + p times a `Flight` of that site."""
     breather: SymmetricBreather = orbit.representation
-    y, sign = phase(breather, t)
+    y, sign = breather.phase(t)
     p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
     place = breather.lattice, breather.gamma, breather.lattice.distance(site)
     rows = []

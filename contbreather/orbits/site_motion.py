@@ -86,9 +86,12 @@ class SiteMotion:
     def influence(self, site: int, other: int | None = None) -> float:
         """How strongly a site feels the impacts, or how much it moves otherwise than another does,
         to first order in the coupling."""
-        largest = max(abs(impact.impulse) for impact in self.impacts)
         order = self._order(site, site if other is None else other)
-        return float(0.5 * largest * self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+        return self._strongest * float(self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+
+    @cached_property
+    def _strongest(self) -> float:
+        return 0.5 * max(abs(impact.impulse) for impact in self.impacts)
 
     def _order(self, site: int, other: int) -> float:
         """The power of the coupling in which a site first moves otherwise than another, or, given
@@ -164,9 +167,16 @@ class ChainMotion(SiteMotion):
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
     def _order(self, site: int, other: int) -> float:
-        far = [[self.lattice.distance(n - busy) for busy in self.hit] for n in (site, other)]
-        unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
-        return min(unlike if site != other else far[0], default=math.inf)
+        return _bonds(self.lattice, self.hit, site, other)
+
+
+@lru_cache(maxsize=4096)
+def _bonds(lattice: UniformLattice, hit: tuple[int, ...], site: int, other: int) -> float:
+    """How far away the impacts are that one of two sites feels before the other, or that the one
+    site feels first."""
+    far = [[lattice.distance(n - busy) for busy in hit] for n in (site, other)]
+    unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
+    return min(unlike if site != other else far[0], default=math.inf)
 
 
 @lru_cache(maxsize=64)
@@ -190,13 +200,6 @@ class ClosedFormMotion(ChainMotion):
     def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         responses = _odd_responses(self.lattice, self.on.gamma, sites)
         return _alike(self.forcing), responses, _NO_MODES
-
-
-def phase(breather: Any, t: float) -> tuple[float, float]:
-    """Time from the middle of the flight, and its sign."""
-    flights = math.floor((t - breather.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
-    sign = -1.0 if flights % 2 else 1.0
-    return t - breather.phi - (flights + 0.5) * math.pi, sign
 
 
 @lru_cache(maxsize=64)

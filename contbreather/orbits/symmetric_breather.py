@@ -24,7 +24,7 @@ from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ClosedFormMotion, Terms, phase
+from contbreather.orbits.site_motion import ClosedFormMotion, Terms
 from contbreather.parameters import parameter
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ class SymmetricBreather:
     def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
         """Eq. (12) in closed form, and its derivatives."""
         n, t = np.broadcast_arrays(n, t)
-        y, sign = self._phase(t)
+        y, sign = self._phases(t)
         # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
         first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
         response = np.asarray(FreeFlight(first, ()).at(y)[order])
@@ -187,7 +187,7 @@ class SymmetricBreather:
 
     def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site at one time."""
-        (y, sign), (f, df, d2f) = phase(self, t), self.forcing.motion(t)
+        (y, sign), (f, df, d2f) = self.phase(t), self.forcing.motion(t)
         (u, v, w), a, p = self.flight(site).at(y), self.a, sign * self.p
         return a * f + p * u, a * df + p * v, a * d2f + p * w
 
@@ -196,8 +196,14 @@ class SymmetricBreather:
         sites, time = np.arange(self.lattice.sites or 0), np.array(t)
         return self.profile(sites, time, 0), self.profile(sites, time, 1)
 
-    def _phase(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def phase(self, t: float) -> tuple[float, float]:
         """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
+        flights = math.floor((t - self.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
+        sign = -1.0 if flights % 2 else 1.0
+        return t - self.phi - (flights + 0.5) * math.pi, sign
+
+    def _phases(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same of many times; one within rounding of an impact is in the flight after it."""
         since = t - self.phi
         flights = np.floor(since / math.pi)
         s = since - flights * math.pi  # time since the last impact, in [0, pi)

@@ -257,7 +257,12 @@ class Search:
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
             curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
-            waiting += [(end, branch) for end in branch.special if _leads_on(end)]
+            # what crosses a fold would go on behind it: beside the fold it is found on a branch
+            waiting += [
+                (end, branch)
+                for end in branch.special
+                if is_meeting(end) and (end.kind in ("GR-GR", JOINT) or _followed(end) == "LP")
+            ]
 
 
 def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
@@ -265,12 +270,6 @@ def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
     reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
     first = next(reached, len(starts) - 1)
     return first, -float(piece.z[abs(piece.z[:, 2] - starts[first]).argmin(), 0])
-
-
-def _leads_on(point: Point) -> bool:
-    """Whether what a curve meets is followed from there: not what crosses a fold, for that would go
-    on behind it; beside the fold it is found on a branch."""
-    return is_meeting(point) and (point.kind in ("GR-GR", JOINT) or _followed(point) == "LP")
 
 
 def _followed(point: Point) -> str:

@@ -203,12 +203,18 @@ class RingModes(NamedTuple):
     w_sine: Array
 
 
+def check_lattice(lattice: object) -> InfiniteChain | Ring:
+    """Refuse what has no half map."""
+    if isinstance(lattice, InfiniteChain | Ring):
+        return lattice
+    raise BadInput(
+        f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
+    )
+
+
 def checked(gamma: float, lattice: object) -> tuple[float, int | None, float]:
     """The coupling, None or the sites of a ring, and what holds every site to the ground."""
-    if not isinstance(lattice, (InfiniteChain, Ring)):
-        raise BadInput(
-            f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
-        )
+    lattice = check_lattice(lattice)
     return check_gamma(gamma, lattice.spring), lattice.sites, lattice.spring
 
 

@@ -19,7 +19,7 @@ from contbreather.stability.arc import (
     over_reflects,
     window,
 )
-from contbreather.stability.characteristic import D, D_gradient, Gradient, checked
+from contbreather.stability.characteristic import D, D_gradient, Gradient, check_lattice
 from contbreather.stability.counting import (
     Count,
     closest_approach,
@@ -53,7 +53,7 @@ class HalfMap:
     lattice: Any = InfiniteChain()
 
     def __post_init__(self) -> None:
-        checked(0.0, self.lattice)
+        check_lattice(self.lattice)
 
     @property
     def period(self) -> float:

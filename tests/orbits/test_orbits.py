@@ -164,7 +164,7 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
                 if isinstance(orbit.representation, ExactModes):
                     one = orbit.representation.at(hit.site, same)[:2]
                     assert one == pytest.approx((wall, hit.after), abs=1e-11 + rounded)
-                one = orbit.motion.at(hit.site, t + 1e-9)
+                one = orbit.representation.at(hit.site, t + 1e-9)
                 assert one == pytest.approx((wall, hit.after, hit.acceleration), abs=1e-6)
             before = np.array([t - 1e-7, t - 1e-8])
             assert orbit.velocity(hit.site, before) == pytest.approx(hit.before, abs=1e-5)
