@@ -37,7 +37,7 @@ from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability.band_pairs import EXACT, ORDERS, POWERS
-from contbreather.stability.saltation import check_finite
+from contbreather.stability.saltation import check_finite, check_lattice
 
 Array = NDArray[Any]  # real on the real axis, complex off it
 
@@ -201,15 +201,6 @@ class RingModes(NamedTuple):
     cosine: Array
     sine_over_w: Array
     w_sine: Array
-
-
-def check_lattice(lattice: object) -> InfiniteChain | Ring:
-    """Refuse what has no half map."""
-    if isinstance(lattice, InfiniteChain | Ring):
-        return lattice
-    raise BadInput(
-        f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
-    )
 
 
 def checked(gamma: float, lattice: object) -> tuple[float, int | None, float]:

@@ -14,21 +14,22 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import (
     OverReflection,
+    ends_of,
     on_arc,
     over_reflection,
     over_reflects,
     window,
 )
-from contbreather.stability.characteristic import D, D_gradient, Gradient, check_lattice
+from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.counting import (
     Count,
     closest_approach,
-    ends_of,
     outside,
     unstable_count,
     unstable_multipliers,
 )
 from contbreather.stability.ring_multipliers import even_multipliers, half_multipliers
+from contbreather.stability.saltation import check_lattice
 from contbreather.stability.zeros import farthest, outermost
 
 Array = NDArray[Any]
