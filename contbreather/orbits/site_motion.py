@@ -44,10 +44,12 @@ class SiteMotion:
     """The motion of an orbit over a section, by its representation, and which sites decide on its
     clearance."""
 
-    def __init__(self, representation: Any) -> None:
+    def __init__(self, representation: Any, forcing: Any = None, lattice: Any = None) -> None:
         self.representation, self.on = representation, representation.conditions
         self.section: Section = representation.section
-        self.forcing, self.lattice = self.on.forcing, self.on.lattice
+        # where springs hold the sites a closed form has its own
+        self.forcing = self.on.forcing if forcing is None else forcing
+        self.lattice = self.on.lattice if lattice is None else lattice
         self.k, self.sign, self.hit = float(self.on.k), self.section.sign, self.section.hit
         self.length, self.period = self.section.length, self.section.period
         self.endless = self.lattice.sites is None  # with a far field
@@ -123,12 +125,7 @@ class SiteMotion:
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         """Offset and walls of each site."""
-        return _between_usual_walls(len(sites))
-
-
-@lru_cache(maxsize=64)
-def _between_usual_walls(count: int) -> FloatArray:
-    return np.full((count, 3), (0.0, *USUAL))
+        return np.array([(0.0, *self.walls(n)) for n in sites])
 
 
 @lru_cache(maxsize=64)
@@ -192,11 +189,6 @@ def _around(lattice: UniformLattice, hit: tuple[int, ...], everywhere: bool) -> 
 class ClosedFormMotion(ChainMotion):
     """A symmetric breather, of which site 0 impacts."""
 
-    def __init__(self, representation: Any) -> None:
-        super().__init__(representation)
-        # where springs hold the sites, what the closed form has for its forcing and its lattice
-        self.forcing, self.lattice = representation.forcing, representation.lattice
-
     def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         responses = _odd_responses(self.lattice, self.on.gamma, sites)
         return _alike(self.forcing), responses, _NO_MODES
@@ -232,7 +224,7 @@ class GreenMotion(ChainMotion):
         return _alike(self.forcing), to_impacts, _NO_MODES
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
-        places = super()._places(sites).copy()
+        places = super()._places(sites)
         places[:, 0] = self.representation.offset(sites)
         return places
 
@@ -304,9 +296,6 @@ class ModalMotion(SiteMotion):
         series = np.array([forced.harmonics(site) for site in sites], dtype=float)
         m, A, B = (np.ascontiguousarray(part) for part in np.moveaxis(series, 2, 0))
         return Forced(m[0], A, B, math.inf)
-
-    def _places(self, sites: Sequence[int]) -> FloatArray:
-        return np.array([(0.0, *self.walls(n)) for n in sites])
 
 
 @lru_cache(maxsize=64)

@@ -216,7 +216,7 @@ class SymmetricBreather:
     @property
     def motion(self) -> ClosedFormMotion:
         """What its clearance from the walls is measured on."""
-        return ClosedFormMotion(self)
+        return ClosedFormMotion(self, self.forcing, self.lattice)
 
     # ----------------------------------------------------------------------------- stability
 
