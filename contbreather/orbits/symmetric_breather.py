@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 HALF = Section(((0, 1),), sign=-1)
 
