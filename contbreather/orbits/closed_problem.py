@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -224,13 +225,8 @@ class Scalar(NamedTuple):
         return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
-def _fold(breather: SymmetricBreather) -> float:
-    """The determinant of (11), eq. (14)."""
-    f, phi = breather.forcing, breather.phi
-    return breather.a * (breather.chi * f.d2f(phi) + breather.q * f.df(phi))
-
-
 def _fold_slope(breather: SymmetricBreather, name: str) -> float:
+    """Of the determinant of (11)."""
     a, f, phi = breather.a, breather.forcing, breather.phi
     driven = breather.chi * _drive_slope(breather, 2, name)
     driven += breather.q * _drive_slope(breather, 1, name)
@@ -274,7 +270,7 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
 
 
-FOLD = Scalar(_fold, _fold_slope, kernels.fold, kernels.fold_slopes)
+FOLD = Scalar(attrgetter("determinant"), _fold_slope, kernels.fold, kernels.fold_slopes)
 PITCHFORK = Scalar(_pitchfork, _pitchfork_slope, kernels.pitchfork, kernels.pitchfork_slopes)
 
 

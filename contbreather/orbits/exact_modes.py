@@ -90,6 +90,23 @@ class ExactModes(SectionFlight):
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
+    @property
+    def family(self) -> str:
+        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of
+        `SymmetricBreather`.
+
+        Examples
+        --------
+        >>> from contbreather.lattice import Ring
+        >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
+        >>> [orbit.representation.family for orbit in symmetric_orbits(0, on)]
+        ['upper', 'lower']
+        """
+        *_, chi, loss, forced = _closure(self.section, self.conditions)
+        assert forced is not None
+        turn = chi * forced.d2f(self.t[0]) + loss * forced.df(self.t[0])
+        return "upper" if turn >= 0.0 else "lower"  # the determinant of the closure, over -a
+
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
         return replace(self, section=section, t=np.array([impact.time for impact in impacts]))
 
@@ -348,26 +365,6 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
         Orbit(ExactModes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
         for p, phi in sorted(((width * p, phi) for p, phi in roots), reverse=True)
     )
-
-
-def family_of(orbit: Orbit) -> str:
-    """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `SymmetricBreather`.
-
-    Examples
-    --------
-    >>> from contbreather.lattice import Ring
-    >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
-    >>> [family_of(orbit) for orbit in symmetric_orbits(0, on)]
-    ['upper', 'lower']
-    """
-    if not isinstance(orbit.representation, ExactModes):
-        family: str = orbit.representation.family
-        return family
-    *_, chi, loss, forced = _closure(orbit.section, orbit.conditions)
-    assert forced is not None
-    phi = orbit.times[0]
-    turn = chi * forced.d2f(phi) + loss * forced.df(phi)  # det of the closure, over -a
-    return "upper" if turn >= 0.0 else "lower"
 
 
 def _closure(

@@ -135,27 +135,21 @@ class SymmetricBreather:
 
         Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
         """
+        return "upper" if self.determinant >= 0.0 else "lower"
+
+    @property
+    def determinant(self) -> float:
+        """That of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
         f = self.forcing
-        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)  # det of (11), over -a
-        return "upper" if turn >= 0.0 else "lower"
-
-    @property
-    def w_minus(self) -> float:
-        """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
-        return 2.0 * self.p / (1.0 + self.k)  # (1 + k) times it is the jump 2p
-
-    @property
-    def acceleration(self) -> float:
-        """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
-        return float(self._saltation[0])
+        return self.a * (self.chi * f.d2f(self.phi) + self.q * f.df(self.phi))
 
     @property
     def accelerations(self) -> FloatArray:
-        return np.array([self.acceleration])
+        return np.array([self._saltation[0]])
 
     @property
     def b(self) -> float:
-        """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
+        """Off-diagonal entry of the saltation matrix (19)."""
         return float(self._saltation[1])
 
     @property

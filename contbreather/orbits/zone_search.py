@@ -33,7 +33,6 @@ from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
-from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
@@ -236,7 +235,7 @@ class Search:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
         breathers = admissible(values, **self.model)
-        return [b for b in breathers if self.past_folds or family_of(b) == "upper"]
+        return [b for b in breathers if self.past_folds or b.representation.family == "upper"]
 
     def _follow(self, point: Point, shown: Counter) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it
