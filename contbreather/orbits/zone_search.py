@@ -394,11 +394,8 @@ class Row:
             # what ends a piece is in the steps to its neighbours
             steps = slice(max(first - 1, 0), min(end, inside.size - 1))
             resolved = self._is_resolved(steps)
-            zeros = (
-                [zero for zero in self._zeros(steps, known) if zero.z[2] >= least]
-                if resolved
-                else []
-            )
+            found = self._zeros(steps, known) if resolved else ()
+            zeros = [zero for zero in found if zero.z[2] >= least]
             z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
             z = z[np.argsort(z[:, 1])]
             a = self.z[steps.start : steps.stop + 1, 2]
@@ -424,12 +421,16 @@ class Row:
         for i, step in zip(*np.nonzero(_changes(self.tests)[:, steps]), strict=True):
             event, ends = self.events[i], slice(steps.start + step, steps.start + step + 2)
             phi, test = self.z[ends, 1], self.tests[i, ends]
-            z, rounds = self._between(phi, test), 0
-            while not (is_known := known(event, z)) and rounds < ROUNDS:
+            for rounds in range(ROUNDS + 1):
+                # where the line through two values of the test vanishes
+                middle = phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi)
+                (z,) = _at(self.curve, middle)
+                is_known = known(event, z)
+                if is_known or rounds == ROUNDS:
+                    break
                 phi, test = self._closely(event, phi)
                 change = int(_changes(test).argmax())
                 phi, test = phi[change : change + 2], test[change : change + 2]
-                z, rounds = self._between(phi, test), rounds + 1
             yield Zero(event, z, is_known)
 
     def _closely(self, event: Event, ends: Array) -> tuple[Array, Array]:
@@ -438,10 +439,6 @@ class Row:
         row = Row.of(self.curve, (event,), phi)
         assert row is not None  # as all tests say many on the whole row
         return phi, row.tests[0]
-
-    def _between(self, phi: Array, test: Array) -> Array:
-        """Where the line through two values of a test vanishes."""
-        return _at(self.curve, phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi))[0]
 
     def _new(self, zeros: Sequence[Zero], inside: float) -> list[Point] | None:
         """What is not known of the events on a piece, up to what ends it on both sides of a phase
