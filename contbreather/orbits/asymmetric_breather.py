@@ -30,7 +30,7 @@ from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_without_losses
-from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, orbit_problem, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, unstable_by
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.stability.verdict import THRESHOLD
 
@@ -197,12 +197,11 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     first = orbit.impacts[0].time
     times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
     equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
-    return orbit_problem(
+    return _Asymmetric.of(
         "asymmetric breather",
         partial(type(orbit.representation).arm, orbit.conditions, orbit.section),
         orbit,
         threshold,
-        _Asymmetric,
         residual=equations.residual,
         start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
         params=params_of(orbit),

@@ -36,7 +36,6 @@ from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblem,
     on_ring,
-    orbit_problem,
     unstable_by,
 )
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
@@ -72,12 +71,11 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
             "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
             "spring": (0.0, stiffest),
         }
-    return orbit_problem(
+    return SymmetricProblem.of(
         "symmetric breather",
         partial(type(motion).of, forcing, lattice),
         breather,
         threshold,
-        SymmetricProblem,
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},

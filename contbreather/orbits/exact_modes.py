@@ -36,7 +36,6 @@ from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblem,
     by_differences,
-    orbit_problem,
     unstable_by,
 )
 from contbreather.orbits.representation import Impacts, Offsets
@@ -146,12 +145,11 @@ class ExactModes(SectionFlight):
         # back with the opposite sign they rest at 0
         loose = on.spring < WEAK and on.lattice.sites > 1 and not section.symmetric
         bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
-        return orbit_problem(
+        return _Shooting.of(
             "shooting",
             self.equations.flight,
             Orbit(self),
             threshold,
-            _Shooting,
             residual=self.equations.residual,
             start={**times, "q": self.q, "r": self.r},
             params=on.params,

@@ -38,8 +38,8 @@ from contbreather.orbits.orbit_problem import (
     STEP,
     Equations,
     OnCircle,
+    OrbitProblem,
     by_differences,
-    orbit_problem,
     unstable_by,
 )
 from contbreather.orbits.representation import Impacts, Offsets, Representation
@@ -307,7 +307,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
     optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
     record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
-    return orbit_problem(
+    return OrbitProblem.of(
         "orbit with impacts",
         partial(type(motion).of, orbit.conditions, orbit.section),
         orbit,

@@ -57,6 +57,20 @@ class OrbitProblem(Problem):
     section: Section = field(kw_only=True)
     threshold: float = field(kw_only=True)
 
+    @classmethod
+    def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
+        """That of an orbit; `equations` are what else a `Problem` takes: the equations, their
+        start, events and columns."""
+        return cls(
+            kind=kind,
+            motion_at=at,
+            conditions=orbit.conditions,
+            section=orbit.section,
+            threshold=threshold,
+            interpret=partial(_interpreted, at),
+            **equations,
+        )
+
     @property
     def serialised(self) -> Mapping[str, Any]:
         names = ("kind", "conditions", "section", "threshold")
@@ -92,27 +106,6 @@ class OrbitProblem(Problem):
                 "finite lattice, a ring of 100 sites for instance."
             )
         return self
-
-
-def orbit_problem(
-    kind: str,
-    at: At,
-    orbit: Orbit,
-    threshold: float,
-    of: type[OrbitProblem] = OrbitProblem,
-    **equations: Any,
-) -> Problem:
-    """The problem of an orbit; `equations` are what else a `Problem` takes: the equations, their
-    start, events and columns."""
-    return of(
-        kind=kind,
-        motion_at=at,
-        conditions=orbit.conditions,
-        section=orbit.section,
-        threshold=threshold,
-        interpret=partial(_interpreted, at),
-        **equations,
-    )
 
 
 def on_ring(lattice: Any, threshold: float) -> str:
