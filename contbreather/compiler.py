@@ -37,7 +37,7 @@ _made: dict[tuple[Any, str], Any] = {}  # in this session, by function and kinds
 # --- one kernel -----------------------------------------------------------------------------------
 
 
-def address(function: Callable[..., Any], kinds: str) -> int:
+def compiled_address(function: Callable[..., Any], kinds: str) -> int:
     """Where its machine code begins: what is at hand, or what is compiled for this session.
 
     Raises

@@ -374,7 +374,7 @@ def _address(kernel: Kernel) -> int:
             path = at_hand().files.get(name)
             if path is None:
                 raise NotCompiled(_missing(kernel, name))
-            _loaded[name] = load(read(path))
+            _loaded[name] = load_object(read_object(path))
     return _loaded[name][0]
 
 
@@ -451,7 +451,7 @@ def _own_group(user: int, group: int) -> bool:
 
 
 @lru_cache(maxsize=1)
-def machine() -> tuple[Any, ...]:
+def processor() -> tuple[Any, ...]:
     """What code depends on besides its text: two processors of one name may differ in what their
     hosts let through."""
     import llvmlite.binding as llvm
@@ -462,7 +462,7 @@ def machine() -> tuple[Any, ...]:
 
 def file_name(kernel: Kernel) -> str:
     """Of its object file: of all texts on one machine it begins alike."""
-    begin = f"{kernel.function.__name__}.{sys.implementation.cache_tag}.{_digest(machine())[:8]}"
+    begin = f"{kernel.function.__name__}.{sys.implementation.cache_tag}.{_digest(processor())[:8]}"
     return f"{begin}-{_key(kernel.function, kernel.signature)}.o"
 
 
@@ -470,7 +470,7 @@ def file_name(kernel: Kernel) -> str:
 def _key(function: Function, kinds: str) -> str:
     """A name for a function as it is in memory and for all else that its code depends on."""
     contents = [_content(part) for part in called(function)]
-    return _digest((_FORMAT, contents, kinds, machine()))
+    return _digest((_FORMAT, contents, kinds, processor()))
 
 
 def _digest(value: tuple[Any, ...]) -> str:
@@ -510,7 +510,7 @@ def called(function: Function, done: dict[Function, None] | None = None) -> list
 # --- object files ---------------------------------------------------------------------------------
 
 
-def read(path: Path) -> bytes:
+def read_object(path: Path) -> bytes:
     """An object that is whole and nobody else's: half of one would end the process.
 
     Raises
@@ -547,7 +547,7 @@ def target(**options: Any) -> Any:
     return native.create_target_machine(jit=True, **options)
 
 
-def load(code: bytes) -> tuple[int, Any]:
+def load_object(code: bytes) -> tuple[int, Any]:
     """The address of the entry of what `compiler` made, and what keeps it alive."""
     import llvmlite.binding as llvm
 
@@ -653,7 +653,7 @@ def status() -> str:
 
 def _unusable(path: Path) -> str:
     try:
-        read(path)
+        read_object(path)
     except NotCompiled as reason:
         return str(reason)
     return ""

@@ -127,16 +127,16 @@ def kept(tmp_path: Path) -> Path:
 
 
 def test_an_object_is_read_if_it_is_whole_and_nobody_else_can_write_to_it(kept: Path) -> None:
-    assert kernels.read(kept) == b"code"
+    assert kernels.read_object(kept) == b"code"
     kept.write_bytes(kept.read_bytes()[:-1])
     with pytest.raises(NotCompiled, match="is not what was written there; remove it"):
-        kernels.read(kept)
+        kernels.read_object(kept)
 
 
 def test_an_object_that_others_may_write_to_is_refused(kept: Path) -> None:
     kept.chmod(0o646)
     with pytest.raises(NotCompiled, match=r"others may write to .*one.o; chmod go-w it"):
-        kernels.read(kept)
+        kernels.read_object(kept)
 
 
 def test_an_object_of_another_user_is_refused(kept: Path, monkeypatch) -> None:
@@ -145,14 +145,14 @@ def test_an_object_of_another_user_is_refused(kept: Path, monkeypatch) -> None:
     told[4] = 4321
     monkeypatch.setattr(kernels.os, "fstat", lambda number: os.stat_result(told))
     with pytest.raises(NotCompiled, match=r"belongs to another user .number 4321.; remove it"):
-        kernels.read(kept)
+        kernels.read_object(kept)
 
 
 def test_a_link_to_an_object_is_refused(kept: Path) -> None:
     link = kept.with_name("two.o")
     link.symlink_to(kept)
     with pytest.raises(NotCompiled, match=r"two.o cannot be read"):
-        kernels.read(link)
+        kernels.read_object(link)
     assert "is a link" in kernels.distrust(link)
 
 
@@ -386,7 +386,7 @@ def test_a_kernel_is_compiled_from_what_its_annotations_say(own: None) -> None:
     kernel = Kernel(doubled)
     code = compiler.object_of(kernel)
     given = np.arange(3.0), np.array([1, 0, 1]), np.eye(3), 2.0, 2, True
-    address, _alive = kernels.load(code)
+    address, _alive = kernels.load_object(code)
     kernel.__dict__["_code"] = kernels.callable_at(address, kernels.FRAME)
     compiled, plain = given[0].copy(), given[0].copy()
     kernel(compiled, *given[1:])
@@ -416,7 +416,7 @@ def test_code_that_needs_what_is_not_there_is_refused(monkeypatch: pytest.Monkey
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
     with pytest.raises(NotCompiled, match="needs exp2, which this Python does not have"):
-        kernels.load(b"entry\nexp2\nobject")
+        kernels.load_object(b"entry\nexp2\nobject")
 
 
 def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: None) -> None:
@@ -446,7 +446,7 @@ def test_code_is_not_taken_to_another_processor_or_python(
         monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "i386")
     else:
         monkeypatch.setattr(kernels.sys, "version_info", (3, 99))
-    caches = kernels.machine, kernels._key
+    caches = kernels.processor, kernels._key
     for one in caches:
         one.cache_clear()
     assert kernels.file_name(kernel) != before

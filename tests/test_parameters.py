@@ -27,7 +27,7 @@ from contbreather.parameters import (
     table,
     window_of,
 )
-from contbreather.studies.schema import Branch, Chain
+from contbreather.studies.schema import BranchTask, Chain
 
 DECLARED = {**NUMBERS, **CHOICES}
 
@@ -49,7 +49,7 @@ def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(
     for name, one in DECLARED.items():
         assert f"--{name}" in said
         assert " ".join(one.help.split()) in said
-    assert {*Chain.model_fields, *Branch.model_fields} >= {*DECLARED}
+    assert {*Chain.model_fields, *BranchTask.model_fields} >= {*DECLARED}
     assert set(PageForms(Session()).breather) == {*DECLARED, "root"}
     assert {row[0] for row in table()} == {*DECLARED, *SMOOTH}
 

@@ -159,13 +159,13 @@ def diagram() -> Zones:
 
 
 @pytest.fixture(scope="module")
-def run() -> cb.simulation.Run:
+def run() -> cb.simulation.SimulationRun:
     state = cb.symmetric(**HERE).state(6)
     return cb.simulate(state, **HERE, periods=30, sample=Sample((0, 1, 3), 64))
 
 
 @pytest.fixture(scope="module")
-def pictures(diagram: Zones, run: cb.simulation.Run) -> dict[str, Axes]:
+def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes]:
     branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.05, 0.9)})
     arms = cb.switch(branch.first("PF"), within={"a": (0.05, 0.9)})
     state = cb.symmetric(**HERE).state(6)

@@ -495,7 +495,7 @@ def test_every_key_of_a_study_reaches_the_library(
     monkeypatch.setattr(cb.Branch, "first", lambda self, label: (label, self))
     kept = {"arms.nc": {"arm1": None, "arm2": arm}, "ways.nc": arm}
     monkeypatch.setattr(tasks, "load", lambda path: kept[path.name])
-    for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "drawn"):
+    for name in ("find_symmetric", "problem_with", "trace", "switch", "boundary", "drawn_in_plane"):
         monkeypatch.setattr(tasks, name, told(name))
     path.write_text(ALL)
     plane = tmp_path / "plane.toml"
@@ -528,7 +528,7 @@ def test_every_key_of_a_study_reaches_the_library(
              {"within": {"k": (0.6, 0.8)}, "steps": cb.Steps(largest=0.03), **quiet}),
         ],
         "plane": [
-            ("drawn", (Slice("k", 0.8, drives[1]),),
+            ("drawn_in_plane", (Slice("k", 0.8, drives[1]),),
              {"lattice": cb.Ring(6), "spring": 0.0, "threshold": 1.01,
               "within": {"gamma": (0.0, 0.1)}, "past_folds": False}),
         ],

@@ -10,8 +10,8 @@ from contbreather.certified.proofs import (
     DEFINING,
     certify_curve,
     certify_point,
-    checked,
     parameters,
+    provable,
 )
 from contbreather.checks import number
 from contbreather.continuation.branch import Branch
@@ -65,12 +65,12 @@ def certify(what: Any, *, within: float = WITHIN) -> Certificate | Covering:
         return _certify_branch(what)
     if isinstance(what, Point):
         return _certify_place(what, within)
-    on, unknowns = parameters(checked(what).conditions), {"p": what.p, "phi": what.phi}
+    on, unknowns = parameters(provable(what).conditions), {"p": what.p, "phi": what.phi}
     return certify_point(on, unknowns, "", within)
 
 
 def _certify_place(point: Point, within: float) -> Certificate:
-    orbit, kind = checked(point.solution), point.kind
+    orbit, kind = provable(point.solution), point.kind
     line = event_of(point.curve.problem)  # of which boundary it is a point
     if kind not in DEFINING and line is not None:
         kind = line.kind
@@ -87,6 +87,6 @@ def _certify_branch(branch: Branch) -> Covering:
         raise BadInput(
             "certify() takes branches in one parameter; of a boundary take its points, line[3]."
         )
-    params = parameters(checked(branch[0].solution).conditions)
+    params = parameters(provable(branch[0].solution).conditions)
     places = [tuple(float(x) for x in point.z) for point in branch]
     return certify_curve(params, branch.free, places)

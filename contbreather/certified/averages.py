@@ -28,7 +28,7 @@ from math import comb, factorial
 
 from flint import arb, arb_mat, arb_poly
 
-from contbreather.certified.balls import Ball, Jet, Value, spread, working
+from contbreather.certified.balls import Ball, Jet, Value, within_modulus, working
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
 
@@ -61,7 +61,10 @@ def _coefficients() -> dict[str, list[Ball]]:
 
 def _cut(gamma: Value) -> Value:
     """What the powers beyond J amount to."""
-    value, slope = spread(5 * arb(9) ** -(J + 1)), spread(18 * (J + 2) * arb(9) ** -(J + 1))
+    value, slope = (
+        within_modulus(5 * arb(9) ** -(J + 1)),
+        within_modulus(18 * (J + 2) * arb(9) ** -(J + 1)),
+    )
     return Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value
 
 
@@ -143,7 +146,7 @@ def flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
     size = 4 / arb.pi() / (1 - 4 * gamma).sqrt()
     first = 2 * POWERS + 1
     errors = [
-        spread(
+        within_modulus(
             (3**r * arb(9) ** -(J + 1) / arb.pi()).upper()
             + (2 * size * arb(REACH) ** (first - r) / factorial(first - r)).upper()
         )
@@ -179,7 +182,7 @@ def check_forcing(forcing: Forcing) -> None:
         )
 
 
-def response(values: Values) -> list[tuple[int, Value, Value]]:
+def force_response(values: Values) -> list[tuple[int, Value, Value]]:
     """``(m, A, B)`` of ``f = sum of A cos(m t) + B sin(m t)``, at unit amplitude: those of the
     force, divided by -m^2; without coefficients the force is -cos t."""
     harmonics: dict[int, list[Value]] = {}
@@ -193,7 +196,7 @@ def response(values: Values) -> list[tuple[int, Value, Value]]:
 def driven(values: Values, order: int) -> Value:
     """``f`` at phi, or its derivative of this order."""
     total = 0
-    for m, cosine, sine in response(values):
+    for m, cosine, sine in force_response(values):
         s, c = (m * values["phi"]).sin_cos()
         turned = ((cosine, sine), (sine, -cosine), (-cosine, -sine))[order]
         total = total + (turned[0] * c + turned[1] * s) * m**order

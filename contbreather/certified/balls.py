@@ -62,11 +62,11 @@ def hull(low: float, high: float) -> Ball:
     return arb(low).union(arb(high))
 
 
-def about(middle: float, radius: float) -> Ball:
+def enclosure_about(middle: float, radius: float) -> Ball:
     return arb(middle, radius)
 
 
-def spread(radius: Any) -> Ball:
+def within_modulus(radius: Any) -> Ball:
     """All numbers of at most this modulus."""
     return arb(0, radius)
 
@@ -82,7 +82,7 @@ def _down(x: Ball) -> float:
     return near if arb(near) <= x else math.nextafter(near, -math.inf)
 
 
-def nearest(x: Ball) -> float:
+def nearest_float(x: Ball) -> float:
     return float(x.mid())
 
 
@@ -156,4 +156,4 @@ def newton_step(equations: Equations, point: Sequence[Ball]) -> list[float] | No
         step = slopes.mid().inv() * arb_mat([[f] for f in equations(point)])
     except ZeroDivisionError:
         return None
-    return [abs(nearest(step[i, 0])) for i in range(len(point))]
+    return [abs(nearest_float(step[i, 0])) for i in range(len(point))]

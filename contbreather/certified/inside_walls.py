@@ -18,8 +18,8 @@ from typing import NamedTuple
 from flint import arb, arb_poly
 
 from contbreather.certified import averages
-from contbreather.certified.averages import response
-from contbreather.certified.balls import Ball, about, spread
+from contbreather.certified.averages import force_response
+from contbreather.certified.balls import Ball, enclosure_about, within_modulus
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
 PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved
@@ -59,14 +59,16 @@ class ProvenMotion:
     def over(self, middle: float, radius: float) -> Ball:
         """Displacement over a ball of times, by Taylor's theorem."""
         y = arb(middle)
-        bend = self.at(about(middle, radius), 2) * about(0.5 * radius**2, 0.5 * radius**2)
-        return self.at(y, 0) + self.at(y, 1) * spread(radius) + bend
+        bend = self.at(enclosure_about(middle, radius), 2) * enclosure_about(
+            0.5 * radius**2, 0.5 * radius**2
+        )
+        return self.at(y, 0) + self.at(y, 1) * within_modulus(radius) + bend
 
 
 def far_field(values: Mapping[str, Ball]) -> ProvenMotion:
     """``a f``, what sites far away do."""
     turned = []
-    for m, cosine, sine in response(values):
+    for m, cosine, sine in force_response(values):
         s, c = (m * (values["phi"] + arb.pi() / 2)).sin_cos()
         a = values["a"]
         turned.append((m, a * (cosine * c + sine * s), a * (sine * c - cosine * s)))
@@ -135,7 +137,7 @@ def inside(path: ProvenMotion, pieces: int) -> tuple[bool | None, float]:
     def settled(middle: float, radius: float) -> bool | None:
         if abs(middle) + radius < HALF:
             return _under(path, wall, middle, radius)
-        y = about(middle, radius)
+        y = enclosure_about(middle, radius)
         return path.at(y, 1) < 0 or (middle < 0 and path.at(y, 2) < 0) or None
 
     return everywhere(settled, pieces)

@@ -24,7 +24,7 @@ from contbreather.certified.balls import (
     Ball,
     Equations,
     Interval,
-    about,
+    enclosure_about,
     hull,
     interval,
     jacobian,
@@ -63,7 +63,7 @@ def parameters(on: Conditions) -> dict[str, float]:
     return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
 
 
-def checked(orbit: Any) -> Any:
+def provable(orbit: Any) -> Any:
     """An orbit that these proofs are about."""
     section = getattr(orbit, "section", None)
     if section is None:
@@ -77,7 +77,7 @@ def checked(orbit: Any) -> Any:
 
 
 def box_around(point: Sequence[float], radius: float) -> list[Ball]:
-    return [about(x, radius) for x in point]
+    return [enclosure_about(x, radius) for x in point]
 
 
 def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:
@@ -257,7 +257,9 @@ def _proved(sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bo
         for slope, here, there in zip(tangent, middle, chord, strict=True)
     ]
     for wider in (1.0, 2.0, 4.0):
-        alone = [about(here, wider * size) for here, size in zip(middle, sizes, strict=True)]
+        alone = [
+            enclosure_about(here, wider * size) for here, size in zip(middle, sizes, strict=True)
+        ]
         alone[along] = x
         box = krawczyk(sheet.system, alone, along)
         if box is not None:

@@ -50,7 +50,7 @@ from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.averages import saltation
-from contbreather.certified.balls import Ball, hull, nearest, root, spread, working
+from contbreather.certified.balls import Ball, hull, nearest_float, root, within_modulus, working
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less
@@ -58,7 +58,7 @@ FIRST = 16  # balls to each of band and gap before any is halved
 DEEPEST = 26  # halvings
 
 
-class Count(NamedTuple):
+class ProvenCount(NamedTuple):
     """How many multipliers, or None with the reason."""
 
     unstable: int | None
@@ -78,7 +78,7 @@ class Rectangle(NamedTuple):
     def meeting(self, other: Rectangle) -> complex:
         """A point of both."""
         real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
-        return complex(nearest(real), nearest(imag))
+        return complex(nearest_float(real), nearest_float(imag))
 
 
 def _nonzero(x: Ball) -> bool:
@@ -122,7 +122,7 @@ class Circle:
 
     def lattice_sums(self, nu: Ball) -> tuple[Ball, Ball, Ball]:
         """R, B and C: the sums over all aliases but nu itself."""
-        square, error = nu * nu, spread(CUT)
+        square, error = nu * nu, within_modulus(CUT)
         R, B, C = (total(square) for total in self.sums)
         R, B, C = R * nu + error, B + error, C + error + 1
         for s, sign in ((2 - nu, 1), (2 + nu, -1)):  # m = -1 and 1
@@ -172,22 +172,22 @@ def _covered(curve: Callable[[float, float], Rectangle]) -> Iterator[Rectangle]:
         yield rectangle
 
 
-def unstable_count(values: Mapping[str, Ball]) -> Count:
+def unstable_count(values: Mapping[str, Ball]) -> ProvenCount:
     """Those of a breather, or of all breathers in balls."""
     return count(values["gamma"], values["k"], saltation(values))
 
 
-def count(gamma: Ball, k: Ball, b: Ball) -> Count:
+def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
     """Isolated multipliers of the half map outside the unit circle, a pair counting two."""
     circle = Circle.of(gamma, k, b)
     rectangles: list[Rectangle] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
         for rectangle in _covered(curve):
             if rectangle.holds_zero:
-                return Count(None, f"D may vanish on the circle {name}")
+                return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)
     points = [first.meeting(second) for first, second in pairwise(rectangles)]
-    ends = [math.copysign(1.0, nearest(rectangles[i].real)) + 0j for i in (0, -1)]
+    ends = [math.copysign(1.0, nearest_float(rectangles[i].real)) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
     turning = sum(cmath.phase(second / first) for first, second in pairwise(path))
-    return Count(1 - round(turning / math.pi))
+    return ProvenCount(1 - round(turning / math.pi))

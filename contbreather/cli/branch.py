@@ -13,7 +13,7 @@ from contbreather.cli.options import (
     StepSizes,
     Whole,
     Window,
-    interval,
+    typed_interval,
 )
 from contbreather.cli.output import (
     Output,
@@ -98,7 +98,10 @@ def boundary(
     if first == second:
         raise BadInput(f"--pair {first} {second}: two different parameters are expected")
     params = where.need(*(name for name in NEEDED if name not in pair))
-    within = {first: interval(first, window, on.reach), second: interval(second, None, {})}
+    within = {
+        first: typed_interval(first, window, on.reach),
+        second: typed_interval(second, None, {}),
+    }
     options = {**params, **on.given, "within": within, "threshold": where.threshold}
     steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(kind.upper(), pair, **options)

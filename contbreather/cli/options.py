@@ -44,7 +44,7 @@ Whole = Annotated[int, Parameter(converter=whole_number)]
 Workers = Annotated[int, Parameter(converter=some_workers)]
 
 
-def about(name: str) -> Parameter:
+def parameter_help(name: str) -> Parameter:
     """What help says of a parameter of the model."""
     return Parameter(help={**NUMBERS, **CHOICES}[name].help)
 
@@ -82,14 +82,18 @@ class LatticeOptions:
         NAME=VALUE of a parameter in the formula.
     """
 
-    damping: Annotated[float | None, about("damping")] = None
-    spring: Annotated[float | None, about("spring")] = None
-    lattice: Annotated[str | None, about("lattice")] = None
+    damping: Annotated[float | None, parameter_help("damping")] = None
+    spring: Annotated[float | None, parameter_help("spring")] = None
+    lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
     threshold: float | None = None
-    site: Annotated[Whole, about("site")] = 0
-    walls: Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True), about("walls")] = ()
-    forcing: Annotated[str, Parameter(allow_leading_hyphen=True), about("forcing")] = HARMONIC
+    site: Annotated[Whole, parameter_help("site")] = 0
+    walls: Annotated[
+        tuple[str, ...], Parameter(allow_leading_hyphen=True), parameter_help("walls")
+    ] = ()
+    forcing: Annotated[str, Parameter(allow_leading_hyphen=True), parameter_help("forcing")] = (
+        HARMONIC
+    )
     set: tuple[str, ...] = ()
 
     @property
@@ -107,7 +111,7 @@ class LatticeOptions:
                 letters.setdefault(name, 1.0)
         return cb.Symbolic(self.forcing, **letters)
 
-    def on(self, *free: str) -> ModelParameters:
+    def on(self, *free: str) -> ModelArguments:
         """What it lives on, and is judged by."""
         from contbreather.lattice.parse import lattice_by, walls_by
         from contbreather.stability.verdict import THRESHOLD
@@ -124,14 +128,14 @@ class LatticeOptions:
                 raise BadInput(f"unknown parameter {name!r}; there are {', '.join(names)}")
         threshold = THRESHOLD if self.threshold is None else self.threshold
         more = {"site": self.site, "walls": walls_by(self.walls, lattice.sites)}
-        return ModelParameters(lattice, threshold, forcing, more)
+        return ModelArguments(lattice, threshold, forcing, more)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Needed:
-    a: Annotated[float | None, about("a")] = None
-    gamma: Annotated[float | None, about("gamma")] = None
-    k: Annotated[float | None, about("k")] = None
+    a: Annotated[float | None, parameter_help("a")] = None
+    gamma: Annotated[float | None, parameter_help("gamma")] = None
+    k: Annotated[float | None, parameter_help("k")] = None
 
 
 @Parameter(name="*")
@@ -181,16 +185,16 @@ class ZoneOptions(LatticeOptions):
         """The windows that were given."""
         typed = {name: getattr(self, f"{name}_window") for name in NEEDED}
         reach = {name: window_of(name) for name in NEEDED}
-        return {name: interval(name, span, reach) for name, span in typed.items() if span}
+        return {name: typed_interval(name, span, reach) for name, span in typed.items() if span}
 
-    def options(self, on: ModelParameters) -> dict[str, Any]:
+    def options(self, on: ModelArguments) -> dict[str, Any]:
         """All of it as `zones` takes it."""
         losses = {"damping": self.damping or 0.0, "spring": self.spring}
         how = {"past_folds": self.past_folds, "within": self.within, "threshold": self.threshold}
         return {**on.given, **how, **losses}
 
 
-class ModelParameters(NamedTuple):
+class ModelArguments(NamedTuple):
     """What a breather lives on: its lattice with a threshold, the forcing, site and walls."""
 
     lattice: Any
@@ -263,7 +267,7 @@ def _meaning(name: str) -> str:
     return f"the {NUMBERS[name].meaning}, {NUMBERS[name].span}" if name in NUMBERS else "bounded"
 
 
-def interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
+def typed_interval(name: str, window: Span | None, reach: Mapping[str, Span]) -> Span:
     """What was typed, as far as it lies in `reach`; by default all that is looked at."""
     if window is None:
         return window_of(name)
@@ -305,7 +309,7 @@ class BranchWindow:
             raise BadInput("--free is missing: which parameter is to vary, a for instance?")
         free, on = self.free, where.on(self.free)
         params = where.need(*(name for name in NEEDED if name != free))
-        span = interval(free, self.window, on.reach)
+        span = typed_interval(free, self.window, on.reach)
         near = (params[free], params[free]) if free in params else span
         if not span[0] <= near[0] <= near[1] <= span[1]:
             raise BadInput(
@@ -381,7 +385,7 @@ class Start(NamedTuple):
     """Where a branch begins: the breather, what it lives on, what varies, and its window."""
 
     breather: Any
-    on: ModelParameters
+    on: ModelArguments
     free: str
     within: dict[str, Span]
 

@@ -219,7 +219,7 @@ def _check_place(option: str, path: str) -> None:
 # --- branches -----------------------------------------------------------------------------------
 
 
-def columns_of(branch: cb.Branch) -> list[str]:
+def number_columns(branch: cb.Branch) -> list[str]:
     """The columns of a branch that are numbers."""
     first = branch[0]
     return [n for n in branch.names if n in OWN or not getattr(first[n], "ndim", 0)]
@@ -233,7 +233,7 @@ def branch_table(
 ) -> tuple[Iterator[dict[str, Any]], list[str]]:
     """One row for each point, in order along each branch, with its label; and the columns. Under
     `tag` the branches are numbered."""
-    names = dict.fromkeys(name for branch in branches for name in columns_of(branch))
+    names = dict.fromkeys(name for branch in branches for name in number_columns(branch))
     rows = (
         {tag: number, **row}
         for number, branch in enumerate(branches, start=first)
@@ -243,7 +243,7 @@ def branch_table(
 
 
 def _rows(branch: cb.Branch) -> Iterator[dict[str, Any]]:
-    rows, names = table_of({name: branch[name] for name in columns_of(branch)})
+    rows, names = table_of({name: branch[name] for name in number_columns(branch)})
     counts = [name for name in branch.problem.record if name in names]
     for point, values in zip(branch, rows, strict=True):
         row = {**values, "label": point.label}
@@ -270,14 +270,14 @@ def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
 def branch_entry(branch: cb.Branch) -> dict[str, Any]:
     """A branch for JSON: all columns, special points, and why it ends where it does."""
     return {
-        "columns": {name: branch[name] for name in columns_of(branch)},
+        "columns": {name: branch[name] for name in number_columns(branch)},
         "special": [point_entry(point) for point in branch.special],
         "doubtful": [point_entry(point) for point in branch.doubtful],
-        "ends": ends(branch),
+        "ends": end_sentences(branch),
     }
 
 
-def ends(branch: cb.Branch) -> list[str]:
+def end_sentences(branch: cb.Branch) -> list[str]:
     """The reason of each end, as sentences."""
     sentences = []
     sides = (
@@ -298,7 +298,7 @@ def ends(branch: cb.Branch) -> list[str]:
 def lines_of(branch: cb.Branch) -> Iterator[object]:
     """A branch for people: its table, why it ends, and what could not be verified."""
     yield branch
-    yield from (f"{line}." for line in ends(branch))
+    yield from (f"{line}." for line in end_sentences(branch))
     for point in branch.doubtful:
         place = ", ".join(f"{name} = {point[name]:.10g}" for name in branch.curve.varied)
         yield f"In doubt: {point.kind} at {place}: {point.detail.get('reason', 'not located')}."
@@ -327,4 +327,4 @@ def _grazed(point: cb.continuation.Point) -> str:
 def check_ends(branch: cb.Branch, what: str) -> None:
     """Raise where the numerics gave up: what there is was shown, but it is not all."""
     if any(stop is not None and stop.failed for stop in (branch.began, branch.stop)):
-        raise NotConverged(f"the {what} broke off: {'; '.join(ends(branch))}")
+        raise NotConverged(f"the {what} broke off: {'; '.join(end_sentences(branch))}")

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.cli.options import ModelOptions, ModelParameters, Whole
+from contbreather.cli.options import ModelArguments, ModelOptions, Whole
 from contbreather.cli.output import say, sentences, to_json
 from contbreather.errors import NotConverged
 from contbreather.parameters import NAMES, NEEDED
@@ -56,7 +56,7 @@ def point(
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 
 
-def _verdicts(breather: Any, on: ModelParameters, rule: ModelParameters) -> list[Any]:
+def _verdicts(breather: Any, on: ModelArguments, rule: ModelArguments) -> list[Any]:
     """On its own lattice, and by the paper's rule if that was asked for besides."""
     if on.lattice.sites is not None:
         return [breather.stability(threshold=on.threshold)]
@@ -67,7 +67,7 @@ def _verdicts(breather: Any, on: ModelParameters, rule: ModelParameters) -> list
 
 
 def _content(
-    breather: Any, on: ModelParameters, verdicts: list[Any], others: list[Any], sites: int | None
+    breather: Any, on: ModelArguments, verdicts: list[Any], others: list[Any], sites: int | None
 ) -> dict[str, Any]:
     verdict, margins = verdicts[0], breather.admissibility()
     # what goes through a wall is no motion of the lattice, be its linearisation what it may

@@ -24,7 +24,7 @@ ENOUGH = 50  # and at least
 class RunSummary:
     """A run (of a stream its last periods), what it is in the end, and how it ended."""
 
-    run: cb.simulation.Run | SmoothRun
+    run: cb.simulation.SimulationRun | SmoothRun
     periods: int
     interrupted: bool
     stop: str
@@ -44,7 +44,9 @@ class RunSummary:
 
             u, v = (row[1:] for row in self.run.strobe)
             hits: dict[str, Any] = (
-                {"impacts": self.run.impacts} if isinstance(self.run, cb.simulation.Run) else {}
+                {"impacts": self.run.impacts}
+                if isinstance(self.run, cb.simulation.SimulationRun)
+                else {}
             )
             yield Chunk(0, u, v, u[:0], v[:0], **hits)
             return
@@ -53,7 +55,7 @@ class RunSummary:
             yield chunk
 
 
-def summary_of(run: cb.simulation.Run | SmoothRun, site: int = 0) -> RunSummary:
+def summary_of(run: cb.simulation.SimulationRun | SmoothRun, site: int = 0) -> RunSummary:
     """A whole run and how it ended, not judged yet."""
     stop = getattr(run, "reason", "") or run.stop.value
     return RunSummary(
@@ -75,7 +77,7 @@ def summary_in(stream: cb.simulation.Recording, wanted: int, site: int = 0) -> R
 def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
-        if isinstance(summary.run, cb.simulation.Run):
+        if isinstance(summary.run, cb.simulation.SimulationRun):
             by_site = _counted(chunk.impacts for chunk in summary.chunks())
             summary = replace(summary, by_site=by_site, lost=_lost_in(summary))
         verdict = _judged(summary.run)
@@ -111,7 +113,7 @@ def _lost_in(summary: RunSummary) -> int | None:
     return None
 
 
-def length_of(run: cb.simulation.Run | SmoothRun) -> float:
+def periods_gone(run: cb.simulation.SimulationRun | SmoothRun) -> float:
     """How many periods it went, the fraction at its end included."""
     from contbreather.simulation.states import PERIOD
 
@@ -123,7 +125,7 @@ def periods_in_words(count: float) -> str:
     return "1 period" if count == 1 else f"{count:.12g} periods"
 
 
-def _judged(run: cb.simulation.Run | SmoothRun) -> dict[str, Any]:
+def _judged(run: cb.simulation.SimulationRun | SmoothRun) -> dict[str, Any]:
     """Kind, sentence and evidence from the later half of a run."""
     from contbreather.simulation.classify import judge
 
@@ -131,7 +133,7 @@ def _judged(run: cb.simulation.Run | SmoothRun) -> dict[str, Any]:
     if run.stop is cb.simulation.RunStop.CHATTER:
         return {"reason": "it ends before a period of too many impacts"}
     if half < ENOUGH:
-        length = length_of(run)
+        length = periods_gone(run)
         words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
         return {"reason": f"no verdict: {words}, give at least {2 * ENOUGH}"}
     verdict: Any

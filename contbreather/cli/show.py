@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import contbreather as cb
 from contbreather.cli.branch import leave
-from contbreather.cli.options import Axes, Span, Whole, interval, model_entry
+from contbreather.cli.options import Axes, Span, Whole, model_entry, typed_interval
 from contbreather.cli.output import (
     Output,
     SavedOutput,
@@ -47,7 +47,7 @@ def show(
     """
     into.check({"RUN": run})
     axes.check(into.output)
-    results = opened(run)
+    results = opened_results(run)
     chosen = results if name is None else {"": results[name]}
     if len(chosen) == 1:
         (result,) = chosen.values()
@@ -91,7 +91,7 @@ def extend(
     """
     from contbreather.continuation.checkpoint import Checkpoint, Inner
 
-    results = opened(run)
+    results = opened_results(run)
     branch, place, key = _chosen(results, name)
     in_place = into.save is None or identity(into.save) == identity(place)
     into = replace(into, save=str(place) if in_place else into.save)
@@ -99,7 +99,7 @@ def extend(
     settings = branch.settings or cb.continuation.settings.Settings()
     within = dict(settings.within)
     if window is not None:
-        within[branch.free] = interval(branch.free, window, {})
+        within[branch.free] = typed_interval(branch.free, window, {})
     steps = settings.steps if most is None else replace(settings.steps, most=most)
     others = dict(cb.Run(place)) if in_place else {}
     file = Checkpoint(into.save or place, key)
@@ -126,7 +126,7 @@ def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     return branch, *run.place(name)
 
 
-def opened(path: str | None) -> cb.Run:
+def opened_results(path: str | None) -> cb.Run:
     """What is on disk; a sentence where nothing is."""
     if path is None:
         raise BadInput("RUN is missing: the file, or the folder, that --save has kept")
@@ -183,7 +183,7 @@ def _what(by_name: Mapping[str, Any]) -> str:
             return "branch" if results[0].problem.beneath is None else "boundary"
         case Diagram():
             return "diagram"
-        case cb.simulation.Run() | cb.simulation.SmoothRun():
+        case cb.simulation.SimulationRun() | cb.simulation.SmoothRun():
             return "simulate"
     return ""
 

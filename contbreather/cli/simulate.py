@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.cli.options import ModelOptions, ModelParameters, Whole
+from contbreather.cli.options import ModelArguments, ModelOptions, Whole
 from contbreather.cli.output import (
     SavedRun,
     Table,
@@ -29,7 +29,7 @@ from contbreather.cli.process import computing, end
 from contbreather.cli.run_summary import (
     RunSummary,
     judged,
-    length_of,
+    periods_gone,
     periods_in_words,
     summary_in,
     summary_of,
@@ -193,7 +193,7 @@ def read_state(path: str) -> tuple[tuple[Any, Any], float]:
     return (u, v), 0.0
 
 
-def _breather(where: ModelOptions, on: ModelParameters, lattice: Any) -> tuple[Any, float]:
+def _breather(where: ModelOptions, on: ModelArguments, lattice: Any) -> tuple[Any, float]:
     """The exact breather at t = 0, or a quarter of a period later if it hits just then. That of
     a ring is the one without damping, as in the paper; that of --lattice has all."""
     values = where.given | ({} if where.lattice else {"damping": 0.0})
@@ -233,7 +233,7 @@ def simulate(
     else:
         rigid = options.smooth is None
         walls = "rigid walls" if rigid else f"smooth walls, m = {options.smooth:g}"
-        length = summary.periods if summary.stream else length_of(summary.run)
+        length = summary.periods if summary.stream else periods_gone(summary.run)
         lattice = summary.run.conditions.lattice.describe()
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
         if rows := list(_rows(summary, options)):
@@ -298,7 +298,7 @@ def _impacts(summary: RunSummary) -> Iterator[dict[str, float]]:
             yield dict(zip(IMPACTS, row, strict=True))
 
 
-def draw(run: cb.simulation.Run | SmoothRun, site: int = 0) -> Figure:
+def draw(run: cb.simulation.SimulationRun | SmoothRun, site: int = 0) -> Figure:
     """The last periods of three sites, the section of one, and how localised it was."""
     plotting = cb.plotting
     titles = ["the last periods", "once in a period, later half", "where the energy is"]

@@ -14,8 +14,8 @@ from contbreather.cli.output import (
     branch_entry,
     branch_table,
     check_ends,
-    columns_of,
-    ends,
+    end_sentences,
+    number_columns,
     point_entry,
 )
 from contbreather.cli.process import until_interrupted
@@ -100,7 +100,7 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     """A line for each special point of each arm."""
     from contbreather.tables import Column, Sheet
 
-    free, there = arms[0].free, columns_of(arms[0])
+    free, there = arms[0].free, number_columns(arms[0])
     names = [free, *(name for name in SHOWN if name in there)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
     columns = [
@@ -142,7 +142,7 @@ def _ends(arm: cb.Branch) -> Iterator[str]:
     if end.kind in ("GR", "VI"):
         yield f"{end.label}: {end.admissibility().reason.rstrip('.')}"
     else:
-        yield ends(arm)[-1]
+        yield end_sentences(arm)[-1]
     if arm.image_of is not None:
         yield f"the mirror image of arm {arm.image_of + 1}"
 

@@ -97,7 +97,7 @@ def diagram_entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
     shown = ("gamma", "a", "k", "p", "nu", "t")
     curves = [
         {"curve": kind, **{name: branch[name] for name in shown if name in branch.curve.slots},
-         "p": branch["p"], "phi": cb.orbits.zone_diagram.phase(branch),
+         "p": branch["p"], "phi": cb.orbits.zone_diagram.phases_on(branch),
          "labels": [point.label for point in branch]}
         for kind, branch in diagram
     ]  # fmt: skip

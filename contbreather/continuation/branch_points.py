@@ -114,7 +114,7 @@ def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
     """BP, with the names of what else happens on its curves."""
     return Event(
         "BP",
-        Singular(bordered, branch_point_test),
+        Singular(bordered_matrix, branch_point_test),
         count=_unstable,
         locus=Crossings(meets),
         examine=_examine,
@@ -130,10 +130,10 @@ def _unstable(point: Point) -> int:
 
 
 def branch_point_test(point: Point) -> float:
-    return signed_smallest(bordered(point))
+    return signed_smallest(bordered_matrix(point))
 
 
-def bordered(point: Point) -> Matrix:
+def bordered_matrix(point: Point) -> Matrix:
     """The derivative and the row of the tangent, in the scales of the unknowns."""
     curve, row = point.curve, point.curve.dual(point.direction)
     matrix = curve.jacobian(point.z)

@@ -22,7 +22,7 @@ EVERY = 3.0  # seconds between two files
 SHARE = 0.03  # of the time that a run takes, at most, goes into writing them
 
 
-def write(
+def write_results(
     path: str | Path, results: Mapping[str, Any], *, alone: bool, recorded: bool | None = True
 ) -> Path:
     """Write results by their names to one file; `alone` if the only one is what the file is, and
@@ -37,7 +37,7 @@ def write(
             f"{kind_of(error.args[0])} cannot be kept in a file; branches, boundaries, diagrams, "
             "zones, and simulated runs can"
         ) from error
-    return netcdf.write(target, contents, alone=alone)
+    return netcdf.write_file(target, contents, alone=alone)
 
 
 class NotKept(BadInput):
@@ -99,7 +99,7 @@ class Checkpoint:
         named = result if isinstance(result, Mapping) else {self.name: result}
         if several:
             named = {f"{self.name}{i}": part for i, part in enumerate(result, start=1)}
-        write(path, named, alone=len(named) == 1 and not several, recorded=recorded)
+        write_results(path, named, alone=len(named) == 1 and not several, recorded=recorded)
 
 
 class Inner(Checkpoint):

@@ -21,7 +21,7 @@ from .. import compiler, kernels
 from ..errors import BadInput
 from ..kernels import FRAME, Kernel, NotCompiled, callable_at
 from . import derivatives
-from .step import CORRECTED, STEPS, TAKEN, Equations, Here, Rules
+from .step import CORRECTED, STEPS, TAKEN, CompiledEquations, Here, Rules
 
 Array = NDArray[np.float64]
 
@@ -74,12 +74,14 @@ class CompiledCurve:
     """
 
     def __init__(self, loops: Loops, metric: Array) -> None:
-        d, self.loops, self.machine = metric.size, loops, machine(loops)
+        d, self.loops, self.machine = metric.size, loops, machine_code(loops)
         evaluate: Any = self.machine.evaluate if self.machine else loops.evaluate
         derive: Any = self.machine.derive if self.machine else loops.derive
         value, flat = np.zeros((2, 3 * d * d))
         matrix, data = flat[: d * d].reshape(d, d), np.array(loops.data)
-        self.eq = Equations(evaluate, derive, data, metric, value, flat, matrix, np.zeros(d))
+        self.eq = CompiledEquations(
+            evaluate, derive, data, metric, value, flat, matrix, np.zeros(d)
+        )
         self.here, self.answer = Here(*np.zeros((6, d))), np.zeros(3)
 
     def _call(self, kernel: Kernel, *values: Any) -> None:
@@ -123,11 +125,11 @@ class CompiledCurve:
 _known: dict[Any, MachineCode | None] = {}
 
 
-def machine(loops: Loops) -> MachineCode | None:
+def machine_code(loops: Loops) -> MachineCode | None:
     """Machine code of a problem and of the kernels, None where there is none."""
     if loops.evaluate in _known:
         return _known[loops.evaluate]
-    address, code = compiler.address if loops.at_once else kernels.address, None
+    address, code = compiler.compiled_address if loops.at_once else kernels.address, None
     try:
         evaluate, derive = address(loops.evaluate, "ppp"), address(loops.derive, "ppp")
         entries = {k: callable_at(address(k.function, ""), FRAME) for k in (STEPS, CORRECTED)}
@@ -166,7 +168,7 @@ def _filled(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | Non
     """What one of them fills in, None where it has no values."""
     values = np.zeros(wanted.shape)
     arrays = z.copy(), np.array(loops.data), values
-    code = callable_at(compiler.address(function, "ppp"), "ppp")
+    code = callable_at(compiler.compiled_address(function, "ppp"), "ppp")
     status = code(*(array.ctypes.data for array in arrays))
     return None if status else values
 
@@ -198,7 +200,7 @@ def _functions(*arguments: Any) -> tuple[Any, Any] | None:
     try:
         functions = _compiled(*arguments)
         for function in functions:
-            compiler.address(function, "ppp")
+            compiler.compiled_address(function, "ppp")
     except (NotCompiled, ImportError) as reason:
         _log.info("steps are taken without compiled code: %s", reason)
         return None

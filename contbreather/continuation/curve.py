@@ -31,7 +31,7 @@ from .sparse import (
     Matrix,
     beside,
     canonical,
-    columns_of,
+    entry_columns,
     first_columns,
     is_sparse,
     row_sizes,
@@ -67,7 +67,7 @@ def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
     matrix = canonical(value)
     wrong = np.flatnonzero(~np.isfinite(matrix.data))
     if wrong.size:
-        entry = (int(matrix.indices[wrong[0]]), int(columns_of(matrix)[wrong[0]]))
+        entry = (int(matrix.indices[wrong[0]]), int(entry_columns(matrix)[wrong[0]]))
         raise BadInput(
             f"entry {entry} of the sparse {what} is {matrix.data[wrong[0]]} at the start"
         )

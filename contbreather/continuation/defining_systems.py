@@ -29,7 +29,7 @@ from .linear_algebra import Bordered, LeastSingular, inverses_between, least_sin
 from .newton import Undefined
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
-from .sparse import Matrix, above, beside, is_large, shifted, solve
+from .sparse import Matrix, above, beside, is_large, plus_diagonal, solve
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -132,7 +132,7 @@ def oriented_overlap(matrix: Matrix) -> float:
 def overlap(shift: float, point: Point) -> float:
     """The test of a double eigenvalue where one of ``F_x + shift`` is zero all along a curve."""
     return oriented_overlap(
-        shifted(point.base_point.jacobian()[:, : point.base_point.curve.size], shift)
+        plus_diagonal(point.base_point.jacobian()[:, : point.base_point.curve.size], shift)
     )
 
 
@@ -160,7 +160,7 @@ class _NullVector:
     def loops(self, plain: Loops, n: int) -> Loops:
         """The equations and these conditions, from the equations alone."""
         bounds = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n, "SHIFT": self.shift}
-        texts = null_vectors.conditions, null_vectors.slopes
+        texts = null_vectors.conditions, null_vectors.null_slopes
         conditions, slopes = (bound(text, **bounds) for text in texts)
         return Loops(conditions, slopes, plain.data, plain.at_once)
 

@@ -275,7 +275,7 @@ def _hopf_locus(point: Point) -> DefiningSystem:
     ends = (_BT_ON_HOPF, _GENERALISED, _DOUBLE_HOPF)
     if _large(point):
         # one unknown, in place of a vector as long as x, and of F_x^2, which is less sparse
-        in_plane = spectrum.pair_locus(spectrum.square_of_pair(point.curve, point.z))
+        in_plane = spectrum.conditions_in_plane(spectrum.square_of_pair(point.curve, point.z))
         return replace(in_plane, events=ends, meets=MEETINGS["HB"])
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
     small = _ZERO * float(np.linalg.norm(matrix, 2))
@@ -291,7 +291,9 @@ def _examine_hopf(point: Point) -> Examined:
     if isinstance(verdict, str):
         return verdict
     return verdict | normal_forms.criticality(
-        "l1", lambda: normal_forms.lyapunov(point, verdict["omega"]), stable_if_negative=True
+        "l1",
+        lambda: normal_forms.lyapunov_coefficient(point, verdict["omega"]),
+        stable_if_negative=True,
     )
 
 
@@ -385,12 +387,14 @@ def _lyapunov_on_hopf(point: Point) -> float:
     if not square > 0:
         return math.nan  # beyond BT
     # det F_x vanishes at ZH as 1 / l1 does
-    l1 = normal_forms.value_or_nan(lambda: normal_forms.lyapunov(point, math.sqrt(square)))
+    l1 = normal_forms.value_or_nan(
+        lambda: normal_forms.lyapunov_coefficient(point, math.sqrt(square))
+    )
     return l1 * systems.signed_smallest(_flow(point))
 
 
 def _examine_generalised(point: Point) -> str:
-    l1 = normal_forms.lyapunov(point, math.sqrt(point["omega2"]))
+    l1 = normal_forms.lyapunov_coefficient(point, math.sqrt(point["omega2"]))
     reason = normal_forms.not_zero("the first Lyapunov coefficient", l1, point)
     if not reason and (abs(_eigenvalues(point).real) < _small(point)).sum() != 2:
         return "more than one pair of eigenvalues on the imaginary axis"

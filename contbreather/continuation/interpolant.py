@@ -90,7 +90,7 @@ class StepInterpolant:
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
         self._near(guess, solution.z)
         if tangents:
-            tangent = closest(tangents, self.curve.dual(slope))
+            tangent = closest_tangent(tangents, self.curve.dual(slope))
         else:
             tangent, _ = tangent_at(self.curve, solution.z, slope)
         return u, self._point(u, solution.z, tangent, solution.residual)
@@ -143,7 +143,7 @@ def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
     return curve.normalised(vectors[-1] * sense(vectors[-1])), 0
 
 
-def closest(tangents: Sequence[Array], row: Array) -> Array:
+def closest_tangent(tangents: Sequence[Array], row: Array) -> Array:
     """The tangent that makes the smallest angle with a direction, turned to its side: the first one
     of those that are as close, and as it is if it is at a right angle."""
     along = [float(tangent.dot(row)) for tangent in tangents]

@@ -74,7 +74,7 @@ def FixedPoint(
     Returns
     -------
     Problem
-        To trace, to switch, to follow as boundaries. ``point.solution`` is a `Cycle`. A located
+        To trace, to switch, to follow as boundaries. ``point.solution`` is a `MapCycle`. A located
         PD knows the coefficient ``detail["c"]`` of ``u -> -u + c u^3``, NS its ``detail["angle"]``
         and ``detail["d"]`` of ``w -> exp(i angle) w (1 + d |w|^2)``, for eigenvectors of length 1,
         and both their ``detail["criticality"]``: supercritical where what is born is stable on the
@@ -103,7 +103,7 @@ def FixedPoint(
     if not (record is None or isinstance(record, Mapping)):
         raise BadInput(f"record must be a dict of names and functions, got {record!r}")
     iterate = Iterate(map_, period, jacobian)
-    return CycleProblem(
+    return MapCycleProblem(
         iterate,
         start,
         params,
@@ -112,7 +112,7 @@ def FixedPoint(
         record={**(record or {}), "unstable": UnstableDimension(attrgetter("solution.unstable"))},
         domain={} if domain is None else domain,
         scales={} if scales is None else scales,
-        interpret=cycle,
+        interpret=cycle_at,
         label=generic(iterate.period) if label == "" else label,
     )
 
@@ -172,7 +172,7 @@ class Iterate:
 
 
 @dataclass(frozen=True)
-class Cycle:
+class MapCycle:
     """A fixed point or cycle: its points, and its multipliers over one period."""
 
     points: Array  # (period, n)
@@ -195,10 +195,10 @@ class Cycle:
         return int((abs(self.multipliers) > 1).sum())
 
 
-def cycle(point: Point) -> Cycle:
+def cycle_at(point: Point) -> MapCycle:
     iterate: Iterate = point.curve.problem.residual
     points = np.array([point.x, *iterate.phases(point.x, point.params)])
-    return Cycle(points, multiplier_matrix(point), point.params)
+    return MapCycle(points, multiplier_matrix(point), point.params)
 
 
 def multiplier_matrix(point: Point) -> Array:
@@ -240,7 +240,7 @@ def units(point: Point) -> Array:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CycleProblem(Problem):
+class MapCycleProblem(Problem):
     """Fixed points or cycles of a map."""
 
     residual: Iterate
@@ -348,7 +348,7 @@ def _examine_rotation(point: Point) -> Examined:
     ground = point.base_point
     angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
     return {"angle": angle} | normal_forms.criticality(
-        "d", lambda: normal_forms.rotation(point, angle), stable_if_negative=True
+        "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
     )
 
 
@@ -412,12 +412,14 @@ def _rotation_coefficient(point: Point) -> float:
     ground, cosine = point.base_point, point["cosine"]
     if not -1 < cosine < 1:
         return math.nan
-    d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, math.acos(cosine)))
+    d = normal_forms.value_or_nan(
+        lambda: normal_forms.rotation_coefficient(point, math.acos(cosine))
+    )
     return d * systems.signed_smallest(units(ground) - np.eye(ground.curve.size))
 
 
 def _examine_chenciner(point: Point) -> str:
-    d = normal_forms.rotation(point, math.acos(point["cosine"]))
+    d = normal_forms.rotation_coefficient(point, math.acos(point["cosine"]))
     return normal_forms.not_zero("Re d =", d, point)
 
 

@@ -38,8 +38,8 @@ from .sparse import (
     is_large,
     is_sparse,
     null_vectors,
+    plus_diagonal,
     scaled,
-    shifted,
 )
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Forms:
         self.x = self.z[self.moved] / self.scales
         self.A = self._matrix(self.z)
         if self.closing is None:
-            self.T, self.units = shifted(0 * self.A, 1.0), np.ones(self.n)
+            self.T, self.units = plus_diagonal(0 * self.A, 1.0), np.ones(self.n)
         else:  # the scale of a cycle is that of one orbit, by which no length should be told
             self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
         self.reach = max(1.0, float(abs(self.x).max()))
@@ -123,7 +123,7 @@ class Forms:
     def closed(self, mu: complex) -> Matrix:
         """What maps a perturbation to zero that has grown by mu when it comes back."""
         if self.closing is None:
-            return shifted(self.A, 1 - mu)
+            return plus_diagonal(self.A, 1 - mu)
         return self._scaled(self.closing(self.curve.in_unknowns(self.z), mu))
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
@@ -252,13 +252,13 @@ def not_zero(what: str, coefficient: Coefficient, point: Point) -> str:
 # --- flows ------------------------------------------------------------------------------------
 
 
-def lyapunov(point: Point, omega: float) -> Coefficient:
+def lyapunov_coefficient(point: Point, omega: float) -> Coefficient:
     """First Lyapunov coefficient l1 of the flow ``x' = F`` where F_x has eigenvalues ``+-i omega``.
 
     Negative: a stable limit cycle appears on the centre manifold (supercritical).
     """
     forms = Forms(point)
-    critical, double = (shifted(forms.A, -1j * k * omega) for k in (1, 2))
+    critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
     coefficient = _of_pair(forms, critical, double, 2 * omega)
     return replace(coefficient, value=coefficient.value.real)
 
@@ -359,7 +359,7 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     return replace(coefficient, rounding=max(_ROUNDING, agreed))
 
 
-def rotation(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
+def rotation_coefficient(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:
     """Coefficient d of ``w -> exp(i angle) w (1 + d |w|^2)`` at a pair on the unit circle.
 
     Its real part negative: a stable closed curve appears (supercritical).

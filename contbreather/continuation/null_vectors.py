@@ -44,7 +44,7 @@ def conditions(z: Any, data: Any, out: Any) -> int:
     return status
 
 
-def slopes(z: Any, data: Any, out: Any) -> int:
+def null_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row. Second derivatives are symmetric: those of ``F_x v`` are the
     derivative of F_z along v."""
     width, w = 2 * N + 2, N + 2
@@ -54,7 +54,7 @@ def slopes(z: Any, data: Any, out: Any) -> int:
     # |    F_x           0         F_p    |
     # | (F_x v)_x   F_x + shift  (F_x v)_p |
     # |     0         2 v^T         0     |
-    status = along(z, data, out, bent, kept)
+    status = slopes_along(z, data, out, bent, kept)
     status += derive(z, data, out)
     for i in range(N * w):
         out[bent + N * w + i] = out[i]
@@ -73,7 +73,7 @@ def slopes(z: Any, data: Any, out: Any) -> int:
     return status
 
 
-def along(z: Any, data: Any, out: Any, bent: int, kept: int) -> int:
+def slopes_along(z: Any, data: Any, out: Any, bent: int, kept: int) -> int:
     """Derivative of F_z along v by the five-point formula, from `bent` on."""
     size = 0.0
     for i in range(N):

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..display import HtmlRepr
 from ..errors import BadInput, ContbreatherError
 from ..files import named
-from ..storage.netcdf import check_names, read
+from ..storage.netcdf import check_names, read_file
 from ..tables import Column, Sheet
 from . import diagram  # noqa: F401 - enters diagrams
 from .branch_from_dict import result_from_dict
-from .checkpoint import write
+from .checkpoint import write_results
 from .point import Point
 from .problem import Problem, problem_in
 
@@ -93,7 +93,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
     def keep(self, **results: Any) -> None:
         """Write results to files of their names, each whole or not at all."""
         for name, result in results.items():
-            write(self.file(name), {name: result}, alone=True)
+            write_results(self.file(name), {name: result}, alone=True)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries())
@@ -180,7 +180,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
         return self._cache[path][1]
 
     def _read(self, path: Path) -> Contents:
-        contents, alone = read(path)
+        contents, alone = read_file(path)
         try:
             return {n: result_from_dict(c, self.problems) for n, c in contents.items()}, alone
         except BadInput as error:
@@ -227,7 +227,7 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
             )
     if not every or len(every) < len(results) + len(named):
         raise BadInput(f"results with different names are expected, got {list(every) or 'none'}")
-    write(path, every, alone=len(every) == 1)
+    write_results(path, every, alone=len(every) == 1)
 
 
 def load(path: str | Path, *, problem: Given = None) -> Any:

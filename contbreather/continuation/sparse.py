@@ -130,7 +130,7 @@ def first_columns(matrix: Matrix, n: int) -> Matrix:
     return csc_array(parts, shape=(matrix.shape[0], n))
 
 
-def columns_of(matrix: Matrix) -> NDArray[np.intp]:
+def entry_columns(matrix: Matrix) -> NDArray[np.intp]:
     """The column of each entry that is stored."""
     return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
 
@@ -140,7 +140,7 @@ def scaled(matrix: Matrix, rows: Array, columns: Array | None = None) -> Matrix:
     if not is_sparse(matrix):
         return (matrix if columns is None else matrix * columns) * rows[:, None]
     data = matrix.data * rows[matrix.indices]
-    return _with(matrix, data if columns is None else data * columns[columns_of(matrix)])
+    return _with(matrix, data if columns is None else data * columns[entry_columns(matrix)])
 
 
 def row_sizes(matrix: Matrix, scales: Array) -> Array:
@@ -148,7 +148,7 @@ def row_sizes(matrix: Matrix, scales: Array) -> Array:
     if not is_sparse(matrix):
         return np.asarray(abs(matrix * scales[: matrix.shape[-1]]).max(axis=-1))
     sizes = np.zeros(matrix.shape[0])
-    entries = abs(matrix.data) * scales[columns_of(matrix)]
+    entries = abs(matrix.data) * scales[entry_columns(matrix)]
     np.maximum.at(sizes, matrix.indices, entries)
     return sizes
 
@@ -300,7 +300,7 @@ def factorised(matrix: Matrix) -> Any:
     from scipy.sparse.linalg import splu
 
     order: Any = "COLAMD"
-    if abs(matrix.indices - columns_of(matrix)).max(initial=0) <= _BAND:
+    if abs(matrix.indices - entry_columns(matrix)).max(initial=0) <= _BAND:
         order = "NATURAL"
     elif _diagonal_leads(matrix):
         order = "MMD_AT_PLUS_A"
@@ -389,7 +389,7 @@ def any_vector(n: int) -> Array:
     return vector
 
 
-def shifted(matrix: Matrix, value: complex) -> Matrix:
+def plus_diagonal(matrix: Matrix, value: complex) -> Matrix:
     """A square matrix, dense or sparse, with a number added to its diagonal."""
     if not is_sparse(matrix):
         return matrix + value * np.eye(len(matrix))
@@ -430,7 +430,7 @@ class Pattern:
     def __init__(self, pattern: Any) -> None:
         matrix = canonical(pattern)
         self.matrix = matrix = _with(matrix, np.ones(matrix.nnz))  # what was given stays as it is
-        self.columns = columns_of(matrix)
+        self.columns = entry_columns(matrix)
 
     @cached_property
     def colours(self) -> NDArray[np.intp]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from .curve import Curve
 from .newton import Undefined
 from .point import DefiningSystem
-from .sparse import Factors, Matrix, any_vector, factorised, scaled, shifted
+from .sparse import Factors, Matrix, any_vector, factorised, plus_diagonal, scaled
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -98,11 +98,11 @@ def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
     n = matrix.shape[0]
-    moved = matrix if height == 0 else shifted(matrix, -1j * height)
+    moved = matrix if height == 0 else plus_diagonal(matrix, -1j * height)
     try:
         lu = factorised(moved)
     except RuntimeError:  # an eigenvalue is there to the last digit
-        lu = factorised(shifted(moved, _EXACT * abs(matrix).max()))
+        lu = factorised(plus_diagonal(moved, _EXACT * abs(matrix).max()))
     operator = LinearOperator((n, n), matvec=lu.solve, dtype=moved.dtype)
     wanted = min(_IN_A_DISK, n - 2)
     try:
@@ -191,7 +191,7 @@ def square_of_pair(curve: Curve, z: Array) -> float:
     return float((least[0] * least[1]).real)
 
 
-def pair_locus(square: float) -> DefiningSystem:
+def conditions_in_plane(square: float) -> DefiningSystem:
     """Trace and determinant of the derivative within the plane of a pair are 0 and omega2: two
     equations and one unknown, smooth where the pair meets at zero."""
     return DefiningSystem({"omega2": square}, _conditions, _slopes)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
-from .interpolant import LEVEL, closest, tangent_at
+from .interpolant import LEVEL, closest_tangent, tangent_at
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
 from .point import Point
@@ -123,7 +123,7 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         try:
             branch_point = crossing(curve, z)
             if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
-                return closest(branch_point.tangents, curve.dual(along)), 0
+                return closest_tangent(branch_point.tangents, curve.dual(along)), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, side = tangent_at(curve, z, along)
@@ -144,7 +144,7 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     return tangent * sense(tangent)
 
 
-def rounding(value: float) -> float:
+def rounding_at(value: float) -> float:
     """How far from a bound rounding may end a step that should end on it."""
     return 4 * math.ulp(value or 1e-16) if math.isfinite(value) else 0.0
 
@@ -165,7 +165,7 @@ class Bound:
     def end(self, value: float) -> int:
         """Which end a value is at, but for rounding: -1 or 1, 0 for neither."""
         ends = ((-1, self.low), (1, self.high))
-        return next((side for side, end in ends if abs(value - end) <= rounding(end)), 0)
+        return next((side for side, end in ends if abs(value - end) <= rounding_at(end)), 0)
 
     def within(self, z: Array) -> Array:
         """z, or the place next to it that is not beyond either end."""

@@ -43,7 +43,7 @@ ARCLENGTH, SIZE, SIDE, LONGEST = range(4)  # of the state of a walk
 
 
 @fixed
-class Equations(NamedTuple):
+class CompiledEquations(NamedTuple):
     """Equations in machine code, and room for what is made of them."""
 
     evaluate: int  # ``(z, data, out) -> int``: fills in H, row by row; not 0 where there is none
@@ -107,7 +107,7 @@ class Examined(NamedTuple):
 
 
 def steps(
-    eq: Equations, rules: Rules, here: Here, state: Vector, out: Matrix, count: Counts
+    eq: CompiledEquations, rules: Rules, here: Here, state: Vector, out: Matrix, count: Counts
 ) -> None:
     """Take steps until one fails or has to be looked at; a row of `out` for each: z, tangent,
     arclength and residual."""
@@ -133,7 +133,7 @@ def steps(
 
 
 @inlined
-def try_step(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[int, float]:
+def try_step(eq: CompiledEquations, rules: Rules, here: Here, state: Vector) -> tuple[int, float]:
     """One step of the size in the state, which is taken if it comes off; and its residual."""
     size = state[SIZE]
     guess = predicted(here, size, here.there)
@@ -160,7 +160,12 @@ def try_step(eq: Equations, rules: Rules, here: Here, state: Vector) -> tuple[in
 
 
 def corrected(
-    eq: Equations, tolerance: float, across: Vector, slope: Vector, here: Here, answer: Vector
+    eq: CompiledEquations,
+    tolerance: float,
+    across: Vector,
+    slope: Vector,
+    here: Here,
+    answer: Vector,
 ) -> None:
     """The point of the curve in the plane across a vector, and its tangent on the side of `slope`,
     from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
@@ -305,7 +310,7 @@ def returns(rules: Rules, here: Here, z: Any) -> bool:
 
 
 @inlined
-def residual(eq: Equations, z: Any) -> tuple[Any, bool]:
+def residual(eq: CompiledEquations, z: Any) -> tuple[Any, bool]:
     """H(z), and whether there is such a value."""
     if call(eq.evaluate, z, eq.data, eq.value) != 0:
         return eq.value, False
@@ -316,7 +321,9 @@ def residual(eq: Equations, z: Any) -> tuple[Any, bool]:
 
 
 @inlined
-def correction(eq: Equations, row: Any, z: Any, value: Any, lasting: bool) -> tuple[Any, bool]:
+def correction(
+    eq: CompiledEquations, row: Any, z: Any, value: Any, lasting: bool
+) -> tuple[Any, bool]:
     """dz of the bordered system, infinite where the matrix is singular; and whether it is not."""
     d = z.size
     for i in range(d - 1):
@@ -329,7 +336,7 @@ def correction(eq: Equations, row: Any, z: Any, value: Any, lasting: bool) -> tu
 
 
 @inlined
-def tangent_at(eq: Equations, along: Any, z: Any, out: Any) -> int:
+def tangent_at(eq: CompiledEquations, along: Any, z: Any, out: Any) -> int:
     """The unit tangent at z on the side of `along`, and the sign of the determinant; `along`
     itself where that is 0."""
     d = z.size
@@ -349,7 +356,7 @@ def tangent_at(eq: Equations, along: Any, z: Any, out: Any) -> int:
 
 
 @inlined
-def off_curve(eq: Equations, here: Here, between: Any, z: Any) -> float:
+def off_curve(eq: CompiledEquations, here: Here, between: Any, z: Any) -> float:
     """How far the curve is from a place, by one correction; 0 beside a branch point, where the
     residual says nothing."""
     value, exists = residual(eq, between)
@@ -361,7 +368,7 @@ def off_curve(eq: Equations, here: Here, between: Any, z: Any) -> float:
 
 
 @inlined
-def bordered(eq: Equations, row: Any, z: Any) -> int:
+def bordered(eq: CompiledEquations, row: Any, z: Any) -> int:
     """Solve with J(z) and, below it, row^T W for `eq.right`; the sign of the determinant, or 0."""
     if call(eq.derive, z, eq.data, eq.flat) != 0:
         return 0
@@ -402,7 +409,7 @@ def eliminate(A: Matrix, b: Vector) -> int:
 
 
 @inlined
-def is_rounding(eq: Equations, value: Any, z: Any) -> bool:
+def is_rounding(eq: CompiledEquations, value: Any, z: Any) -> bool:
     """Whether all that is left of H is rounding of its terms: |H| <= 4 eps |J| |z|."""
     if call(eq.derive, z, eq.data, eq.flat) != 0:
         return False
@@ -416,7 +423,7 @@ def is_rounding(eq: Equations, value: Any, z: Any) -> bool:
     return True
 
 
-def largest(eq: Equations, value: Any) -> float:
+def largest(eq: CompiledEquations, value: Any) -> float:
     most = 0.0
     for i in range(eq.right.size - 1):
         most = max(most, abs(value[i]))

@@ -20,7 +20,7 @@ from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
 from .settings import Steps
-from .starts import Bound, rounding
+from .starts import Bound, rounding_at
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
@@ -126,7 +126,7 @@ class Stepper:
             start = bound.value(curve.start)
             for side, end in ((0, bound.low), (1, bound.high)):
                 # short of a bound: it is landed on, unless the curve begins there
-                off = rounding(end) if abs(start - end) > rounding(end) else 0.0
+                off = rounding_at(end) if abs(start - end) > rounding_at(end) else 0.0
                 ends[side, i] = end - off if side else end + off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
@@ -277,9 +277,9 @@ class Stepper:
         for bound in self.bounds:
             start, end = bound.value(before), bound.value(after)
             for value, beyond in ((bound.low, bound.low - end), (bound.high, end - bound.high)):
-                on_it = abs(start - value) <= rounding(value)
+                on_it = abs(start - value) <= rounding_at(value)
                 # a step that ends short of it by rounding ends on it, unless it goes along it
-                if beyond <= (along if on_it else -rounding(value)):
+                if beyond <= (along if on_it else -rounding_at(value)):
                     continue
                 if on_it:
                     raise StepFailed(Stop.BOUND)

@@ -192,7 +192,7 @@ def in_rows(fields: Iterable[Field], across: int) -> Any:
 # --- forms ----------------------------------------------------------------------------------------
 
 
-def card(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
+def titled_box(title: str, *parts: Any, css: Iterable[str] = ()) -> Any:
     """A box with a heading."""
     head = pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[WORDS], margin=(0, 5))
     return pn.Column(
@@ -236,7 +236,7 @@ class PageForms:
         self.breather["root"] = Field("root, by p", "", root, hint="upper")
         self.breather_trouble = ErrorLabel()
         button = self._button("Show", self._show, self.breather_trouble, color="primary")
-        return card("Breather", in_rows(self.breather.values(), 2), button,
+        return titled_box("Breather", in_rows(self.breather.values(), 2), button,
                     self.breather_trouble.view)  # fmt: skip
 
     def _show(self) -> None:
@@ -261,7 +261,7 @@ class PageForms:
         self.walk_trouble = ErrorLabel()
         button = self._button("Continue", self._walk, self.walk_trouble, color="primary")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
-        return card("Continue from here", fields, button, self.walk_trouble.view)
+        return titled_box("Continue from here", fields, button, self.walk_trouble.view)
 
     def _usual_window(self, event: Any) -> None:
         for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
@@ -279,7 +279,7 @@ class PageForms:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
         self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
         self.special_trouble = ErrorLabel()
-        return card(
+        return titled_box(
             "From a special point",
             self._button("Switch branch here", self._switch, self.special_trouble),
             pn.Row(self.first, self.second, margin=0),
@@ -304,7 +304,9 @@ class PageForms:
         }
         self.run_trouble = ErrorLabel()
         button = self._button("Simulate from here", self._simulate, self.run_trouble)
-        return card("Simulation", in_rows(self.length.values(), 3), button, self.run_trouble.view)
+        return titled_box(
+            "Simulation", in_rows(self.length.values(), 3), button, self.run_trouble.view
+        )
 
     def _simulate(self) -> None:
         chosen, typed = self.explorer.chosen, read_all(self.length)
@@ -331,7 +333,7 @@ class PageForms:
         )  # fmt: skip
         for select in (self.what, self.suffix):
             select.param.watch(self._renamed, "value")
-        return card(
+        return titled_box(
             "Keep",
             self.file.view,
             self._button("Save all curves", self._save, self.keep_trouble),

@@ -31,7 +31,7 @@ from contbreather.orbits.closed_form import symmetric
 from contbreather.progress import INTERVAL, Bar, Counter
 from contbreather.simulation.classify import judge
 from contbreather.simulation.integrator import RunStop, Sample
-from contbreather.simulation.simulate import Run, simulate
+from contbreather.simulation.simulate import SimulationRun, simulate
 
 Say = Callable[[str], object]
 Window = tuple[float, float]
@@ -168,7 +168,7 @@ def _result(job: Job, progress: Progress) -> tuple[Any, bool, str]:
         # Whatever it is, it is said on the page: the thread is the only one, and if it ended here
         # every button would wait for it for ever.
         return None, False, f"an error of the program: {type(error).__name__}: {error}"
-    return value, isinstance(value, Run) and value.stop is RunStop.INTERRUPTED, ""
+    return value, isinstance(value, SimulationRun) and value.stop is RunStop.INTERRUPTED, ""
 
 
 # --- what is computed -----------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def simulated(
 
 
 @lru_cache(maxsize=1)
-def fate(run: Run) -> str:
+def fate(run: SimulationRun) -> str:
     """The verdict on a run where that takes no minutes, else how it ended."""
     if run.stop is RunStop.DONE and run.sites <= JUDGED:
         with suppress(BadInput):  # of too few periods

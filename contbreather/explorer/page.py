@@ -28,15 +28,15 @@ from contbreather.explorer.forms import (
     PageForms,
     Words,
     a_count,
-    card,
     offered,
     read_all,
     some_sites,
+    titled_box,
     tried,
 )
 from contbreather.explorer.jobs import fate
 from contbreather.explorer.session import Session
-from contbreather.explorer.state import PageState, numbers
+from contbreather.explorer.state import PageState, drawn_columns
 from contbreather.explorer.style import (
     DARK,
     FOCUSED,
@@ -175,8 +175,10 @@ class Page:
             "multipliers": ("Multipliers", self.multipliers.figure),
             "words": ("What it is", self.words.view),
         }  # fmt: skip
-        figures = [card(title, *content, css=[name]) for name, (title, *content) in parts.items()]
-        self.run_card = card("Simulation", self.run.figure, css=["run"])
+        figures = [
+            titled_box(title, *content, css=[name]) for name, (title, *content) in parts.items()
+        ]
+        self.run_card = titled_box("Simulation", self.run.figure, css=["run"])
         top = pn.Row(
             self.status.view, self.stop, sizing_mode="stretch_width", css_classes=["status"],
             stylesheets=[STUCK], min_height=40,
@@ -306,7 +308,7 @@ class Page:
         explorer, chosen = self.explorer, self.explorer.state.chosen
         words = explorer.progress or explorer.message
         if not words and chosen is not None:
-            verdict = "" if chosen.orbit is None else f": {summary.verdict(chosen.orbit)}"
+            verdict = "" if chosen.orbit is None else f": {summary.verdict_in_words(chosen.orbit)}"
             words = f"{chosen.title}{verdict}"
         if explorer.drawing:
             words = f"{words} ({explorer.drawing})".lstrip()
@@ -374,9 +376,9 @@ class Page:
                 view.nothing()
             return
         self.profile.show(summary.profile(orbit))
-        self.motion.show(summary.motion(orbit, new.sites), summary.verdict(orbit))
+        self.motion.show(summary.sites_wanted(orbit, new.sites), summary.verdict_in_words(orbit))
         try:
-            self.multipliers.show(summary.multipliers(orbit, new.ring))
+            self.multipliers.show(summary.multipliers_shown(orbit, new.ring))
         except ContbreatherError as error:
             self.multipliers.nothing(str(error))
 
@@ -395,8 +397,8 @@ def _common(state: PageState) -> list[str]:
         return ["a", "p"]
     # not of another problem
     alike = [branch for branch in curves if curves[0].free in branch.names]
-    others = [numbers(branch) for branch in alike]
-    return [name for name in numbers(curves[0]) if all(name in other for other in others)]
+    others = [drawn_columns(branch) for branch in alike]
+    return [name for name in drawn_columns(curves[0]) if all(name in other for other in others)]
 
 
 def _described(state: PageState) -> str:

@@ -54,7 +54,7 @@ def preview_of(zones: Zones) -> Preview:
     )
 
 
-def between(left: Zones, right: Zones, k: float) -> Preview | None:
+def diagram_between(left: Zones, right: Zones, k: float) -> Preview | None:
     """The diagram at k by those at two values beside it; None where these have not the same curves
     and meetings, for then something happens between them.
 
@@ -89,16 +89,16 @@ def between(left: Zones, right: Zones, k: float) -> Preview | None:
 
 def _about(zones: Zones) -> str:
     for _, branch in zones:
-        return about(branch[0].solution) + STOPPED * zones.interrupted
+        return model_in_words(branch[0].solution) + STOPPED * zones.interrupted
     return "no curve"
 
 
 def is_of(drawn: Preview, orbit: Orbit) -> bool:
     """Whether it is a diagram of such breathers."""
-    return about(orbit) == drawn.about.removesuffix(STOPPED)
+    return model_in_words(orbit) == drawn.about.removesuffix(STOPPED)
 
 
-def about(orbit: Orbit) -> str:
+def model_in_words(orbit: Orbit) -> str:
     """What a breather is on, in words; zones are of one such."""
     on, site = orbit.conditions, orbit.section.hit[0]
     words = [on.lattice.describe(), f"site {site}" if site else ""]

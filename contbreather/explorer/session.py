@@ -24,7 +24,7 @@ from contbreather.explorer.jobs import (
     breather,
     point_of,
 )
-from contbreather.explorer.preview import LADDER, Preview, between, preview_of
+from contbreather.explorer.preview import LADDER, Preview, diagram_between, preview_of
 from contbreather.explorer.state import Chosen, PageState
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
@@ -140,7 +140,7 @@ class Session:
         if name != "k" or below is None or above is None or above - below > WIDEST:
             return None
         left, right = (self._planes["k", end, of[0], of[1]] for end in (below, above))
-        return between(left, right, k)
+        return diagram_between(left, right, k)
 
     def _compute(
         self, wanted: Plane, then: Callable[[Zones | None, bool, str], object], after: float = 0.0

@@ -14,7 +14,7 @@ from contbreather.continuation.point import Point
 from contbreather.continuation.switching import lift_of
 from contbreather.explorer.preview import Preview, preview_of
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.simulation.simulate import Run
+from contbreather.simulation.simulate import SimulationRun
 
 RING = 400  # sites of the ring that is judged besides, the paper's
 
@@ -82,7 +82,7 @@ class PageState:
     chosen: Chosen | None = None
     sites: tuple[int, ...] = (0, 1, 2)  # whose motion is drawn
     ring: int = RING  # that is judged besides
-    run: tuple[str, Run] | None = None  # the last simulation, by its code
+    run: tuple[str, SimulationRun] | None = None  # the last simulation, by its code
     lines: tuple[str, ...] = ()  # of the script that made curves and runs
 
     @property
@@ -126,9 +126,13 @@ class PageState:
 
     def with_result(self, name: str, lines: Iterable[str], value: Any) -> PageState:
         """With one more result, whatever `save` takes or several of that, and how it came."""
-        parts = dict(leaves(name, value))
+        parts = dict(result_leaves(name, value))
         curves = [Named(code, part) for code, part in parts.items() if isinstance(part, Branch)]
-        runs = [(c, part) for c, part in parts.items() if isinstance(part, Run) and part.record]
+        runs = [
+            (c, part)
+            for c, part in parts.items()
+            if isinstance(part, SimulationRun) and part.record
+        ]
         planes = [part for part in parts.values() if isinstance(part, Zones)]
         plane = planes[-1] if planes else self.plane
         return replace(
@@ -182,7 +186,7 @@ class PageState:
             yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
 
 
-def numbers(branch: Branch) -> list[str]:
+def drawn_columns(branch: Branch) -> list[str]:
     """Its columns of real numbers, as they are drawn: not words, nor an orbit on its mesh. The ends
     tell, for a whole column may take long to measure."""
     internals, ends = branch.problem.internals, (branch[:1], branch[-1:])
@@ -193,13 +197,13 @@ def numbers(branch: Branch) -> list[str]:
     ]
 
 
-def leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
+def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
     """What a result consists of, by what the script calls it."""
     if isinstance(value, Mapping):
         for key, item in value.items():
-            yield from leaves(f"{code}[{key!r}]", item)
+            yield from result_leaves(f"{code}[{key!r}]", item)
     elif isinstance(value, tuple | list | Diagram):
         for i, item in enumerate(value):
-            yield from leaves(f"{code}[{i}]", item)
+            yield from result_leaves(f"{code}[{i}]", item)
     else:
         yield code, value

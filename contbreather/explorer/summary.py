@@ -96,7 +96,7 @@ def _moments(orbit: Orbit) -> Array:
     return np.sort(np.concatenate([np.linspace(0.0, orbit.period, MOMENTS), hits]))
 
 
-def motion(orbit: Orbit, sites: tuple[int, ...]) -> ShownMotion:
+def sites_wanted(orbit: Orbit, sites: tuple[int, ...]) -> ShownMotion:
     """The sites that there are among those wanted."""
     size = orbit.lattice.sites
     shown = [n for n in sites if size is None or -size <= n < size] or [orbit.section.hit[0]]
@@ -118,10 +118,10 @@ def motion(orbit: Orbit, sites: tuple[int, ...]) -> ShownMotion:
     )
 
 
-def multipliers(orbit: Orbit, ring: int) -> Multipliers:
+def multipliers_shown(orbit: Orbit, ring: int) -> Multipliers:
     """On its own lattice if that is finite, otherwise on a ring of so many sites."""
     size, half = orbit.lattice.sites, orbit.symmetric
-    finite = orbit if size is not None else on_ring(orbit, ring)
+    finite = orbit if size is not None else map_on_ring(orbit, ring)
     lattice = f"ring of {ring}" if size is None else orbit.lattice.describe()
     about = f"over {'half a' if half else 'a'} period, {lattice}"
     mu, waves, alone = with_band(finite, None, half)
@@ -129,12 +129,12 @@ def multipliers(orbit: Orbit, ring: int) -> Multipliers:
 
 
 @lru_cache(maxsize=1)
-def on_ring(orbit: Orbit, ring: int) -> Orbit:
+def map_on_ring(orbit: Orbit, ring: int) -> Orbit:
     """The same there, once: its multipliers are drawn and judged."""
     return orbit.on(Ring(ring))
 
 
-def verdict(orbit: Orbit) -> str:
+def verdict_in_words(orbit: Orbit) -> str:
     """Whether the lattice moves so, and whether it stays at it, in half a line."""
     margins = orbit.admissibility()
     if not margins.ok and margins.margin < -1e-9:
@@ -153,7 +153,7 @@ def verdicts(orbit: Orbit, ring: int) -> Iterator[tuple[str, str]]:
         return
     yield "own lattice", _sentence(lambda: orbit.stability().describe())
     if orbit.lattice.sites is None:
-        yield f"ring of {ring}", _sentence(lambda: on_ring(orbit, ring).stability().describe())
+        yield f"ring of {ring}", _sentence(lambda: map_on_ring(orbit, ring).stability().describe())
         if orbit.symmetric and orbit.section.count == 1:
             yield "over-reflection", _sentence(lambda: _reflection(orbit))
 

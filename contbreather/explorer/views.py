@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
-from contbreather.explorer.preview import Preview, about, is_of
+from contbreather.explorer.preview import Preview, is_of, model_in_words
 from contbreather.explorer.state import Chosen, Named, PageState
 from contbreather.explorer.style import Theme
 from contbreather.explorer.summary import Multipliers, Profile, ShownMotion
 from contbreather.orbits.regions import Region
 from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
-from contbreather.simulation.simulate import Run
+from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
 
 Array = NDArray[Any]
@@ -187,7 +187,7 @@ class ZonesView:
         if wanted.awaited:
             words += f"; {coming} is being computed"
         elif drawn is not None and orbit is not None and not is_of(drawn, orbit):
-            words += f"; chosen: {about(orbit)}"
+            words += f"; chosen: {model_in_words(orbit)}"
         lines = wrap(words, WIDE, max_lines=2, placeholder=" \N{HORIZONTAL ELLIPSIS}")
         # always two: of a title that has more than before Bokeh leaves the old one behind it
         self.figure.title.text = "\n".join((*lines, "")[:2])
@@ -301,10 +301,12 @@ def _beside(fig: Any, x: Iterable[float], y: Iterable[float], text: Any) -> dict
     # as wide and high as it is in the browser, once that has said so
     properties = fig.properties_with_values(include_defaults=False)
     wide, high = properties.get("inner_width", ROOM[0]), properties.get("inner_height", ROOM[1])
-    return spread(wide * across, high * (1.0 - up), text, wide)
+    return spread_words(wide * across, high * (1.0 - up), text, wide)
 
 
-def spread(x: Array, y: Array, words: Sequence[str], wide: float = np.inf) -> dict[str, list[Any]]:
+def spread_words(
+    x: Array, y: Array, words: Sequence[str], wide: float = np.inf
+) -> dict[str, list[Any]]:
     """Words beside points given in pixels, y downwards, that do not cover each other: on whichever
     side there is room, in a figure so wide; where there is none, or the same stands there already,
     the mark has to do, which says what it is under the pointer."""
@@ -422,7 +424,7 @@ class MotionView(OrbitView):
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in motion.hits))
         self._bound(motion.walls)
 
-    def run(self, name: str, run: Run, fate: str) -> None:
+    def run(self, name: str, run: SimulationRun, fate: str) -> None:
         """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `jobs.simulated`

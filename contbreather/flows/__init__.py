@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .equilibria import equilibrium as equilibrium
     from .filippov import Filippov as Filippov
     from .flow import Flow as Flow
-    from .integrate import Crossing as Crossing
+    from .integrate import GuardCrossing as GuardCrossing
     from .integrate import Piece as Piece
     from .integrate import Trajectory as Trajectory
     from .integrate import integrate as integrate

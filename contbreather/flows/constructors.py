@@ -23,7 +23,7 @@ from .filippov import Filippov
 from .flow import Flow, Function, Params, value_at, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .orbit import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
-from .time_dependence import length_of, refuse_false_period, refuse_time
+from .time_dependence import period_at, refuse_false_period, refuse_time
 from .walls import lowest, sliding
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
@@ -121,7 +121,7 @@ def cycle(
         (state, params), names = named_state(start, params), tuple(start)
         size = float(abs(state).max())
         run = partial(_run, flows, params)
-        length = None if forcing is None else length_of(forcing, params)
+        length = None if forcing is None else period_at(forcing, params)
         begin = _settled(run, state, length, t0, settle)
         alone = _alone(flows)
         if alone is None:
@@ -139,7 +139,7 @@ def cycle(
     turns = 1
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
-        turns = max(1, round(whole / length_of(forcing, params)))
+        turns = max(1, round(whole / period_at(forcing, params)))
     refuse_false_period(parts, flights, forcing, params)
     equations = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):

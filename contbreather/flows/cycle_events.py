@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..continuation import defining_systems, normal_forms
-from ..continuation.branch_points import bordered, crossing_event
+from ..continuation.branch_points import bordered_matrix, crossing_event
 from ..continuation.curve import Curve
 from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
@@ -22,7 +22,7 @@ from ..continuation.point import CodimensionTwo, DefiningSystem, Event, Examined
 from ..continuation.sparse import Dense, Factors, Matrix, any_vector, factorised, null_vectors
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
-from .multipliers import closing
+from .multipliers import closing_matrix
 from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
 
@@ -103,7 +103,9 @@ class _Flip:
 
     def _least(self, matrix: Matrix) -> Triplet:
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        closings = (Factors(closing(self.equations, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        closings = (
+            Factors(closing_matrix(self.equations, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE)
+        )
         factors = next((factors for factors in closings if factors.sign()), None)
         if factors is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
@@ -151,7 +153,7 @@ def _examine_pair(point: Point) -> Examined:
         return f"a neutral saddle: the multipliers {mu.real:.4g} and {second[nearest].real:.4g}"
     angle = abs(math.atan2(mu.imag, mu.real))
     return {"angle": angle} | normal_forms.criticality(
-        "d", lambda: normal_forms.rotation(point, angle), stable_if_negative=True
+        "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
     )
 
 
@@ -162,7 +164,7 @@ def _pair_locus(point: Point) -> DefiningSystem:
         raise Undefined("no complex pair of multipliers is there: a neutral saddle")
     mu = complex(upper[abs(abs(upper) - 1).argmin()])
     equations = equations_of(point.base_point)
-    right, left = null_vectors(closing(equations, point.base_point.jacobian(), mu / abs(mu)))
+    right, left = null_vectors(closing_matrix(equations, point.base_point.jacobian(), mu / abs(mu)))
     rotation = _Rotation(equations, left, right)
     angle = math.atan2(mu.imag, mu.real)
     ends = (
@@ -195,7 +197,7 @@ class _Rotation:
         """The scalar g, and vectors v and w with ``g' = -w* B' v`` where g is zero."""
         from scipy.sparse import block_array, csc_array
 
-        closed = csc_array(closing(self.equations, curve.jacobian(z), np.exp(1j * angle)))
+        closed = csc_array(closing_matrix(self.equations, curve.jacobian(z), np.exp(1j * angle)))
         unit = np.eye(1, len(self.left) + 1, len(self.left), dtype=complex)[0]
         v, w = self.right, self.left
         for _ in range(_BORDERINGS):
@@ -297,7 +299,9 @@ def _flip_coefficient(point: Point) -> float:
 
 def _rotation_coefficient(point: Point) -> float:
     """Re d without its pole where it meets a fold; no value at R1, R2 and R3."""
-    d = normal_forms.value_or_nan(lambda: normal_forms.rotation(point, point["angle"], _ROUGHLY))
+    d = normal_forms.value_or_nan(
+        lambda: normal_forms.rotation_coefficient(point, point["angle"], _ROUGHLY)
+    )
     return d * _pole(None, 1.0, point)
 
 
@@ -312,7 +316,7 @@ def _examine_generalised_flip(point: Point) -> str:
 
 
 def _examine_chenciner(point: Point) -> str:
-    d = normal_forms.rotation(point, point["angle"])
+    d = normal_forms.rotation_coefficient(point, point["angle"])
     return normal_forms.not_zero("Re d =", d, point)
 
 
@@ -327,7 +331,7 @@ def _examine(examine: Callable[[Point], Examined] | None, point: Point) -> Exami
 
 def _branches(point: Point) -> float:
     """About the least singular value with the row of the tangent below, by one factorisation."""
-    matrix = bordered(point)
+    matrix = bordered_matrix(point)
     if not isinstance(matrix, np.ndarray):
         return signed_smallest(matrix)
     factors = Dense(matrix)
@@ -348,7 +352,7 @@ FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
 _CROSSING = crossing_event({})
 BRANCH_POINT = replace(
     _CROSSING,
-    test=Singular(bordered, _branches),
+    test=Singular(bordered_matrix, _branches),
     count=None,
     examine=partial(_examine, _CROSSING.examine),
 )

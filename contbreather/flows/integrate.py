@@ -108,7 +108,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class GuardCrossing:
     """Where a flow ended: its state before and after the reset, and how fast the guard fell."""
 
     time: float
@@ -133,7 +133,7 @@ class Trajectory(Columns):
     """
 
     pieces: tuple[Piece, ...]
-    events: tuple[Crossing, ...]
+    events: tuple[GuardCrossing, ...]
     final: Array
     names: tuple[str, ...]
     params: Mapping[str, float]
@@ -316,7 +316,7 @@ class _Walk:
         self, t: float, x: Array, end: float, most: float, names: tuple[str, ...]
     ) -> Trajectory:
         pieces: list[Piece] = []
-        events: list[Crossing] = []
+        events: list[GuardCrossing] = []
         mode = self.path.begin(t, x, self.params)
         while len(events) < most and t < end:
             piece, guard = self.piece(mode, t, x, end)
@@ -327,7 +327,7 @@ class _Walk:
             before = x
             rate = self.rate(mode, guard, t, x)
             mode, x = self.path.follow(mode, guard, t, x, self.params)
-            events.append(Crossing(t, piece.number, before, x, rate))
+            events.append(GuardCrossing(t, piece.number, before, x, rate))
             _refuse_chatter(pieces)
         return Trajectory(tuple(pieces), tuple(events), x, names, self.params)
 

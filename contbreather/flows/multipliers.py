@@ -201,7 +201,7 @@ def paces(equations: Equations, x: Array, p: Params) -> Array:
     return np.array([-_pace(equations, place, i)[1] for i in ended])
 
 
-def closing(equations: Equations, matrix: Matrix, mu: complex) -> Matrix:
+def closing_matrix(equations: Equations, matrix: Matrix, mu: complex) -> Matrix:
     """The square derivative whose null vectors are perturbations that have grown by mu after
     the cycle."""
     layout = equations.layout

@@ -26,7 +26,7 @@ from ..tables import Sheet
 from .collocation import TrajectorySegment
 from .equations import Equations
 from .flow import Params
-from .multipliers import closing, of_cycle
+from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
 
 _ON_CIRCLE = 1e-9  # what is this far outside of the unit circle is unstable
@@ -237,7 +237,7 @@ class CycleProblem(Problem):
         return self.residual.derivatives(x, params, names)
 
     def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
-        return closing(self.residual, matrix, mu)
+        return closing_matrix(self.residual, matrix, mu)
 
     @property
     def perturbed(self) -> NDArray[np.intp]:

@@ -46,7 +46,7 @@ def refuse_false_period(
                     f"it should: give a function, as period=lambda p: 2*np.pi/p[{moved[0]!r}]"
                 )
             raise BadInput(
-                f"{what} is not periodic in t with the period {length_of(period, p):g}: give that "
+                f"{what} is not periodic in t with the period {period_at(period, p):g}: give that "
                 "of the forcing, a number or a function, as period=lambda p: 2*np.pi/p['w']"
             )
 
@@ -56,7 +56,7 @@ def _unlike(
 ) -> Iterator[str]:
     """The functions that are not the same a period later; without one, at another time."""
     whole = sum(flight.duration for flight in flights)
-    later = _GOLDEN * whole if period is None else length_of(period, p)
+    later = _GOLDEN * whole if period is None else period_at(period, p)
     least = _FLOOR * max(float(abs(flight.states).max()) for flight in flights)
     for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
         x = flight.at((np.arange(_LOOKS) + 0.5) / _LOOKS)
@@ -95,7 +95,7 @@ def _same(now: Array, then: Array, least: float = 0.0) -> bool:
     return not (off > _SAME * size).any()
 
 
-def length_of(period: Function, params: Params) -> float:
+def period_at(period: Function, params: Params) -> float:
     """The period at these parameters, or what is wrong with it."""
     try:
         length = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])

@@ -25,7 +25,7 @@ from contbreather.lattice.forcing import (
     Harmonics,
     Periodic,
     Samples,
-    Series,
+    TrigonometricSeries,
 )
 from contbreather.lattice.formula import Symbolic
 from contbreather.parameters import NAMES, parameter
@@ -184,7 +184,7 @@ class SpringResponse(Periodic):
 
     def __post_init__(self) -> None:
         # -F_m/m^2 of the free lattice becomes F_m/(spring - m^2)
-        object.__setattr__(self, "_series", Series(self._scaled(self.of.harmonics)))
+        object.__setattr__(self, "_series", TrigonometricSeries(self._scaled(self.of.harmonics)))
 
     def _scaled(self, harmonics: Harmonics, power: int = 1) -> Harmonics:
         """Divided by ``1 - spring/m^2``; with the second power the slope of that."""
@@ -203,11 +203,11 @@ class SpringResponse(Periodic):
         spring = params.pop("spring")
         return spring_response(self.of.at(**params), spring)
 
-    def _slope(self, name: str) -> Series:
+    def _slope(self, name: str) -> TrigonometricSeries:
         """In a parameter of the forcing or in the spring."""
         if name == "spring":
-            return Series(self._scaled(self.of.harmonics, 2))
-        return Series(self._scaled(self.of.slope_harmonics(name)))
+            return TrigonometricSeries(self._scaled(self.of.harmonics, 2))
+        return TrigonometricSeries(self._scaled(self.of.slope_harmonics(name)))
 
     def describe(self) -> str:
         return self.of.describe()

@@ -58,7 +58,7 @@ class Forcing(Protocol):
     def __hash__(self) -> int: ...
 
 
-class Series:
+class TrigonometricSeries:
     """f as a trigonometric series, with its derivatives of any order."""
 
     __slots__ = ("harmonics", "m", "pair")
@@ -114,8 +114,8 @@ class Series:
 class Periodic:
     """Shared by every forcing that is a series: evaluation, and the largest |f|."""
 
-    _series: Series
-    _slopes: Mapping[str, Series] = MappingProxyType({})  # by parameter
+    _series: TrigonometricSeries
+    _slopes: Mapping[str, TrigonometricSeries] = MappingProxyType({})  # by parameter
 
     if TYPE_CHECKING:
 
@@ -166,7 +166,7 @@ class Periodic:
         """The series of the derivative of f with respect to one parameter."""
         return self._slope(name).harmonics
 
-    def _slope(self, name: str) -> Series:
+    def _slope(self, name: str) -> TrigonometricSeries:
         if name not in self._slopes:
             raise self._unknown([name])
         return self._slopes[name]
@@ -185,7 +185,7 @@ class Periodic:
 
 @lru_cache(maxsize=64)
 def _peak(harmonics: Harmonics) -> float:
-    series = Series(harmonics)
+    series = TrigonometricSeries(harmonics)
     highest = max(m for m, _, _ in harmonics)
     t = math.pi * np.arange(32 * highest) / (32 * highest)
     values = np.abs(series.on_grid(64 * highest)[: t.size])  # |f(t + pi)| = |f(t)|: half will do
@@ -214,7 +214,7 @@ class Harmonic(Periodic):
     (1.0, -1.0)
     """
 
-    _series = Series(((1, 1.0, 0.0),))
+    _series = TrigonometricSeries(((1, 1.0, 0.0),))
 
     def f(self, t: Any) -> Any:
         return math.cos(t) if isinstance(t, float | int) else np.cos(t)
@@ -286,7 +286,7 @@ class Fourier(Periodic):
         orders = sorted({*c, *s})
         # f'' = F, eq. (5): each harmonic over -m^2
         f = tuple((m, -c.get(m, 0.0) / m**2, -s.get(m, 0.0) / m**2) for m in orders)
-        object.__setattr__(self, "_series", Series(f))
+        object.__setattr__(self, "_series", TrigonometricSeries(f))
         object.__setattr__(self, "_slopes", {name: _unit(name) for name in self.params})
 
     @classmethod
@@ -318,11 +318,13 @@ class Fourier(Periodic):
 
 
 @lru_cache(maxsize=256)
-def _unit(name: str) -> Series:
+def _unit(name: str) -> TrigonometricSeries:
     """f of the force cos(m t) or sin(m t), by the name of its coefficient."""
     m = int(name[1:])
     # f is linear in its coefficients: the slope in one is the f of that term alone
-    return Series(((m, -1.0 / m**2, 0.0) if name[0] == "c" else (m, 0.0, -1.0 / m**2),))
+    return TrigonometricSeries(
+        ((m, -1.0 / m**2, 0.0) if name[0] == "c" else (m, 0.0, -1.0 / m**2),)
+    )
 
 
 def _times(m: int) -> str:
@@ -421,7 +423,9 @@ class Samples(Periodic):
                 f"the samples are not antisymmetric: |F(t + pi) + F(t)| reaches {worst:.3g} where "
                 f"|F| reaches {size:.3g}; the symmetric breather needs F(t + pi) = -F(t)."
             )
-        object.__setattr__(self, "_series", Series(self._resolve(samples, float(size))))
+        object.__setattr__(
+            self, "_series", TrigonometricSeries(self._resolve(samples, float(size)))
+        )
 
     @staticmethod
     def _resolve(values: FloatArray, size: float) -> Harmonics:

@@ -24,7 +24,7 @@ from contbreather.lattice.forcing import (
     Forcing,
     Harmonic,
     Periodic,
-    Series,
+    TrigonometricSeries,
     check_size,
     is_finite,
     response_of,
@@ -169,7 +169,9 @@ def _value(node: ast.expr) -> Value:
 
 
 @lru_cache(maxsize=256)  # residual, Jacobian and sensitivities ask for the same few in turn
-def _series_of(formula: Formula, values: tuple[tuple[str, float], ...]) -> dict[str, Series]:
+def _series_of(
+    formula: Formula, values: tuple[tuple[str, float], ...]
+) -> dict[str, TrigonometricSeries]:
     """That of f under the name "", those of its slopes under the names of the parameters."""
     params = dict(values)
     size = 16
@@ -194,7 +196,7 @@ def _series_of(formula: Formula, values: tuple[tuple[str, float], ...]) -> dict[
         slope = f"the forcing {shown(f'd/d{name} of {formula.text}')}"
         _check(slope if name else subject, at, spectrum, row, fine)
     floor = 1e-17 * float(abs(spectra[0]).max())
-    responses = [Series(response_of(spectrum, floor)) for spectrum in spectra]
+    responses = [TrigonometricSeries(response_of(spectrum, floor)) for spectrum in spectra]
     return dict(zip(["", *params], responses, strict=True))
 
 

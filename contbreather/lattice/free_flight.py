@@ -132,7 +132,9 @@ class Responses(NamedTuple):
 
 
 @inlined
-def response(responses: Responses, row: int, since: float) -> tuple[float, float, float, float]:
+def response_since(
+    responses: Responses, row: int, since: float
+) -> tuple[float, float, float, float]:
     """Value and three derivatives at a time since an impact, those just after it."""
     table, n = responses.table, responses.turns
     width = math.pi if responses.half else 2.0 * math.pi
@@ -177,7 +179,7 @@ def meetings(responses: Responses, times: Vector, out: Cube) -> None:
     """
     for i in range(times.size):
         for j in range(i + 1):
-            h, dh, d2h, d3h = response(responses, responses.which[i, j], times[i] - times[j])
+            h, dh, d2h, d3h = response_since(responses, responses.which[i, j], times[i] - times[j])
             if i == j:
                 dh = d3h = 0.0
             out[0, i, j], out[1, i, j], out[2, i, j], out[3, i, j] = h, dh, d2h, d3h

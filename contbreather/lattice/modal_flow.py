@@ -261,7 +261,7 @@ class Driven:
 
 
 @lru_cache(maxsize=64)
-def driven(
+def driven_modes(
     lattice: Finite, forcing: Forcing, gamma: float, spring: float, damping: float
 ) -> Driven:
     """`Driven`, kept: a flight asks for the same one many times."""

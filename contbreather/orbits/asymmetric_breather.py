@@ -30,7 +30,7 @@ from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_without_losses
-from contbreather.orbits.orbit_problem import OrbitProblem, on_ring, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblem, ring_label, unstable_by
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.stability.verdict import THRESHOLD
 
@@ -219,7 +219,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        label=f"asymmetric breather{on_ring(orbit.lattice, threshold)}",
+        label=f"asymmetric breather{ring_label(orbit.lattice, threshold)}",
     )
 
 

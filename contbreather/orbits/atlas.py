@@ -17,10 +17,10 @@ from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
-from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phase
+from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phases_on
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import zones
-from contbreather.storage.netcdf import ATLAS, checked, fill
+from contbreather.storage.netcdf import ATLAS, checked_file, fill_group
 from contbreather.workers import Failed, each
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def zones_many(
     # planes beforehand: what is refused is refused before a worker begins
     slices = slices_of({"k": ks, "gamma": gamma, "a": a}, over, forcing)
     draw = partial(
-        drawn, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds,
+        drawn_in_plane, lattice=lattice, within=within, threshold=threshold, past_folds=past_folds,
         site=site, damping=damping, spring=spring, walls=walls,
     )  # fmt: skip
     return each(draw, slices, executor=executor, progress=progress, unit="diagrams")
@@ -109,7 +109,7 @@ class Slice:
     forcing: Forcing
 
 
-def drawn(where: Slice, **shared: Any) -> Zones:
+def drawn_in_plane(where: Slice, **shared: Any) -> Zones:
     """The diagram in one plane."""
     fixed: dict[str, Any] = {where.name: where.value}
     diagram: Zones = zones(**fixed, forcing=where.forcing, **shared, progress=False)
@@ -232,7 +232,7 @@ def surfaces(slices: Sequence[Slice], diagrams: Sequence[Zones | Failed]) -> Dat
         raise BadInput(f"{NO_CURVE}; widen the window")
     names = (*COLUMNS, *over)
     numbers = {name: np.concatenate([b[name] for _, _, b in curves]) for name in names}
-    numbers["phi"] = np.concatenate([phase(branch) for _, _, branch in curves])
+    numbers["phi"] = np.concatenate([phases_on(branch) for _, _, branch in curves])
     sizes = [len(branch) for _, _, branch in curves]
     numbers["curve"] = np.repeat(np.arange(len(curves), dtype="i4"), sizes)
     numbers["slice"] = np.repeat(np.array([i for i, _, _ in curves], dtype="i4"), sizes)
@@ -305,6 +305,6 @@ def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     if not hasattr(atlas, "reason"):
         raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
     columns = {name: (v.dims, v.values, v.attrs) for name, v in atlas.variables.items()}
-    with checked(path) as file:
-        fill(file, columns, atlas.attrs)
+    with checked_file(path) as file:
+        fill_group(file, columns, atlas.attrs)
     return Path(path)

@@ -17,7 +17,7 @@ from contbreather.continuation.point import Event, Examined, Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
-from contbreather.orbits.orbit import Orbit, checked, orbit_at
+from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 
 EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
 ALONG = 1e-3  # by how much they change along an arm there, and not along symmetric orbits
@@ -34,7 +34,7 @@ class OrbitSwitching(SwitchingProblem):
         """As there, for amplitudes at which the solution is a sequence of impacts."""
         problem = super().arm(amplitude, free)
         try:
-            checked(orbit_at(problem))
+            in_order(orbit_at(problem))
         except BadInput as error:
             raise NotConverged(f"no orbit at the amplitude {amplitude:g}: {error}") from error
         return problem

@@ -127,7 +127,7 @@ class Measured(NamedTuple):
     least: FloatArray  # of all that were looked at, and the ceiling
 
 
-def measure(
+def measured_margins(
     orbit: SiteMotion,
     idle: Sequence[int],
     near: Collection[int] = (),
@@ -166,15 +166,18 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     >>> verdict.ok, round(verdict.max_neighbour, 12)
     (True, 0.667948289045)
     """
-    measured = measure(orbit, orbit.idle, orbit.beside)
-    far, centre = Clearance(orbit.far, None, orbit.far_time()), least(of_flights(orbit, measured))
+    measured = measured_margins(orbit, orbit.idle, orbit.beside)
+    far, centre = (
+        Clearance(orbit.far, None, orbit.far_time()),
+        smallest_margins(of_flights(orbit, measured)),
+    )
     idle = of_idle(orbit, measured)
-    neighbours = least(idle) if idle else _nobody(orbit)
+    neighbours = smallest_margins(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
     # those that there are; an impact that vanishes before what comes with it
     existing = [centre, *([neighbours] if idle else []), *([far] if orbit.endless else [])]
     # the worst is the first of those that tie but for rounding, the margin the least of them
-    worst, margin = least(existing), min(place.margin for place in existing)
+    worst, margin = smallest_margins(existing), min(place.margin for place in existing)
     heights = [_height(orbit, near) for near in idle if near.site in orbit.beside]
     return Admissibility(
         ok=margin > 0.0,
@@ -183,8 +186,11 @@ def clearance(orbit: SiteMotion) -> Admissibility:
         reason=_reason(orbit, worst),
         site=worst.site,
         time=worst.time,
-        places={name: (least.site, least.time) for name, least in places.items()},
-        **{name: least.margin for name, least in places.items()},
+        places={
+            name: (smallest_margins.site, smallest_margins.time)
+            for name, smallest_margins in places.items()
+        },
+        **{name: smallest_margins.margin for name, smallest_margins in places.items()},
     )
 
 
@@ -216,7 +222,7 @@ def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     ]
 
 
-def least(of: Sequence[Clearance]) -> Clearance:
+def smallest_margins(of: Sequence[Clearance]) -> Clearance:
     """The first of those that have the least margin but for rounding."""
     lowest = min(gap.margin for gap in of)
     return next(gap for gap in of if gap.margin <= lowest + TIE)
@@ -232,7 +238,7 @@ def least_margin(orbit: SiteMotion) -> float:
     >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
     True
     """
-    measured = measure(orbit, orbit.idle, only_closest=True)
+    measured = measured_margins(orbit, orbit.idle, only_closest=True)
     # impacts of one site at one wall may come in the wrong order, which no flight tells
     lost = [gap.margin for gap in of_flights(orbit, measured)] if orbit.section.repeats else []
     return min([*measured.least.tolist(), *lost])
@@ -240,14 +246,14 @@ def least_margin(orbit: SiteMotion) -> float:
 
 def closest(orbit: SiteMotion) -> Clearance:
     """What is closest to a wall, or beyond it, the far field aside."""
-    measured = measure(orbit, orbit.idle)
-    return least([*of_flights(orbit, measured), *of_idle(orbit, measured)])
+    measured = measured_margins(orbit, orbit.idle)
+    return smallest_margins([*of_flights(orbit, measured), *of_idle(orbit, measured)])
 
 
 def closest_idle(orbit: SiteMotion) -> Clearance:
     """The site closest to a wall of all that never hit one; margin 1 if there are none."""
-    idle = of_idle(orbit, measure(orbit, orbit.idle))
-    return least(idle) if idle else _nobody(orbit)
+    idle = of_idle(orbit, measured_margins(orbit, orbit.idle))
+    return smallest_margins(idle) if idle else _nobody(orbit)
 
 
 def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
@@ -276,7 +282,7 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     distance = getattr(orbit.lattice, "distance", abs)
     if any(distance(n - hit) == 0 for hit in motion.hit):
         raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
-    (peak,) = of_idle(motion, measure(motion, [site], [site]))
+    (peak,) = of_idle(motion, measured_margins(motion, [site], [site]))
     return peak.time, _height(motion, peak)
 
 
@@ -307,7 +313,7 @@ def highest_neighbour(orbit: Any) -> tuple[int, float, float]:
 def centre_margin(orbit: Any) -> float:
     """How far the impacting sites keep off their walls between their impacts, (B3)."""
     motion = _motion_of(orbit)
-    return least(of_flights(motion, measure(motion, []))).margin
+    return smallest_margins(of_flights(motion, measured_margins(motion, []))).margin
 
 
 def _nobody(orbit: SiteMotion) -> Clearance:

@@ -35,7 +35,7 @@ from contbreather.orbits.orbit_events import events_without_losses, saddle_node
 from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblem,
-    on_ring,
+    ring_label,
     unstable_by,
 )
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
@@ -84,7 +84,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=domain,
-        label=f"symmetric breather{on_ring(lattice, threshold)}",
+        label=f"symmetric breather{ring_label(lattice, threshold)}",
         closure=closure,
     )
 

@@ -23,7 +23,7 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
-from contbreather.lattice.forcing import Forcing, Harmonic, Series
+from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
 from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import parameter
 
@@ -106,7 +106,7 @@ class Closure:
                 rises = series.at(start, 0) < level
                 yield (_crossing(series, level, start, end) if rises else start), end
 
-    def _without_momentum(self, params: Mapping[str, float]) -> tuple[Series, float]:
+    def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
         """``chi f' + q f`` and q."""
         chi = sprung(self.lattice, self.forcing).chi(params["gamma"])
         q = restitution_ratio(params["k"])
@@ -252,7 +252,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     return solutions
 
 
-def _crossing(series: Series, level: float, left: float, right: float) -> float:
+def _crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
     """Where a series passes a level between two of its neighbouring extrema."""
     rises = series.at(right, 0) > series.at(left, 0)
     # by bisection, as scipy.optimize is dear to import
@@ -271,14 +271,14 @@ def _crossing(series: Series, level: float, left: float, right: float) -> float:
     return flat if solves and abs(flat - right) < EPS**0.25 else right
 
 
-def _reduced(forcing: Forcing, chi: float, q: float) -> Series:
+def _reduced(forcing: Forcing, chi: float, q: float) -> TrigonometricSeries:
     """``chi f' + q f``."""
-    return Series(
+    return TrigonometricSeries(
         tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
     )
 
 
-def _crests(series: Series) -> list[float]:
+def _crests(series: TrigonometricSeries) -> list[float]:
     """All extrema in [-pi, pi), by the companion matrix of the slope.
 
     Roots off the unit circle give spurious angles; as points between which to look they do
@@ -312,13 +312,13 @@ def _crests(series: Series) -> list[float]:
 
 def _bends(slope: Mapping[int, tuple[float, float]], size: int) -> FloatArray:
     """Times on a grid next to which a series is or comes near to zero."""
-    values = Series(tuple((m, c, s) for m, (c, s) in slope.items())).on_grid(size)
+    values = TrigonometricSeries(tuple((m, c, s) for m, (c, s) in slope.items())).on_grid(size)
     after, small = np.roll(values, -1), np.abs(values)
     low = (small <= np.roll(small, 1)) & (small <= np.roll(small, -1))
     return np.asarray(2.0 * math.pi * np.flatnonzero(low | (values * after <= 0.0)) / size)
 
 
-def _settled(phi: float, series: Series) -> float:
+def _settled(phi: float, series: TrigonometricSeries) -> float:
     """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
     x = phi
     for _ in range(8):

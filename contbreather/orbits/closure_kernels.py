@@ -207,7 +207,7 @@ def pitchfork_slopes(z: Any, data: Any, out: Any) -> int:
 
 # where `band_pairs` find what they ask for
 on_arc = bound(
-    band_pairs.on_arc,
+    band_pairs.pair_equations,
     **{name: ARC + getattr(band_pairs, name) for name in ("GAMMA", "K", "ENTRY", "NU", "SPRING")},
     **{
         name: SCRATCH + getattr(band_pairs, name)
@@ -344,4 +344,4 @@ listed("ppp", closure, closure_slopes, fold, fold_slopes, pitchfork, pitchfork_s
 listed("ppp", pair, pair_slopes, contact, contact_slopes)
 # the engine's own fold, which knows no closed form
 _NULL = {"evaluate": closure, "derive": closure_slopes, "N": 2, "SHIFT": 0.0}
-listed("ppp", bound(null_vectors.conditions, **_NULL), bound(null_vectors.slopes, **_NULL))
+listed("ppp", bound(null_vectors.conditions, **_NULL), bound(null_vectors.null_slopes, **_NULL))

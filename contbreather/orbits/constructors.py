@@ -28,7 +28,7 @@ from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
 from contbreather.orbits.normal_form import pitchfork_form
-from contbreather.orbits.orbit import Orbit, checked, orbit_at
+from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
 from contbreather.orbits.section import Section, check_possible, checked_impacts
 from contbreather.parameters import NAMES, NEEDED
@@ -93,10 +93,10 @@ def asymmetric(
             continue
         window = {"a": (point["a"], a) if up else (a, point["a"])}
         lifted = lift(point)
-        seed = beside(lifted, arm * OFF)
+        seed = started_on_arm(lifted, arm * OFF)
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
             # between the pitchfork and the usual start: set out on the parabola, at this a
-            seed = beside(lifted, arm * math.sqrt((a - point["a"]) * bend))
+            seed = started_on_arm(lifted, arm * math.sqrt((a - point["a"]) * bend))
             return _solved(seed.at(a=a), inadmissible)
         side = "up" if up else "down"
         last = walked(seed, events=(), within=window, towards=side)[-1]
@@ -110,7 +110,7 @@ def asymmetric(
     )
 
 
-def beside(lifted: OrbitSwitching, asymmetry: float) -> Problem:
+def started_on_arm(lifted: OrbitSwitching, asymmetry: float) -> Problem:
     """The problem started on the arm where t2 - t1 - pi is about as given, small."""
     # along the null vector t2 - t1 changes by the difference of its entries
     slots = lifted.problem.slots
@@ -232,7 +232,7 @@ def shooting(
         ) from error
     orbit = orbit_at(solved)
     # the equations hold, too, with impacts out of order, or from outside of a wall
-    checked(orbit, convergence.iterations)
+    in_order(orbit, convergence.iterations)
     verdict = orbit.admissibility()
     if not flag("inadmissible", inadmissible) and verdict.margin < -LIMIT:
         raise Inadmissible(

@@ -24,11 +24,11 @@ from contbreather.orbits.clearance import (
     Clearance,
     closest,
     closest_idle,
-    least,
     least_margin,
-    measure,
+    measured_margins,
     of_flights,
     of_idle,
+    smallest_margins,
 )
 from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
@@ -168,7 +168,9 @@ class _OtherContact:
 
     def closest(self, point: Point) -> Clearance:
         motion = solution_at(point).motion
-        return least(other_contacts(motion, self.site, point["t"], mirrored=self.mirrored))
+        return smallest_margins(
+            other_contacts(motion, self.site, point["t"], mirrored=self.mirrored)
+        )
 
     def margin(self, point: Point) -> float:
         return self.closest(point).margin
@@ -216,7 +218,7 @@ def other_contacts(
         # margins are told apart by the larger of two influences: of those that feel the impacts
         # less the least is enough
         near |= {site, *(n for n in idle if orbit.influence(n) > size)}
-    measured = measure(orbit, idle, near, touching=site, time=t)
+    measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
         same, opposite = measured.rows[-2:, : WHEN + 1].tolist()

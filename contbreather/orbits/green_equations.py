@@ -217,6 +217,8 @@ class OrbitEquations:
 
 
 @lru_cache(maxsize=256)
-def equations_of(section: Section, forcing: Forcing, lattice: UniformLattice) -> OrbitEquations:
+def green_equations_of(
+    section: Section, forcing: Forcing, lattice: UniformLattice
+) -> OrbitEquations:
     """`OrbitEquations`, kept: what they derive from the sequence serves a whole branch."""
     return OrbitEquations(section, forcing, lattice)

@@ -31,7 +31,7 @@ from contbreather.orbits.asymmetric_breather import (
 from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
-from contbreather.orbits.green_equations import OrbitEquations, Params, equations_of
+from contbreather.orbits.green_equations import OrbitEquations, Params, green_equations_of
 from contbreather.orbits.orbit import Orbit, orbit_of, read_by
 from contbreather.orbits.orbit_events import events_without_losses
 from contbreather.orbits.orbit_problem import (
@@ -107,7 +107,7 @@ class GreensFunction:
     @cached_property
     def equations(self) -> OrbitEquations:
         """The equations it solves, as functions of all unknowns and parameters."""
-        return equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
+        return green_equations_of(self.section, self.conditions.forcing, self.conditions.lattice)
 
     @cached_property
     def x(self) -> FloatArray:

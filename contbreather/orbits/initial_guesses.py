@@ -20,7 +20,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
-from contbreather.lattice.modal_flow import ModalPropagator, driven, propagator
+from contbreather.lattice.modal_flow import ModalPropagator, driven_modes, propagator
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.section import (
@@ -56,7 +56,7 @@ class GuessedMotion:
             )
         self.on, self.time = on, float(time)
         self.basis: Basis = lattice.basis(tuple(range(u.size)))
-        self.forced = driven(lattice, on.forcing, on.gamma, on.spring, on.damping)
+        self.forced = driven_modes(lattice, on.forcing, on.gamma, on.spring, on.damping)
         self.q = self.basis.from_sites(u - on.a * self.forced.everywhere(self.time, 0))
         self.r = self.basis.from_sites(v - on.a * self.forced.everywhere(self.time, 1))
         # w^2 of each mode

@@ -25,7 +25,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Signs, Vector, fixed, inlined
-from contbreather.lattice.free_flight import Responses, response
+from contbreather.lattice.free_flight import Responses, response_since
 
 OFFSET, LOW, HIGH = range(3)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
@@ -106,7 +106,9 @@ def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float
     u, v, w = motion.places[site, OFFSET] + motion.a * f, motion.a * df, motion.a * d2f
     for j in range(responses.which.shape[1]):
         J = motion.impacts[IMPULSE, j]
-        h, dh, d2h, _ = response(responses, responses.which[site, j], t - motion.impacts[TIME, j])
+        h, dh, d2h, _ = response_since(
+            responses, responses.which[site, j], t - motion.impacts[TIME, j]
+        )
         u, v, w = u + J * h, v + J * dh, w + J * d2h
     if motion.modes.z.size > 0:
         y, dy, d2y = free(motion, site, t)
@@ -131,13 +133,13 @@ def free(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
     u = v = w = 0.0
     for j in range(modes.z.size):
         z, e = modes.z[j], flip * modes.shapes[site, j]
-        C, S, dS = propagator(z, modes.damping, since - modes.starts[i])
+        C, S, dS = mode_solutions(z, modes.damping, since - modes.starts[i])
         y, dy = C * modes.q[i, j] + S * modes.r[i, j], dS * modes.r[i, j] - z * S * modes.q[i, j]
         u, v, w = u + e * y, v + e * dy, w - e * (z * y + modes.damping * dy)
     return u, v, w
 
 
-def propagator(z: float, damping: float, t: float) -> tuple[float, float, float]:
+def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
     """C, S and S' of a mode, the solutions that start with (1, 0) and (0, 1); S is finite at z = 0,
     and overdamped modes neither overflow nor cancel."""
     x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
@@ -166,7 +168,7 @@ def on_grid(motion: Motion, site: int, p: int, points: int) -> float:
     return site_state(motion, site, motion.start + motion.length / points * p)[0]
 
 
-def bound(motion: Motion, site: int) -> float:
+def largest_displacement(motion: Motion, site: int) -> float:
     """No less than the largest displacement of a site."""
     if motion.modes.z.size > 0:
         return math.inf
@@ -193,7 +195,7 @@ class Quotient(NamedTuple):
 
 
 @inlined
-def terms(
+def margin_terms(
     q: Quotient, k: float, s: float, u: float, v: float, w: float
 ) -> tuple[float, float, float, float, float, float]:
     """n and d, each with two derivatives, from the motion of the site."""
@@ -238,7 +240,7 @@ def polished(
         if bisected == 9:  # it falls up to an end, which has a value of its own
             break
         u, v, w = site_state(motion, q.site, q.origin + s)
-        n, n1, n2, d, d1, d2 = terms(q, motion.k, s, u, v, w)
+        n, n1, n2, d, d1, d2 = margin_terms(q, motion.k, s, u, v, w)
         if n / d <= best + ROUNDING / abs(d):  # the later, the more exact is s
             best, where = min(best, n / d), s
         tilt, bend = n1 * d - n * d1, n2 * d - n * d2
@@ -257,7 +259,7 @@ def polished(
     return best, where
 
 
-def least(
+def least_quotient(
     motion: Motion, q: Quotient, size: int, low: float, high: float, work: Matrix
 ) -> tuple[float, float]:
     """The least of a quotient that is known on a grid between two ends, and where: each minimum on
@@ -303,7 +305,7 @@ def speed_of(motion: Motion, i: int) -> float:
     return float(-motion.impacts[WALL, i] * motion.impacts[IMPULSE, i] / (1.0 + motion.k))
 
 
-def flight(
+def flight_margin(
     motion: Motion, i: int, length: float, then: int, contact: float, work: Matrix
 ) -> tuple[float, float]:
     """The margin of a site from impact i to its next one, and when in that flight; without its
@@ -322,11 +324,11 @@ def flight(
             if contact >= 0.0 and abs(s - contact) <= CONTACT:
                 continue
             u, v, w = site_state(motion, site, start + s)
-            n, _, _, d, _, _ = terms(q, k, s, u, v, w)
+            n, _, _, d, _, _ = margin_terms(q, k, s, u, v, w)
             work[PLACE, size], work[RATIO, size] = s, n / d
             size += 1
         first, last = 0.1 * work[PLACE, 0], length * (1.0 - 1e-3 / points)
-        best, where = least(motion, q, size, first, last, work)
+        best, where = least_quotient(motion, q, size, first, last, work)
     if contact >= 0.0:
         return best, where
     # the quotient at both impacts, by de l'Hospital
@@ -355,7 +357,7 @@ def idle(
         u = work[PATH, p]
         work[PLACE, p], work[RATIO, p] = step * (p - 1), min(high - u, u - low)
     q = Quotient(site, motion.start, low, high, 0.0, NONE, 0.0)
-    best, where = least(motion, q, points + 2, -step, motion.length, work)
+    best, where = least_quotient(motion, q, points + 2, -step, motion.length, work)
     if motion.sign < 0.0 and state(motion, site, motion.start + where)[0] < 0.0:
         where += motion.length  # at the wall +1
     return best, where
@@ -377,19 +379,21 @@ def besides_contact(
     for p in range(sections * points):
         s = step * p
         if abs(math.sin(0.5 * q.turn * (s - contact))) > CONTACT:
-            n, _, _, d, _, _ = terms(q, motion.k, s, on_grid(motion, site, p, points), 0.0, 0.0)
+            n, _, _, d, _, _ = margin_terms(
+                q, motion.k, s, on_grid(motion, site, p, points), 0.0, 0.0
+            )
             work[PLACE, size], work[RATIO, size] = s, n / d
             size += 1
     first, last = work[PLACE, 0] - step, work[PLACE, size - 1] + step
-    work[row, MARGIN], work[row, WHEN] = least(motion, q, size, first, last, work)
+    work[row, MARGIN], work[row, WHEN] = least_quotient(motion, q, size, first, last, work)
     other_low, other_high = (low, math.inf) if upper else (-math.inf, high)
     if sections == 1 and (other_low > -math.inf or other_high < math.inf):
-        fill(motion, site, points, PATH, work)
+        sample_path(motion, site, points, PATH, work)
         margin, when = idle(motion, site, other_low, other_high, points, work)
         work[row + 1, MARGIN], work[row + 1, WHEN] = margin, when
 
 
-def fill(motion: Motion, site: int, points: int, row: int, work: Matrix) -> None:
+def sample_path(motion: Motion, site: int, points: int, row: int, work: Matrix) -> None:
     """The path of a site from one step before the section to its end."""
     for p in range(points + 2):
         work[row, p] = on_grid(motion, site, p - 1, points)
@@ -436,7 +440,7 @@ def margins(
                 contact -= motion.length
             contact = contact if 0.0 < contact < length else NONE
         row = FOUND + i
-        work[row, MARGIN], work[row, WHEN] = flight(motion, i, length, then, contact, work)
+        work[row, MARGIN], work[row, WHEN] = flight_margin(motion, i, length, then, contact, work)
         work[row, LENGTH], work[row, NEXT] = length, then
         if ceiling < math.inf:
             below = min(below, work[row, MARGIN])
@@ -444,15 +448,15 @@ def margins(
     if touching >= motion.busy:
         contact = (time - motion.start) - period * math.floor((time - motion.start) / period)
         besides_contact(motion, touching, contact, points, work, work.shape[0] - 2)
-        fill(motion, touching, points, TOUCHING, work)
+        sample_path(motion, touching, points, TOUCHING, work)
     for site in range(motion.busy, motion.places.shape[0]):
         low, high = motion.places[site, LOW], motion.places[site, HIGH]
         wanted = near.size > 0 and near[site - motion.busy] != 0
-        if not wanted and min(high, -low) - bound(motion, site) > below + ROUNDING:
+        if not wanted and min(high, -low) - largest_displacement(motion, site) > below + ROUNDING:
             continue  # it cannot be closer
         if site == touching:
             continue
-        fill(motion, site, points, PATH, work)
+        sample_path(motion, site, points, PATH, work)
         if touching >= motion.busy and is_image(points, work):
             continue
         margin, when = idle(motion, site, low, high, points, work)

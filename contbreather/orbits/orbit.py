@@ -601,11 +601,11 @@ def orbit_of(
 def _settled(problem: Problem) -> Orbit:
     solved, solution = problem.solve(tolerance=1e-11)
     orbit = orbit_at(solved)
-    checked(orbit, solution.iterations)  # not all that solves the equations is an orbit
+    in_order(orbit, solution.iterations)  # not all that solves the equations is an orbit
     return orbit
 
 
-def checked(orbit: Orbit, iterations: int | None = None) -> None:
+def in_order(orbit: Orbit, iterations: int | None = None) -> None:
     """`NotConverged` where what solves the equations has impacts out of order, or with a site that
     moves away from the wall it should hit."""
 

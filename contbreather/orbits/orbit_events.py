@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, flag, real, shown
-from contbreather.continuation.branch_points import bordered
+from contbreather.continuation.branch_points import bordered_matrix
 from contbreather.continuation.defining_systems import Singular
 from contbreather.continuation.equilibria import branch_point
 from contbreather.continuation.newton import Undefined
@@ -55,7 +55,7 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.verdict import THRESHOLD, check_threshold, threshold_on
-from contbreather.stability.zeros import REAL, nearest, passing, upper
+from contbreather.stability.zeros import REAL, nearest_pair, passing, upper
 from contbreather.storage.serialise import serialised
 
 DOUBLE = 1e-3  # how far from each other multipliers are that are one, where it is located
@@ -167,7 +167,7 @@ def _examine_real(mu: float, point: Point) -> Examined:
 def branching() -> Event:
     """BP: another curve of solutions of the shooting equations crosses; as the engine's own, but
     with a determinant for its test, which large rings can afford."""
-    test = Singular(bordered, _branching_test)
+    test = Singular(bordered_matrix, _branching_test)
     return from_arms(replace(branch_point(), test=test, count=_beyond_closing))
 
 
@@ -276,7 +276,7 @@ class _Pair:
         if _is_elastic(map):
             # two neutral multipliers meet on the circle, beyond the band, and leave it together
             raise Undefined("elastic impacts: no angle in the band, bisection has to do")
-        angle = nearest(map.coupled, self.circle(map).radius) if self.every else map.nearest()
+        angle = nearest_pair(map.coupled, self.circle(map).radius) if self.every else map.nearest()
         if math.isnan(angle):
             raise Undefined("no complex multipliers on this ring")
         return self.following(point, angle)
@@ -325,7 +325,7 @@ class _Next:
         return self.radius - float(pairs[known:].max(initial=0.0))
 
     def examine(self, point: Point) -> Mapping[str, Any]:
-        return {"next": nearest(self.others(point), self.radius)}
+        return {"next": nearest_pair(self.others(point), self.radius)}
 
     def locus(self, point: Point) -> DefiningSystem:
         return self.pair.following(point, point.detail["next"])

@@ -21,7 +21,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.clearance import measure
+from contbreather.orbits.clearance import measured_margins
 from contbreather.orbits.orbit import VANISHED, Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
@@ -108,7 +108,7 @@ class OrbitProblem(Problem):
         return self
 
 
-def on_ring(lattice: Any, threshold: float) -> str:
+def ring_label(lattice: Any, threshold: float) -> str:
     """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
     sites = lattice.sites
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
@@ -182,7 +182,7 @@ class BreathersAlong:
         times = np.stack([self.phi, self.phi + np.pi], axis=1)
         impulses = np.stack([-2.0 * self.p, 2.0 * self.p], axis=1)
         along = self.a, times, impulses
-        return measure(motion, motion.idle, only_closest=True, along=along).least
+        return measured_margins(motion, motion.idle, only_closest=True, along=along).least
 
 
 def breathers_along(points: Points) -> BreathersAlong | None:

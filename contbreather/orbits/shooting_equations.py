@@ -25,7 +25,7 @@ from contbreather.lattice.modal_flow import (
     Driven,
     ModalPropagator,
     check_modes,
-    driven,
+    driven_modes,
     free_multipliers,
     propagator,
     propagator_slope,
@@ -132,7 +132,7 @@ class SectionFlight:
     def forced(self) -> Driven:
         """The forced motion of all sites, at unit amplitude."""
         on = self.conditions
-        return driven(self.conditions.lattice, on.forcing, on.gamma, on.spring, on.damping)
+        return driven_modes(self.conditions.lattice, on.forcing, on.gamma, on.spring, on.damping)
 
     @cached_property
     def shapes(self) -> FloatArray:

@@ -81,7 +81,8 @@ class Zones(Columns, HtmlRepr):
         """Those of all curves, by their kind and the number of the piece; first where they are."""
         curves = ((kind, i, b) for kind in KINDS for i, b in enumerate(self.curves[kind], start=1))
         table = stacked(
-            ({"curve": kind, "piece": i}, {**b.columns(), "phi": phase(b)}) for kind, i, b in curves
+            ({"curve": kind, "piece": i}, {**b.columns(), "phi": phases_on(b)})
+            for kind, i, b in curves
         )
         return {name: table[name] for name in (*PLACE, *table) if name in table}
 
@@ -180,7 +181,7 @@ class Zones(Columns, HtmlRepr):
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:
         """All admissible breathers at a place of the plane, of both families, by falling p."""
         values = {self.fixed[0]: self.fixed[1], self.pair[0]: x, self.pair[1]: y}
-        return admissible(values, **self.model)
+        return admissible_roots(values, **self.model)
 
     def sentences(self) -> Iterator[str]:
         """A sentence on each region without upper breathers in which there are lower ones."""
@@ -220,7 +221,7 @@ class Zones(Columns, HtmlRepr):
         return f"<Zones of {of} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
 
 
-def admissible(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
+def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     """All roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
     resonance."""
     try:  # below the fold (14) no impulse solves (11)
@@ -230,7 +231,7 @@ def admissible(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     return tuple(breather for breather in roots if least_margin(breather.motion) > 0.0)
 
 
-def phase(curve: Branch) -> Array:
+def phases_on(curve: Branch) -> Array:
     """phi of the breathers on a curve: by exact modes it is the time of the first impact."""
     return curve["phi" if "phi" in curve.names else "t1"]
 

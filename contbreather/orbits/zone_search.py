@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch, refined
+from contbreather.continuation.branch import Branch, with_more_points
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.interpolant import tangent_at
@@ -35,7 +35,7 @@ from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
-from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible, is_meeting
+from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots, is_meeting
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -234,7 +234,7 @@ class Search:
     def _breathers(self, x: float, y: float) -> list[Orbit]:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        breathers = admissible(values, **self.model)
+        breathers = admissible_roots(values, **self.model)
         return [b for b in breathers if self.past_folds or b.representation.family == "upper"]
 
     def _follow(self, point: Point, shown: Counter) -> None:
@@ -255,7 +255,7 @@ class Search:
                 continue
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
-            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
+            curves[-1] = branch = with_more_points(branch, FEWEST // 8 if pieced else FEWEST)
             # what crosses a fold would go on behind it: beside the fold it is found on a branch
             waiting += [
                 (end, branch)

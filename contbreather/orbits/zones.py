@@ -25,7 +25,7 @@ from contbreather.progress import Counter, line_of
 from contbreather.stability.verdict import threshold_on
 
 
-class Drawn(TypedDict, total=False):
+class ZoneArguments(TypedDict, total=False):
     """The keywords of `zones` besides the parameter that is fixed."""
 
     forcing: Forcing | str | None
@@ -47,7 +47,7 @@ def zones(
     k: float | None = None,
     gamma: float | None = None,
     a: float | None = None,
-    **drawn: Unpack[Drawn],
+    **drawn: Unpack[ZoneArguments],
 ) -> Zones: ...
 
 
@@ -57,7 +57,7 @@ def zones(
     k: Sequence[float] | None = None,
     gamma: Sequence[float] | None = None,
     a: Sequence[float] | None = None,
-    **drawn: Unpack[Drawn],
+    **drawn: Unpack[ZoneArguments],
 ) -> tuple[Zones, ...]: ...
 
 

@@ -17,7 +17,7 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import Run, completed, simulate
+from contbreather.simulation.simulate import SimulationRun, completed, simulate
 from contbreather.simulation.smooth import SmoothRun, let_go
 from contbreather.simulation.states import State
 
@@ -31,13 +31,13 @@ HARD = 30  # hardness of a wall at which the breather is close to the impacting 
 MOST = 0.06  # damping that is enough for every breather of the figures
 
 
-def life(run: Run | SmoothRun, site: int = 0) -> int | None:
+def life(run: SimulationRun | SmoothRun, site: int = 0) -> int | None:
     """Periods until a site misses a wall or another one comes to one; None if it never happens.
 
     Of smooth rings it needs a record of that site and its neighbours.
     """
-    check_kind(run, (Run, SmoothRun), "a run of simulate")
-    if isinstance(run, Run):
+    check_kind(run, (SimulationRun, SmoothRun), "a run of simulate")
+    if isinstance(run, SimulationRun):
         broken = unlike_a_breather(run.impacts, run.periods, site=site)
     else:
         assert run.record is not None

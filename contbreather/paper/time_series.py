@@ -27,7 +27,7 @@ from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, st
 from contbreather.simulation.classify import classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import Run, completed, simulate
+from contbreather.simulation.simulate import SimulationRun, completed, simulate
 from contbreather.simulation.smooth import SmoothRun, simulate_smooth
 from contbreather.simulation.states import PERIOD, State
 from contbreather.simulation.sweep import sweep
@@ -163,7 +163,7 @@ def _draw_panel(ax: Axes, panel: Panel) -> None:
 # --- what the figures have in common --------------------------------------------------------------
 
 
-def _against(exact: Orbit, run: Run | SmoothRun, word: str) -> tuple[Panel, ...]:
+def _against(exact: Orbit, run: SimulationRun | SmoothRun, word: str) -> tuple[Panel, ...]:
     """Panels of sites 0, 1 and 10: the exact line through the circles of a dense record."""
     assert run.record is not None
     times, sites = run.record.times, run.record.sites
@@ -186,7 +186,7 @@ def _against(exact: Orbit, run: Run | SmoothRun, word: str) -> tuple[Panel, ...]
     return tuple(panels)
 
 
-def _differences(exact: Orbit, run: Run | SmoothRun) -> dict[int, float]:
+def _differences(exact: Orbit, run: SimulationRun | SmoothRun) -> dict[int, float]:
     """Largest |simulated - exact| of each site shown, over one recorded period."""
     assert run.record is not None
     times = run.record.times

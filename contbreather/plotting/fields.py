@@ -14,8 +14,8 @@ from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.canvas import BLUE, GREY, Drawn, drawing
-from contbreather.plotting.orbits import chosen_sites, orbit_of
-from contbreather.simulation.simulate import Record, Run
+from contbreather.plotting.orbits import chosen_sites, drawn_orbit
+from contbreather.simulation.simulate import Record, SimulationRun
 from contbreather.simulation.smooth import SmoothRun
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def plot_profile(
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('$n$', '$u_n$')
     """
-    motion = orbit_of(orbit)
+    motion = drawn_orbit(orbit)
     chosen = _all_sites(motion) if sites is None else chosen_sites(sites)
     if sites is None and shape is None:
         shape = getattr(motion.lattice, "shape", None)
@@ -79,7 +79,7 @@ def plot_profile(
 
 
 def plot_space_time(
-    motion: Orbit | Point | Record | Run | SmoothRun,
+    motion: Orbit | Point | Record | SimulationRun | SmoothRun,
     *,
     sites: Sequence[int] | None = None,
     ax: Axes | None = None,
@@ -88,7 +88,7 @@ def plot_space_time(
 
     Parameters
     ----------
-    motion : Orbit, Point, simulation.Run, SmoothRun or Record
+    motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
         An orbit is shown over its period; a run as its sites were recorded densely, or else once a
         period.
     sites : sequence of int, optional
@@ -123,26 +123,26 @@ def _row_of_grid(motion: Any) -> tuple[range | None, str]:
     """The sites of one row of a grid, and which it is; None of what is on no grid."""
     if isinstance(motion, Record):
         return None, ""
-    if isinstance(motion, Run | SmoothRun):
+    if isinstance(motion, SimulationRun | SmoothRun):
         recorded = range(motion.sites) if motion.record is None else motion.record.sites
         site = recorded[int(abs(motion.strobe.u[:, recorded]).max(axis=0).argmax())]
         lattice, role = motion.conditions.lattice, "moves most"
     else:
-        orbit = orbit_of(motion)
+        orbit = drawn_orbit(motion)
         lattice, site, role = orbit.lattice, orbit.section.impacts[0][0], "hits"
     shape = getattr(lattice, "shape", None)
     if shape is None:
         return None, ""
     row, columns = site // shape[1], shape[1]
     sites = range(row * columns, (row + 1) * columns)
-    if isinstance(motion, Run | SmoothRun) and not {*sites} <= {*recorded}:
+    if isinstance(motion, SimulationRun | SmoothRun) and not {*sites} <= {*recorded}:
         return None, ""  # a few sites that were recorded are no row
     return sites, f"row {row}, in which site {site} {role}"
 
 
 def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Array]:
     """Times, sites in ascending order, and displacements of shape (times, sites)."""
-    if isinstance(motion, Run | SmoothRun):
+    if isinstance(motion, SimulationRun | SmoothRun):
         if motion.record is None:
             every = np.arange(motion.sites)
             chosen = every if sites is None else np.array(chosen_sites(sites)) % motion.sites
@@ -157,7 +157,7 @@ def _field(motion: Any, sites: Sequence[int] | None) -> tuple[Array, Array, Arra
         order = sorted((i for i, n in enumerate(motion.sites) if n in wanted),
                        key=lambda i: motion.sites[i])  # fmt: skip
         return motion.times, np.array(motion.sites)[order], motion.u[:, order]
-    orbit = orbit_of(motion)
+    orbit = drawn_orbit(motion)
     drawn = sorted(_all_sites(orbit) if sites is None else chosen_sites(sites))
     times = np.linspace(0.0, orbit.period, MOMENTS * orbit.section.turns + 1)
     return times, np.array(drawn), np.stack([orbit.displacement(n, times) for n in drawn], axis=1)

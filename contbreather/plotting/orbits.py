@@ -106,7 +106,7 @@ def solution_of(value: Any) -> Any:
     return value.solution if interpreted else value
 
 
-def orbit_of(value: object) -> Orbit:
+def drawn_orbit(value: object) -> Orbit:
     """An orbit, or that of a point of a branch of orbits."""
     orbit = solution_of(value)
     if not isinstance(orbit, Orbit):

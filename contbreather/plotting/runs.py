@@ -26,7 +26,7 @@ from contbreather.plotting.canvas import (
 from contbreather.plotting.orbits import draw_states
 from contbreather.simulation.basin import Basin, Outcome
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import Record, Run
+from contbreather.simulation.simulate import Record, SimulationRun
 from contbreather.simulation.smooth import SmoothRun
 from contbreather.simulation.states import PERIOD
 from contbreather.simulation.sweep import Sweep
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-RUNS = (Run, SmoothRun)
+RUNS = (SimulationRun, SmoothRun)
 LONG = 20.0  # periods; of more, lines would fill the axes
 OUTCOMES = {
     Outcome.RETURNED: BLUE,
@@ -57,7 +57,7 @@ COLUMNS = {
 
 
 def plot_motion(
-    record: Record | Run | SmoothRun | Trajectory,
+    record: Record | SimulationRun | SmoothRun | Trajectory,
     *,
     periods: tuple[float, float] | None = None,
     x: str | None = None,
@@ -73,7 +73,7 @@ def plot_motion(
 
     Parameters
     ----------
-    record : Record, simulation.Run, SmoothRun or flows.Trajectory
+    record : Record, simulation.SimulationRun, SmoothRun or flows.Trajectory
         A run that was asked for ``sample=Sample(sites)``, or its ``record``; or what `integrate`
         returns.
     periods : pair of float, optional
@@ -117,7 +117,7 @@ def plot_motion(
     with drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
             t, u = record.times, record.u[:, i]
-            if isinstance(run, Run):
+            if isinstance(run, SimulationRun):
                 t, u = _with_impacts(t, u, run, n)
             t = t / PERIOD
             inside = (first <= t) & (t <= last)
@@ -149,7 +149,7 @@ def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float
     return ends[0], ends[1]
 
 
-def _with_impacts(t: Array, u: Array, run: Run, site: int) -> tuple[Array, Array]:
+def _with_impacts(t: Array, u: Array, run: SimulationRun, site: int) -> tuple[Array, Array]:
     """The samples of a site, and its impacts between them, where it is at a wall."""
     impacts = run.at_site(site)
     impacts = impacts[(impacts["time"] >= t[0]) & (impacts["time"] <= t[-1])]
@@ -172,13 +172,13 @@ def _size(axes: Axes) -> float:
 
 
 def plot_section(
-    run: Run | SmoothRun, *, site: int = 0, skip: int = 0, ax: Axes | None = None
+    run: SimulationRun | SmoothRun, *, site: int = 0, skip: int = 0, ax: Axes | None = None
 ) -> Drawn:
     """The stroboscopic section of one site: its velocity over its displacement, once in a period.
 
     Parameters
     ----------
-    run : simulation.Run or SmoothRun
+    run : simulation.SimulationRun or SmoothRun
     site : int
     skip : int
         Periods to leave out at the beginning, as a transient.
@@ -202,12 +202,12 @@ def plot_section(
     return drawn
 
 
-def plot_localisation(run: Run | SmoothRun, *, ax: Axes | None = None) -> Drawn:
+def plot_localisation(run: SimulationRun | SmoothRun, *, ax: Axes | None = None) -> Drawn:
     """The participation ratio once in a period: about 1 in a breather, N where all share.
 
     Parameters
     ----------
-    run : simulation.Run or SmoothRun
+    run : simulation.SimulationRun or SmoothRun
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
     """

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .recording import open_recording as open_recording
     from .recording import record as record
     from .simulate import Record as Record
-    from .simulate import Run as Run
+    from .simulate import SimulationRun as SimulationRun
     from .simulate import simulate as simulate
     from .smooth import Explicit as Explicit
     from .smooth import Implicit as Implicit
@@ -43,4 +43,4 @@ if TYPE_CHECKING:
     from .sweep import there_and_back as there_and_back
     from .variation import variation as variation
 
-__all__ = front(__name__)
+__all__ = front(__name__, Run="SimulationRun")

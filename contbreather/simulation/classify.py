@@ -17,14 +17,14 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
-from contbreather.simulation.simulate import Run, completed
+from contbreather.simulation.simulate import SimulationRun, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state
 from contbreather.tables import Sheet
 
 Array = NDArray[Any]
 Finding = tuple["Kind", str]
-Ran = Run | SmoothRun
+Ran = SimulationRun | SmoothRun
 
 LEAST = 100  # periods that must be seen before anything can be said
 LONGEST = 64  # periods after which a motion may close to count as periodic or locked
@@ -81,7 +81,7 @@ class Classification(HtmlRepr):
     kind: Kind
     reason: str
     evidence: Mapping[str, float]
-    run: Run | SmoothRun
+    run: SimulationRun | SmoothRun
     motion: Kind
 
     def table(self) -> Sheet:
@@ -135,7 +135,7 @@ def classify(
     return judge(run)
 
 
-def judge(run: Run | SmoothRun) -> Classification:
+def judge(run: SimulationRun | SmoothRun) -> Classification:
     """The verdict on a run that has settled; see `classify`.
 
     Examples
@@ -148,11 +148,11 @@ def judge(run: Run | SmoothRun) -> Classification:
     >>> judge(simulate_smooth(settled, periods=50, **shared)).kind.name
     'PERIODIC'
     """
-    check_kind(run, (Run, SmoothRun), "a run of simulate")
+    check_kind(run, (SimulationRun, SmoothRun), "a run of simulate")
     if len(run.times) < 2:
         raise BadInput("a verdict is about whole periods; the run has none.")
     evidence = _where(run)
-    if isinstance(run, Run) and run.noise:
+    if isinstance(run, SimulationRun) and run.noise:
         kicked, reason = _kicked(run, evidence)
         reason = f"{reason}, under noise of strength {run.noise:g}"
         return Classification(kicked, reason, evidence, run, Kind.NOISY)
@@ -177,7 +177,7 @@ def _where(run: Ran) -> dict[str, float]:
         "spread": float(max(np.ptp(u, axis=1).max(), np.ptp(v, axis=1).max())),
         "aside": float(max(off.max(), quick.max())),
     }
-    if isinstance(run, Run):
+    if isinstance(run, SimulationRun):
         evidence["impacting"] = float(len(np.unique(late.impacts["site"])))
     return evidence
 
@@ -201,7 +201,7 @@ def _lost(run: Ran, evidence: dict[str, float]) -> Finding | None:
     return None
 
 
-def _kicked(run: Run, evidence: dict[str, float]) -> Finding:
+def _kicked(run: SimulationRun, evidence: dict[str, float]) -> Finding:
     """Under noise any site may hit now and then: a breather's few hit regularly, and have most of
     the energy."""
     late, sites = run.since(run.periods // 2), run.sites

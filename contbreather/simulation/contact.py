@@ -15,7 +15,7 @@ from contbreather.simulation.taylor import (
     Harmonics,
     Parameters,
     Workspace,
-    driven,
+    drive_sum,
     driven_bound,
     driven_jerk,
     near,
@@ -83,7 +83,7 @@ def first_contact(
     s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(WALKS):
         value, slope, bend = site_at(rows, n, h, s / h)
-        forced, forced_slope, forced_bend = driven(drive, t + s)
+        forced, forced_slope, forced_bend = drive_sum(drive, t + s)
         gap = level - sign * (value + forced)
         slope = sign * (slope + forced_slope)
         bend = sign * (bend + forced_bend)
@@ -128,8 +128,8 @@ def push_into_wall(
     ``d F - K 1 a g - (K v)_n``, which is u'' of (1) without the drag.
     """
     bonds, v, w = on.bonds, work.v, work.w
-    motion, velocity, _ = driven(on.motion, t)
-    force, change, _ = driven(on.force, t)
+    motion, velocity, _ = drive_sum(on.motion, t)
+    force, change, _ = drive_sum(on.force, t)
     stiff, extra, ground = bonds.pulls[0, n], bonds.pulls[1, n], bonds.pulls[2, n]
     drive = 1.0 + extra
     push = drive * force - ground * motion - (stiff * v[n] - near(bonds, v, n))
@@ -159,9 +159,9 @@ def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> floa
         rows[j, 0] = -bonds.pulls[0, n] * work.rows[j, n]
         for i in range(bonds.start[n], bonds.start[n + 1]):
             rows[j, 0] += bonds.weight[i] * work.rows[j, bonds.other[i]]
-    if sign * (rows[0, 0] + driven(force, t)[0]) <= 0.0:
+    if sign * (rows[0, 0] + drive_sum(force, t)[0]) <= 0.0:
         return 0.0
-    last = site_at(rows, 0, h, 1.0)[0] + driven(force, t + h)[0]
+    last = site_at(rows, 0, h, 1.0)[0] + drive_sum(force, t + h)[0]
     # minus the push comes up to the level 0 as a displacement does to its wall
     return first_contact(rows, 0, h, force, t, -sign, 0.0, 0.0, h, -sign * last)
 

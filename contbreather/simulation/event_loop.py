@@ -29,12 +29,12 @@ from contbreather.simulation.taylor import (
     EventLog,
     Parameters,
     Workspace,
-    driven,
+    drive_sum,
     driven_bound,
     driven_terms,
     ends,
-    expand,
     expand_any,
+    expand_state,
     site_at,
     state_at,
 )
@@ -67,7 +67,7 @@ def find_contact(
         work.released[n] = 0
         return True
     at = t + origin
-    middle = site_at(work.rows, n, h, 0.5 * left / h)[0] + driven(on.motion, at + 0.5 * left)[0]
+    middle = site_at(work.rows, n, h, 0.5 * left / h)[0] + drive_sum(on.motion, at + 0.5 * left)[0]
     start = moving_away(on, work, n, at, h) if work.released[n] != 0 else 0.0
     work.released[n] = 0
     for sign in (1.0, -1.0):
@@ -113,7 +113,7 @@ def apply_events(
     ``v`` and ``w`` hold the present state at these sites and their neighbours; ``changed`` marks
     the sites whose motion is another one from now on.
     """
-    motion, velocity, _ = driven(on.motion, t)
+    motion, velocity, _ = drive_sum(on.motion, t)
     for i in range(work.many[0]):
         n = work.candidates[i]
         work.changed[n] = 0
@@ -158,7 +158,7 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
         args = (on.mu, on.bonds, work.at_rest, work.place, work.column, work.rows)
         expand_any(work.v, work.w, h, *args)
     else:
-        expand(work.v, work.w, h, on.gamma, on.mu, work.rows)
+        expand_state(work.v, work.w, h, on.gamma, on.mu, work.rows)
     ends(work.rows, h, work.last_v, work.last_w, work.reach)
     swing = driven_bound(on.motion, 0)
     count, candidates, reach, free = 0, work.candidates, work.reach, on.walls[2]
@@ -173,7 +173,7 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
         work.when[n] = NEVER
         work.changed[n] = 0
     work.many[0] = count
-    now, then = driven(on.motion, t)[0], driven(on.motion, t + h)[0]
+    now, then = drive_sum(on.motion, t)[0], drive_sum(on.motion, t + h)[0]
     for i in range(count):
         n = candidates[i]
         if not find_contact(on, work, n, t, h, work.v[n] + now, work.last_v[n] + then):
@@ -182,7 +182,7 @@ def begin_step(on: Parameters, work: Workspace, t: float, h: float, anyone: bool
 
 
 @inlined
-def evaluate(work: Workspace, n: int, reach: int, s: float, h: float) -> None:
+def state_around(work: Workspace, n: int, reach: int, s: float, h: float) -> None:
     """The state of the sites within ``reach`` of n at the step's time s, into v and w."""
     size = work.v.size
     for i in range(n - reach, n + reach + 1):
@@ -237,7 +237,7 @@ def correct(on: Parameters, work: Workspace, t: float, s: float, h: float) -> bo
         if work.changed[work.candidates[i]] != 0:
             expand_near(on, work, work.candidates[i], s, h)
     swing = driven_bound(on.motion, 0)
-    now, then = driven(on.motion, t + s)[0], driven(on.motion, t + h)[0]
+    now, then = drive_sum(on.motion, t + s)[0], drive_sum(on.motion, t + h)[0]
     for i in range(count):
         n = work.candidates[i]
         if work.changed[n] == 0:
@@ -277,7 +277,7 @@ def evaluate_all(work: Workspace, s: float, h: float) -> None:
     state_at(work.rows, h, s / h, work.v, work.w)
     for n in range(work.v.size):
         if work.origin[n] != 0.0:
-            evaluate(work, n, 0, s, h)
+            state_around(work, n, 0, s, h)
 
 
 @inlined
@@ -318,7 +318,7 @@ def one_period(
                 for i in range(work.many[0]):
                     n = work.candidates[i]
                     if work.when[n] >= 0.0 and work.when[n] <= dt + TOGETHER:
-                        evaluate(work, n, wide // 2, dt, h)
+                        state_around(work, n, wide // 2, dt, h)
             else:
                 evaluate_all(work, dt, h)
             status = apply_events(on, work, log, period, t0 + end, dt)
@@ -328,7 +328,7 @@ def one_period(
                 # a new step, driven for the site at rest, begins from the state of all sites
                 for n in range(size):
                     if work.changed[n] == 0:
-                        evaluate(work, n, 0, dt, h)
+                        state_around(work, n, 0, dt, h)
                 local = False
             if not local:
                 break
@@ -349,7 +349,7 @@ def record_dense(
     """
     while sample < dense.grid.size and dense.grid[sample] < end:
         time = dense.grid[sample]
-        motion, velocity, _ = driven(on.motion, t0 + time)
+        motion, velocity, _ = drive_sum(on.motion, t0 + time)
         for i in range(dense.sites.size):
             n = dense.sites[i]
             v, w, _ = site_at(work.rows, n, h, (time - s - work.origin[n]) / h)
@@ -362,7 +362,7 @@ def record_dense(
 @inlined
 def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> None:
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
-    motion, velocity, _ = driven(on.motion, t0)
+    motion, velocity, _ = drive_sum(on.motion, t0)
     for n in range(u.size):
         work.v[n] = u[n] - motion
         work.w[n] = v[n] - velocity
@@ -379,7 +379,7 @@ def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: floa
 @inlined
 def end_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> bool:
     """Put the forced motion back; False where a number is no longer one."""
-    motion, velocity, _ = driven(on.motion, t0)
+    motion, velocity, _ = drive_sum(on.motion, t0)
     sound = True
     for n in range(u.size):
         if work.at_rest[n] != 0:
@@ -437,7 +437,7 @@ def fly(
             if anyone or not on.ring:
                 expand_any(du[i], dv[i], h, on.mu, on.bonds, at_rest, nowhere, zeros, rows)
             else:
-                expand(du[i], dv[i], h, on.gamma, on.mu, rows)
+                expand_state(du[i], dv[i], h, on.gamma, on.mu, rows)
             state_at(rows, h, 1.0, du[i], dv[i])
         left -= h
 

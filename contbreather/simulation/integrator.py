@@ -44,7 +44,7 @@ from contbreather.simulation.taylor import (
     Harmonics,
     Parameters,
     Workspace,
-    terms,
+    powers_needed,
 )
 
 Array = NDArray[Any]
@@ -138,7 +138,7 @@ def blank(sample: Sample | None, u: Array, v: Array) -> Chunk:
     return Chunk(0, u, v, *np.empty((2, 0, *each)))
 
 
-def columns_of(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
+def joined_chunks(chunks: Sequence[Chunk], *names: str) -> dict[str, Any]:
     """What there is of successive chunks, joined."""
     names = names or ("u", "v", "dense_u", "dense_v", *EVENTS)
     return {name: np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in names}
@@ -206,7 +206,7 @@ def parameters_of(conditions: Conditions) -> Parameters:
     ring = isinstance(lattice, Ring) and c.spring == 0.0
     walls = np.array([low, high, np.minimum(high, -low)])
     where = (ring, float(c.gamma), bonds, walls)
-    return Parameters(*where, mu, k, step, rest_step, terms(step * rate), 0, motion, force)
+    return Parameters(*where, mu, k, step, rest_step, powers_needed(step * rate), 0, motion, force)
 
 
 def forced_motion(conditions: Conditions) -> tuple[Harmonics, Harmonics]:
@@ -402,7 +402,7 @@ class Noisy:
             chunks.append(self._period(period, span))
             if chunks[-1].stop is not None:
                 break
-        return replace(chunks[-1], first=first, **columns_of(chunks))
+        return replace(chunks[-1], first=first, **joined_chunks(chunks))
 
     def _period(self, period: int, span: float) -> Chunk:
         """Half a dt, a kick, a whole dt, a kick, ..., half a dt; no state where it chatters."""
@@ -423,4 +423,4 @@ class Noisy:
                 return chunks[-1]
             if i < count:
                 self.state.v[:] += kicks[i]
-        return replace(chunks[-1], **columns_of(chunks, *EVENTS))
+        return replace(chunks[-1], **joined_chunks(chunks, *EVENTS))

@@ -29,7 +29,7 @@ from contbreather.checks import numbers, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
-from contbreather.lattice.modal_flow import driven
+from contbreather.lattice.modal_flow import driven_modes
 from contbreather.simulation.smooth import SmoothConditions, rigid_or_smooth
 from contbreather.simulation.states import (
     PERIOD,
@@ -40,7 +40,7 @@ from contbreather.simulation.states import (
     conditions_of,
     reduced,
 )
-from contbreather.simulation.variation import along
+from contbreather.simulation.variation import variations_along
 
 Array = NDArray[Any]
 
@@ -182,7 +182,7 @@ def _of_bonds(table: Any, x: Array) -> Array:
 
 def forced(on: Conditions | SmoothConditions, t: ArrayLike, order: int) -> Array:
     """The forced motion of every site at many times, or its derivative: shape (..., N or 1)."""
-    motion = driven(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
+    motion = driven_modes(on.lattice, on.forcing, on.gamma, on.spring, on.damping)
     return on.a * motion.everywhere(np.asarray(t, dtype=float), order)
 
 
@@ -386,7 +386,7 @@ def exponents(
     du, dv = rng.normal(size=(2, count, state.u.size))
     columns = np.linalg.qr(np.concatenate([du, dv], axis=1).T)[0]
     growth = []
-    for turned in along(state, conditions, settle + periods, reduced(t0)):
+    for turned in variations_along(state, conditions, settle + periods, reduced(t0)):
         # column i of Q R grows by R_ii beyond those before it; Householder's Q is orthonormal where
         # k = 0 annihilates a direction, too, of which the logarithm is then -inf
         columns, sizes = np.linalg.qr(turned(columns))

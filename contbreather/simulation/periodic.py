@@ -29,8 +29,14 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
-from contbreather.simulation.simulate import Run, advance, completed
-from contbreather.simulation.smooth import OWN, SmoothConditions, flown, let_go, rigid_or_smooth
+from contbreather.simulation.simulate import SimulationRun, advance, completed
+from contbreather.simulation.smooth import (
+    OWN,
+    SmoothConditions,
+    let_go,
+    rigid_or_smooth,
+    state_after,
+)
 from contbreather.simulation.states import PERIOD, ModelParameters, State, check_state, reduced
 from contbreather.simulation.variation import variation
 from contbreather.storage.serialise import serialised
@@ -85,11 +91,11 @@ Asked = tuple[Conditions | SmoothConditions, bytes, float, float]
 @lru_cache(maxsize=KEPT)
 def _flight(
     on: Conditions | SmoothConditions, x: bytes, t0: float, span: float
-) -> tuple[Array, Run | None]:
+) -> tuple[Array, SimulationRun | None]:
     """Where a state gets to, and on rigid walls its run."""
     state = State(*np.frombuffer(x).reshape(2, -1))
     if isinstance(on, SmoothConditions):
-        return flown(on, state, t0, span)[0], None
+        return state_after(on, state, t0, span)[0], None
     run = completed(advance(state, on, periods=span, t0=t0, progress=False))
     if run.stop is not RunStop.DONE:
         raise ArithmeticError(run.reason)
@@ -104,7 +110,7 @@ def _slopes(
     if isinstance(on, SmoothConditions):
         # integrated apart: the steps of both differ, and equations must not change with who asks
         state = State(*np.frombuffer(x).reshape(2, -1))
-        return flown(on, state, t0, span, slopes=True)[1:]
+        return state_after(on, state, t0, span, slopes=True)[1:]
     run = _flight(on, x, t0, span)[1]
     assert run is not None
     return variation(run), None
@@ -336,7 +342,7 @@ def _dressed(problem: Problem, back: PoincareMap) -> Problem:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionProblem(maps.CycleProblem):
+class MotionProblem(maps.MapCycleProblem):
     """Cycles of the map of a motion that comes back."""
 
     back: PoincareMap = field(kw_only=True)

@@ -45,10 +45,10 @@ from contbreather.simulation.integrator import (
     RunStop,
     Sample,
     check_sample,
-    columns_of,
     in_chunks,
+    joined_chunks,
 )
-from contbreather.simulation.simulate import Run, joined
+from contbreather.simulation.simulate import SimulationRun, joined
 from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
@@ -117,7 +117,7 @@ class Recording:
     def final(self) -> State:
         """The state after the last period on disk."""
         for path in reversed(self.files):
-            stretch = read(path)
+            stretch = read_part(path)
             if stretch.periods:
                 return State(stretch.u[-1], stretch.v[-1])
         return self.start
@@ -132,12 +132,12 @@ class Recording:
         if self.interrupted:
             return RunStop.INTERRUPTED
         files = self.files
-        return (read(files[-1]).stop if files else None) or RunStop.DONE
+        return (read_part(files[-1]).stop if files else None) or RunStop.DONE
 
     def chunks(self) -> Iterator[Chunk]:
         """The run piece by piece, so that memory does not grow with its length."""
         for before, path in pairwise([self.path / START, *self.files]):
-            yield read(path, after=before)
+            yield read_part(path, after=before)
 
     @property
     def impacts(self) -> NDArray[np.void]:
@@ -146,7 +146,7 @@ class Recording:
         table["time"] += self.t0
         return table
 
-    def last(self, periods: int) -> Run:
+    def last(self, periods: int) -> SimulationRun:
         """Its last periods as a run."""
         first, start, chunks = max(0, self.periods - periods), self.start, list[Chunk]()
         for chunk in self.chunks():
@@ -159,7 +159,7 @@ class Recording:
         for table in tables.values():
             table["time"] += self.t0
             table["period"] -= before
-        return Run(conditions=self.conditions, **left, **tables).since(first - before)
+        return SimulationRun(conditions=self.conditions, **left, **tables).since(first - before)
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
@@ -348,7 +348,7 @@ def _make(run: Recording) -> None:
     if others:
         raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
     about = np.array(json.dumps(_about(run)))
-    save(run.path / START, {"about": about, **run.start._asdict()})
+    save_part(run.path / START, {"about": about, **run.start._asdict()})
 
 
 @contextmanager
@@ -400,11 +400,13 @@ def _write(run: Recording, pieces: list[Chunk]) -> int:
     path = run.path / f"{first.first:012d}-{done:012d}.npz"
     before = [run.path / START, *(p for p in run.files if p != path)][-1]
     link = np.frombuffer(_bytes(before, last=CHECKSUM), np.uint8)
-    save(path, {**columns_of(pieces), **texts, "first": np.array(first.first), "link": link})
+    save_part(
+        path, {**joined_chunks(pieces), **texts, "first": np.array(first.first), "link": link}
+    )
     return done
 
 
-def read(path: Path, *, after: Path | None = None) -> Chunk:
+def read_part(path: Path, *, after: Path | None = None) -> Chunk:
     """One file of a run, which is to follow another one if that is given."""
     arrays = _arrays(path)
     with _as_written(path):
@@ -419,7 +421,7 @@ def read(path: Path, *, after: Path | None = None) -> Chunk:
     return stretch
 
 
-def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def save_part(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """An npz file with its checksum, there whole or not at all, even after a loss of power."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]

@@ -33,8 +33,8 @@ from contbreather.simulation.integrator import (
     Sample,
     blank,
     check_sample,
-    columns_of,
     in_chunks,
+    joined_chunks,
 )
 from contbreather.simulation.states import (
     PERIOD,
@@ -69,7 +69,7 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class States(Columns, HtmlRepr):
-    """What runs between walls of either kind leave behind; attributes as in `Run`."""
+    """What runs between walls of either kind leave behind; attributes as in `SimulationRun`."""
 
     times: Array
     strobe: State
@@ -136,7 +136,7 @@ class States(Columns, HtmlRepr):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Run(States):
+class SimulationRun(States):
     """What `simulate` leaves behind.
 
     Attributes
@@ -210,7 +210,7 @@ def simulate(
     noise: float = 0.0,
     seed: int = 0,
     **on: Unpack[ModelParameters],
-) -> Run:
+) -> SimulationRun:
     """Let a lattice of impacting sites go from any state.
 
     Parameters
@@ -283,7 +283,7 @@ def advance(
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
     kicked: tuple[float, int] = (0.0, 0),
-) -> Run:
+) -> SimulationRun:
     """`simulate`, of a state and conditions that have been checked; `kicked` by noise of this
     strength and seed."""
     check_sample(sample, state.u.size)
@@ -294,7 +294,7 @@ def advance(
             raise BadInput("sample: sites are not recorded densely under noise; leave one out")
         integrator = Noisy(integrator, noise, seed)
     left, tables = gathered(integrator, periods=periods, t0=t0, progress=progress)
-    return Run(**left, **tables, noise=noise)
+    return SimulationRun(**left, **tables, noise=noise)
 
 
 def length_of(periods: float, sites: int) -> float:
@@ -344,7 +344,7 @@ def joined(
     """What `States` has of successive chunks, from the state at t0 on; their impacts and rests."""
     sampled = ("dense_u", "dense_v") if sample else ()
     first = blank(sample, start.u[None], start.v[None])
-    table = columns_of([first, *chunks], "u", "v", *EVENTS, *sampled)
+    table = joined_chunks([first, *chunks], "u", "v", *EVENTS, *sampled)
     u, v, record = table["u"], table["v"], None
     if sample is not None:
         dense = [table[name].reshape(-1, len(sample.sites)) for name in sampled]
@@ -390,7 +390,7 @@ def to_content(run: States) -> dict[str, Any]:
         "stop": run.stop.name,
         "reason": run.reason,
         "columns": {name: (*variable, {}) for name, variable in run.variables().items()},
-        **({"noise": run.noise} if isinstance(run, Run) and run.noise else {}),
+        **({"noise": run.noise} if isinstance(run, SimulationRun) and run.noise else {}),
     }
 
 
@@ -421,8 +421,10 @@ def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
     return table
 
 
-@serialised("simulated run", Run, to_content)
-def _run(columns: Values, conditions: Conditions, noise: float = 0.0, **ended: Any) -> Run:
+@serialised("simulated run", SimulationRun, to_content)
+def _run(
+    columns: Values, conditions: Conditions, noise: float = 0.0, **ended: Any
+) -> SimulationRun:
     impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
     shared = states_of(columns, **ended)
-    return Run(impacts=impacts, rests=rests, conditions=conditions, noise=noise, **shared)
+    return SimulationRun(impacts=impacts, rests=rests, conditions=conditions, noise=noise, **shared)

@@ -383,7 +383,7 @@ def let_go(
     return SmoothRun(**gathered(integrator, periods=periods, t0=t0, progress=progress)[0])
 
 
-def flown(
+def state_after(
     on: SmoothConditions,
     state: State,
     t0: float,

@@ -43,7 +43,7 @@ def force(t: float, series: Matrix) -> float:
     return total
 
 
-def motion(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
+def accelerations(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
     """(u', u'') of (21), for y that begins with (u, u')."""
     size, push = on.drive.size, on.a * force(t, on.series)
     # far behind the wall, where it stores a million times the usual energy, a trial step costs a
@@ -61,7 +61,7 @@ def motion(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
         out[size + site] -= on.gamma * on.entries[i, 2] * y[other]
 
 
-def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float, float, float]:
+def wall_slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float, float, float]:
     """Derivatives of the wall's force in u, in u' over lambda, and in m."""
     inside = min(max(u, -top), top)
     size = abs(inside)
@@ -80,7 +80,7 @@ def slopes(u: float, v: float, lam: float, m: float, top: float) -> tuple[float,
 
 def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -> None:
     """What the motion and its variations change by."""
-    motion(t, y, on, out)
+    accelerations(t, y, on, out)
     size = on.drive.size
     columns = y.size // (2 * size) - 1
     if columns == 0:
@@ -89,7 +89,7 @@ def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -
     begin, half = 2 * size, size * columns  # of the matrix, and of its lower half behind that
     for n in range(size):
         u, v = y[n], y[size + n]
-        in_u, density, in_m = slopes(u, v, on.lam, on.m, top)
+        in_u, density, in_m = wall_slopes(u, v, on.lam, on.m, top)
         stiff, drag = on.spring + in_u, on.mu + on.lam * density
         at = begin + n * columns
         low = at + half

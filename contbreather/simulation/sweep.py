@@ -21,7 +21,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import Run, completed
+from contbreather.simulation.simulate import SimulationRun, completed
 from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state, ranged
 from contbreather.tables import Column, Sheet
@@ -215,11 +215,11 @@ def _seen(run: Any) -> tuple[Any, ...]:
     # what the site would have with that energy, all of it kinetic
     speed = float(np.sqrt(2.0 * energies.energy[:, centre].max() / mass))
     change = np.abs(np.diff([x[-2:] for x in run.strobe], axis=1))
-    hits = _impacts(late, centre) if isinstance(run, Run) else 4 * (math.nan,)
+    hits = _impacts(late, centre) if isinstance(run, SimulationRun) else 4 * (math.nan,)
     return float(energies.participation.mean()), centre, speed, *hits, float(change.max())
 
 
-def _impacts(run: Run, centre: int) -> tuple[float, ...]:
+def _impacts(run: SimulationRun, centre: int) -> tuple[float, ...]:
     """p, tilt, impacts of the centre in a period, impacts of all others."""
     hits = run.at_site(centre)
     # an impact changes the velocity by 2 p

@@ -113,7 +113,7 @@ STEP = 0.5 * math.pi  # longest step; with more, the bounds of `contact` lose th
 LAST = 1e-18  # size of the first term left out, relative to the first one
 
 
-def terms(reach: float) -> int:
+def powers_needed(reach: float) -> int:
     """How many powers of s/h are needed where the fastest rate times h is ``reach``."""
     j, size = 0, 1.0
     while size > LAST or j < 4:
@@ -123,7 +123,7 @@ def terms(reach: float) -> int:
 
 
 @inlined
-def driven(drive: Harmonics, t: float) -> tuple[float, float, float]:
+def drive_sum(drive: Harmonics, t: float) -> tuple[float, float, float]:
     """The sum at time t, and its first and second derivative."""
     value = slope = bend = 0.0
     for i in range(drive.m.size):
@@ -172,7 +172,7 @@ def driven_bound(drive: Harmonics, order: int) -> float:
 
 
 @inlined
-def expand(v: Vector, w: Vector, h: float, gamma: float, mu: float, rows: Matrix) -> None:
+def expand_state(v: Vector, w: Vector, h: float, gamma: float, mu: float, rows: Matrix) -> None:
     """Fill ``rows`` from displacements v and velocities w of a ring."""
     size, top = v.size, rows.shape[0] - 1
     for n in range(size):

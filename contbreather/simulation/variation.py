@@ -26,15 +26,15 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.signals import deferred
 from contbreather.simulation.event_loop import TANGENT_FLOW, begin_period
 from contbreather.simulation.integrator import EventDriven, in_chunks, parameters_of, workspace_of
-from contbreather.simulation.simulate import Run
-from contbreather.simulation.smooth import SmoothConditions, SmoothRun, flown
+from contbreather.simulation.simulate import SimulationRun
+from contbreather.simulation.smooth import SmoothConditions, SmoothRun, state_after
 from contbreather.simulation.states import PERIOD, State, reduced, within
 
 Array = NDArray[Any]
 Events = tuple[Array, Array, Array]  # times in their period, sites, entries b (or codes)
 
 
-def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
+def variation(run: SimulationRun | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     """The derivative of a run's final state with respect to its first one, times some vectors.
 
     Parameters
@@ -57,7 +57,7 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
     >>> round(float(np.linalg.det(matrix)), 10)  # k^2 for each of the two impacts
     0.4096
     """
-    check_kind(run, (Run, SmoothRun), "a run")
+    check_kind(run, (SimulationRun, SmoothRun), "a run")
     sites = run.sites
     columns = np.eye(2 * sites) if vectors is None else numbers("vectors", vectors)
     if columns.ndim != 2 or len(columns) != 2 * sites:
@@ -70,7 +70,9 @@ def variation(run: Run | SmoothRun, vectors: ArrayLike | None = None) -> Array:
         span = (run.end - run.times[0]) / PERIOD
         if span == 0.0:
             return columns
-        return np.asarray(flown(run.conditions, start, t0, span, slopes=True, columns=columns)[1])
+        return np.asarray(
+            state_after(run.conditions, start, t0, span, slopes=True, columns=columns)[1]
+        )
     impacts, rests = run.impacts.copy(), run.rests.copy()
     for table in (impacts, rests):
         table["time"] -= run.times[0]
@@ -96,7 +98,7 @@ def carried(
     return np.concatenate([du, dv], axis=1).T
 
 
-def along(
+def variations_along(
     state: State, on: Conditions | SmoothConditions, periods: int, t0: float
 ) -> Iterator[Callable[[Array], Array]]:
     """For each period of a motion, what becomes in it of perturbations in columns."""
@@ -104,7 +106,7 @@ def along(
 
         def turned(columns: Array) -> Array:
             nonlocal state
-            x, image, _ = flown(on, state, t0, 1.0, slopes=True, columns=columns)
+            x, image, _ = state_after(on, state, t0, 1.0, slopes=True, columns=columns)
             state = State(*np.split(x, 2))
             return np.asarray(image)
 

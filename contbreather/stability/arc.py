@@ -70,7 +70,7 @@ class Arc(NamedTuple):
     C: Any
 
 
-def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
+def wave_frequency(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
     """nu, the frequency of the wave ``theta = 2 alpha``."""
     sine = 2.0 * np.sqrt(gamma) * np.sin(alpha)
     return np.sqrt(spring + sine * sine) if spring else sine
@@ -78,7 +78,7 @@ def angle(gamma: float, alpha: Any, spring: float = 0.0) -> Any:
 
 def sample(gamma: float, alpha: Array, spring: float = 0.0) -> Arc:
     """R, B, C at ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
-    nu = angle(gamma, alpha, spring)
+    nu = wave_frequency(gamma, alpha, spring)
     # v^2 = (nu^2 - spring)(spring + 4 gamma - nu^2), without a difference next to either edge
     v = 4.0 * gamma * np.sin(alpha) * np.cos(alpha)
     return Arc(alpha, nu, v, *regular(gamma, nu, None, spring))
@@ -196,7 +196,9 @@ def arc_table() -> Array:
     return np.concatenate([tables().ravel(), moments])
 
 
-def ends(k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0) -> tuple[Any, ...]:
+def values_at_ends(
+    k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0
+) -> tuple[Any, ...]:
     """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
     # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
     half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
@@ -210,9 +212,9 @@ def ends(k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0) -> tup
 
 
 def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]:
-    """`ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
+    """`values_at_ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
     held = 0.5 * (1.0 - k) ** 2 / lattice.tau(gamma) if lattice.spring else 0.0
-    return ends(k, b, lattice.psi(gamma), lattice.eta(gamma), lattice.chi(gamma), held)
+    return values_at_ends(k, b, lattice.psi(gamma), lattice.eta(gamma), lattice.chi(gamma), held)
 
 
 class NeimarkSacker(NamedTuple):
@@ -479,7 +481,7 @@ def over_reflection(gamma: float, k: float, b: float, spring: float = 0.0) -> Ov
     i = np.concatenate([gain_at, growth_at])
     kind = np.repeat([False, True], [gain_at.size, growth_at.size])
     value, alpha = _zoom(gamma, k, b, spring, arc.alpha[i - 1], arc.alpha[i + 1], kind)
-    nu = angle(gamma, alpha, spring)
+    nu = wave_frequency(gamma, alpha, spring)
     best = int(value[~kind].argmax())
     most = gain_at.size + int(value[kind].argmax())
     return OverReflection(

@@ -20,7 +20,7 @@ TAILS = 3 * POWERS * ORDERS
 TABLE = ANSWER = 0  # where table and answer begin
 ROUNDING = 4e-16
 
-# data: coupling, restitution, q, then b and the angle of `on_arc`, and the spring
+# data: coupling, restitution, q, then b and the angle of `pair_equations`, and the spring
 GAMMA, K, Q, ENTRY, NU, SPRING = range(6)
 # out: where R, B, C are left, and their slopes in nu, gamma and the spring; then tails at gamma, in
 # powers of nu^2, with their slopes; then a row of Pascal's triangle, and means of powers of w^2
@@ -133,7 +133,7 @@ def regular_slopes(data: Any, out: Any, nu: float) -> None:
 # --- the two equations and their derivatives ------------------------------------------------
 
 
-def on_arc(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
+def pair_equations(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
     """F at an angle, and its derivatives in nu, gamma, k, b and the spring: six pairs."""
     gamma, nu = data[GAMMA], data[NU]
     tails(data, table, out)
@@ -213,7 +213,7 @@ def needed(data: Any, out: Any) -> float:
     return float(c * c * (C - nu * (2.0 * R + nu * B) - math.pi * data[Q] * v * R))
 
 
-def window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
+def pair_window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
     """Centre and square of the `Window`, and the angles at its ends, 0 where it has none; how many
     roots there are, the b of each and their angles."""
     tails(data, table, out)
@@ -230,7 +230,7 @@ def window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
             roots += bracketed(data, out, answer, roots, i * step, i * step + step,
                                out[VALUES + i], out[VALUES + i + 1])  # fmt: skip
     else:
-        local_maximum(data, out, top)
+        crest(data, out, top)
         middle = out[FOUND + 3]
         if out[FOUND + 4] > 0.0:  # a pair of roots between two nodes
             i = int(middle / step)
@@ -248,7 +248,7 @@ def window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
             answer[2], answer[3] = answer[3], answer[2]
     else:
         answer[2] = answer[3] = 0.0
-        local_maximum(data, out, top)
+        crest(data, out, top)
         unopened(out, answer)
     return 0
 
@@ -282,7 +282,7 @@ def bracketed(
     return 1
 
 
-def local_maximum(data: Any, out: Any, top: int) -> None:
+def crest(data: Any, out: Any, top: int) -> None:
     """Three samples around the one crest of the equation, closer and closer to it."""
     step = 0.5 * math.pi / GRID
     i = min(max(top, 1), GRID - 1)
@@ -326,4 +326,4 @@ def unopened(out: Any, answer: Any) -> None:
     answer[1] = min(square, 0.0)
 
 
-ON_ARC, WINDOW = Kernel(on_arc), Kernel(window)
+ON_ARC, WINDOW = Kernel(pair_equations), Kernel(pair_window)

@@ -7,9 +7,9 @@ aliases ``kappa_a = kappa + a`` of
     ``exp(i a s) g r^d (i kappa_a, 1, (i kappa_a)^2) / (2 pi)``,   s = t_i - t_j,  d sites apart,
 
 g the resolvent of the chain and r what a site passes on to the next. Far aliases are expanded in
-w/kappa_a and then in kappa (`expand`, once for each orbit). The parts of the three that may lie in
-the band, or reach its end from outside, are matrices of rank one with square roots in g: they
-border the rest,
+w/kappa_a and then in kappa (`expand_pairs`, once for each orbit). The parts of the three that may
+lie in the band, or reach its end from outside, are matrices of rank one with square roots in g:
+they border the rest,
 
     ``F = -det [[1 - X (S - 1), to], [of, 1/g]]``,   2 m + 3 rows for m impacts,
 
@@ -44,7 +44,7 @@ HALF = 3.1  # F turns as far in one step past a multiplier on the circle only: i
 TWO_PI = 2.0 * math.pi
 
 
-class Series(NamedTuple):
+class PairSeries(NamedTuple):
     """What is the same for all orbits, see `contbreather.stability.chain_map`."""
 
     number: Cube  # (3, ORDERS, POWERS): of turn, reach, pull the factor of kappa^p <w^2l>, and
@@ -66,7 +66,7 @@ class Impacts(NamedTuple):
     phases: Cube  # by pairs: exp(i a s)
 
 
-class Workspace(NamedTuple):
+class CountWorkspace(NamedTuple):
     """To work in."""
 
     sums: Vector
@@ -92,7 +92,7 @@ TURNING, LEAST, WHERE, START, END, RESOLVED, APPROACH = range(7)
 # --- what does not depend on kappa ----------------------------------------------------------
 
 
-def expand(orbit: Impacts, series: Series, sums: Vector) -> None:
+def expand_pairs(orbit: Impacts, series: PairSeries, sums: Vector) -> None:
     """Fill in tails and phases of all pairs of impacts."""
     m = orbit.times.size
     for i in range(m):
@@ -108,7 +108,7 @@ def expand(orbit: Impacts, series: Series, sums: Vector) -> None:
                 put(orbit.phases, pair, a + NEAR, complex(math.cos(a * s), math.sin(a * s)))
 
 
-def far_sums(series: Series, s: float, sums: Vector) -> None:
+def far_sums(series: PairSeries, s: float, sums: Vector) -> None:
     """``sum over |a| > NEAR of exp(ias)/a^p`` for p = 1 and on, but for its factor 2 or 2i."""
     y = math.pi - (s - TWO_PI * math.floor(s / TWO_PI))
     for p in range(HIGHEST):
@@ -130,7 +130,7 @@ def far_sums(series: Series, s: float, sums: Vector) -> None:
                 sums[p] += series.powers[a - NEAR - 1, p - CLOSED] * (cosine if p % 2 else sine)
 
 
-def far_powers(orbit: Impacts, series: Series, sums: Vector, pair: int, distance: int) -> None:
+def far_powers(orbit: Impacts, series: PairSeries, sums: Vector, pair: int, distance: int) -> None:
     """Taylor coefficients in kappa of what far aliases add to turn, reach and pull."""
     for c in range(3):
         for p in range(POWERS):
@@ -188,7 +188,7 @@ def power(z: complex, n: int) -> complex:
     return product
 
 
-def bordered(orbit: Impacts, room: Workspace, kappa: complex) -> complex:
+def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> complex:
     """F at ``mu = exp(2 pi i kappa)``, Im kappa <= 0; on the band the limit from |mu| > 1."""
     m = orbit.times.size
     for a in range(-NEAR, NEAR + 1):
@@ -218,11 +218,11 @@ def bordered(orbit: Impacts, room: Workspace, kappa: complex) -> complex:
         room.matrix[i, i, 0] += 1.0
     for row in range(2 * BORDER + 1):
         border(orbit, room, kappa + (row - BORDER), row - BORDER, 2 * m + row)
-    return -determinant(room.matrix, 2 * m + 2 * BORDER + 1)
+    return -pivoted_determinant(room.matrix, 2 * m + 2 * BORDER + 1)
 
 
 def propagators(
-    orbit: Impacts, room: Workspace, kappa: complex, i: int, j: int
+    orbit: Impacts, room: CountWorkspace, kappa: complex, i: int, j: int
 ) -> tuple[complex, complex, complex]:
     """Turn, reach and pull from impact j to impact i, over 2 pi, without what the border brings."""
     pair = i * orbit.times.size + j
@@ -246,7 +246,13 @@ def propagators(
 
 
 def kicked(
-    orbit: Impacts, room: Workspace, i: int, j: int, turn: complex, reach: complex, pull: complex
+    orbit: Impacts,
+    room: CountWorkspace,
+    i: int,
+    j: int,
+    turn: complex,
+    reach: complex,
+    pull: complex,
 ) -> None:
     """Enter ``-X_ij (S_j - 1)``."""
     if orbit.sites[i] == orbit.sites[j] and orbit.times[i] == orbit.times[j]:
@@ -258,7 +264,7 @@ def kicked(
     put(room.matrix, 2 * i + 1, 2 * j + 1, loss * turn)
 
 
-def border(orbit: Impacts, room: Workspace, kappa: complex, alias: int, last: int) -> None:
+def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, last: int) -> None:
     """The column, the row and the corner of an alias that may lie in the band.
 
     With several sites its part stays infinite at the band's ends between the first of them and
@@ -291,7 +297,13 @@ def border(orbit: Impacts, room: Workspace, kappa: complex, alias: int, last: in
 
 
 def answer_held(
-    orbit: Impacts, room: Workspace, speed: complex, square: complex, alias: int, i: int, j: int
+    orbit: Impacts,
+    room: CountWorkspace,
+    speed: complex,
+    square: complex,
+    alias: int,
+    i: int,
+    j: int,
 ) -> None:
     """Less what impact j does to impact i by one alias, on a chain that is held. As ``g (1/r - r) =
     1/gamma``, that is a short sum of powers of r, bounded at the ends of the band."""
@@ -312,7 +324,7 @@ def answer_held(
         first, second = first * speed, second * speed
 
 
-def determinant(matrix: Cube, rows: int) -> complex:
+def pivoted_determinant(matrix: Cube, rows: int) -> complex:
     """By elimination with the largest pivot of each column."""
     product = complex(1.0, 0.0)
     for c in range(rows):
@@ -338,28 +350,28 @@ def determinant(matrix: Cube, rows: int) -> complex:
     return product
 
 
-def everywhere(
-    orbit: Impacts, series: Series, room: Workspace, kappa: Matrix, values: Matrix
+def values_at(
+    orbit: Impacts, series: PairSeries, room: CountWorkspace, kappa: Matrix, values: Matrix
 ) -> None:
     """F at many places."""
-    expand(orbit, series, room.sums)
+    expand_pairs(orbit, series, room.sums)
     for i in range(kappa.shape[0]):
-        value = bordered(orbit, room, complex(kappa[i, 0], kappa[i, 1]))
+        value = bordered_value(orbit, room, complex(kappa[i, 0], kappa[i, 1]))
         values[i, 0], values[i, 1] = value.real, value.imag
 
 
 # --- along the circle -------------------------------------------------------------------------
 
 
-def around(
-    orbit: Impacts, series: Series, room: Workspace, terms: float, circle: CircleSamples
+def circle_samples(
+    orbit: Impacts, series: PairSeries, room: CountWorkspace, terms: float, circle: CircleSamples
 ) -> None:
     """Samples of F on half the circle, cut where an edge of the band lies, and what they tell.
 
     Closer wherever F moves by much of its modulus, unless that is nothing but rounding of terms of
     such a size. F has square roots at the edges.
     """
-    expand(orbit, series, room.sums)
+    expand_pairs(orbit, series, room.sums)
     edge = 2.0 * math.sqrt(orbit.gamma)
     first, second = min(edge, 1.0 - edge), max(edge, 1.0 - edge)
     summary = circle.found
@@ -374,12 +386,17 @@ def around(
 
 
 def piece(
-    orbit: Impacts, room: Workspace, terms: float, circle: CircleSamples, low: float, high: float
+    orbit: Impacts,
+    room: CountWorkspace,
+    terms: float,
+    circle: CircleSamples,
+    low: float,
+    high: float,
 ) -> None:
     """One of them."""
     here, there, count = room.here, room.there, GRID + 1
     for i in range(count):
-        sample(orbit, room, here, i, i / GRID, low, high)
+        sample_at(orbit, room, here, i, i / GRID, low, high)
     for _ in range(DEPTH):
         more = 0
         for i in range(count - 1):
@@ -395,7 +412,7 @@ def piece(
                 there[to, c] = here[i, c]
             to += 1
             if i + 1 < count and is_wide(here, count, i, terms):
-                sample(orbit, room, there, to, 0.5 * (here[i, 0] + here[i + 1, 0]), low, high)
+                sample_at(orbit, room, there, to, 0.5 * (here[i, 0] + here[i + 1, 0]), low, high)
                 to += 1
         here, there, count = there, here, to
     start = circle.used[0]
@@ -406,12 +423,12 @@ def piece(
     tell(here, count, terms, circle, low == 0.0, high == 0.5)
 
 
-def sample(
-    orbit: Impacts, room: Workspace, to: Matrix, i: int, x: float, low: float, high: float
+def sample_at(
+    orbit: Impacts, room: CountWorkspace, to: Matrix, i: int, x: float, low: float, high: float
 ) -> None:
     """F at a place of a piece; a square root at either end is smooth in x."""
     kappa = 0.5 * (low + high) - 0.5 * (high - low) * math.cos(math.pi * x)
-    value = bordered(orbit, room, complex(kappa, 0.0))
+    value = bordered_value(orbit, room, complex(kappa, 0.0))
     to[i, 0], to[i, 1], to[i, 2], to[i, 3] = x, kappa, value.real, value.imag
 
 
@@ -440,14 +457,14 @@ def tell(
     """What the samples of one piece tell."""
     summary = circle.found
     for i in range(count - 1):
-        approach(here, i, summary)
+        distance_off_circle(here, i, summary)
     # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
     # real multiplier on the circle to within rounding is not outside
     if from_one:
-        inside(here, 0, 1, count, CERTAIN * terms, -1.0)
+        signed_inside(here, 0, 1, count, CERTAIN * terms, -1.0)
         summary[START] = here[0, 2]
     if to_minus_one:
-        inside(here, count - 1, -1, count, CERTAIN * terms, 1.0)
+        signed_inside(here, count - 1, -1, count, CERTAIN * terms, 1.0)
         summary[END] = here[count - 1, 2]
     for i in range(count):
         a, b = here[i, 2], here[i, 3]
@@ -460,7 +477,9 @@ def tell(
             summary[TURNING] += -turn if turn < -HALF else turn
 
 
-def inside(here: Matrix, first: int, step: int, count: int, least: float, sign: float) -> None:
+def signed_inside(
+    here: Matrix, first: int, step: int, count: int, least: float, sign: float
+) -> None:
     """Give samples that are rounding, from one end on, the sign of a multiplier inside."""
     for n in range(count):
         i = first + n * step
@@ -470,7 +489,7 @@ def inside(here: Matrix, first: int, step: int, count: int, least: float, sign: 
         here[i, 2], here[i, 3] = sign * max(size, 1e-300), 0.0
 
 
-def approach(here: Matrix, i: int, summary: Vector) -> None:
+def distance_off_circle(here: Matrix, i: int, summary: Vector) -> None:
     """How far a zero is off the circle, by a straight line between two samples, over its distance
     from +1 and -1, which are not meant."""
     step = here[i + 1, 1] - here[i, 1]
@@ -491,4 +510,4 @@ def approach(here: Matrix, i: int, summary: Vector) -> None:
         summary[APPROACH] = min(summary[APPROACH], off)
 
 
-EVERYWHERE, AROUND = Kernel(everywhere), Kernel(around)
+EVERYWHERE, AROUND = Kernel(values_at), Kernel(circle_samples)

@@ -64,13 +64,13 @@ from contbreather.stability.bordered import (
     TURNING,
     WHERE,
     CircleSamples,
+    CountWorkspace,
     Impacts,
-    Series,
-    Workspace,
+    PairSeries,
 )
 from contbreather.stability.counting import Count
 from contbreather.stability.saltation import Saltation, saltation
-from contbreather.stability.zeros import as_counted, distinct, multipliers_of, newton
+from contbreather.stability.zeros import as_counted, distinct, multipliers_of, newton_from_all
 
 Array = NDArray[Any]
 
@@ -167,10 +167,10 @@ class OrbitMap:
             np.empty((m * m, 2 * NEAR + 1, 2)),
         )
 
-    def _room(self, most: int) -> Workspace:
+    def _room(self, most: int) -> CountWorkspace:
         rows, distances = 2 * len(self.kicks) + 3, len(self._impacts.moments)
         answers, matrix = np.empty((2 * NEAR + 1, distances, 2)), np.empty((rows, rows, 2))
-        return Workspace(
+        return CountWorkspace(
             np.empty(HIGHEST), answers, matrix, np.empty((most, 4)), np.empty((most, 4))
         )
 
@@ -410,7 +410,7 @@ def _zeros(D: Callable[[Array], Array], kappa: Array, edge: float = 0.0) -> Arra
         h = np.minimum(1e-5, 0.03 * np.abs(kappa.imag))  # on this side of the circle
         return D(kappa) * 2.0 * h / (D(kappa + h) - D(kappa - h))
 
-    zeros = newton(step, kappa, 40, 1e-11, 0.3, _outside, unit)
+    zeros = newton_from_all(step, kappa, 40, 1e-11, 0.3, _outside, unit)
     zeros = zeros[zeros.imag < -ON_CIRCLE]
     return multipliers_of(2.0 * distinct(zeros, 1e-7 * unit(zeros)))
 
@@ -472,7 +472,7 @@ def _expansions() -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=1)
-def series() -> Series:
+def series() -> PairSeries:
     """All of it."""
     which, number = _expansions()
     polynomials = np.zeros((CLOSED, CLOSED + 1))
@@ -480,7 +480,7 @@ def series() -> Series:
         polynomials[p - 1, : p + 1] = bernoulli(p)
     j = np.arange(NEAR + 1.0, FAR + 1.0)[:, None]
     powers = j ** -np.arange(CLOSED + 1.0, HIGHEST + 1.0)
-    return Series(number, which.astype(float), polynomials, powers)
+    return PairSeries(number, which.astype(float), polynomials, powers)
 
 
 @lru_cache(maxsize=64)

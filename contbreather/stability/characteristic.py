@@ -203,7 +203,7 @@ class RingModes(NamedTuple):
     w_sine: Array
 
 
-def checked(gamma: float, lattice: object) -> tuple[float, int | None, float]:
+def checked_chain(gamma: float, lattice: object) -> tuple[float, int | None, float]:
     """The coupling, None or the sites of a ring, and what holds every site to the ground."""
     lattice = check_lattice(lattice)
     return check_gamma(gamma, lattice.spring), lattice.sites, lattice.spring
@@ -301,7 +301,7 @@ def _by_depth(
 ) -> Array:
     """What ``near(gamma, nu, sites, spring)`` makes of it by aliases, and ``far(mu, modes)`` beyond
     `NEAR`: a row for each number they answer, shaped like nu."""
-    gamma, sites, spring = checked(gamma, lattice)
+    gamma, sites, spring = checked_chain(gamma, lattice)
     values = _strip(nu)
     flat = values.ravel()
     deep = np.abs(flat.imag) > NEAR
@@ -472,7 +472,7 @@ def D_gradient(
     True
     """
     check_finite(k, b)
-    gamma, sites, spring = checked(gamma, lattice)
+    gamma, sites, spring = checked_chain(gamma, lattice)
     x = _strip(nu)
     if np.any(np.abs(x.imag) > NEAR):
         raise BadInput(f"nu = {nu!r}: derivatives are known for |Im nu| <= {NEAR:g} only.")

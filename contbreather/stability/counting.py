@@ -35,24 +35,24 @@ from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import (
     NOISE,
-    angle,
     curve,
-    ends,
     ends_of,
     resolved_arc,
     sample,
+    values_at_ends,
+    wave_frequency,
     window,
 )
-from contbreather.stability.characteristic import NEAR, D, D_slope, checked, near_slope
+from contbreather.stability.characteristic import NEAR, D, D_slope, checked_chain, near_slope
 from contbreather.stability.ring_multipliers import even_multipliers
 from contbreather.stability.saltation import check_kb
 from contbreather.stability.zeros import (
     as_counted,
     distinct,
     multipliers_of,
-    newton,
+    newton_from_all,
     on_axis,
-    refined,
+    refined_samples,
 )
 
 Array = NDArray[Any]
@@ -142,7 +142,7 @@ def _total(beta0: float, fold: float, pairs: int) -> int:
     return int(beta0 > 0.0) + int(fold < 0.0) + 2 * pairs
 
 
-def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
+def count_on_chain(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
     """The count of `unstable_count` on the infinite chain, by the second way alone."""
     gamma = check_gamma(gamma, chain.spring)
     k, b = check_kb(k, b)
@@ -151,8 +151,8 @@ def outside(gamma: float, k: float, b: float, chain: InfiniteChain) -> int:
 
 
 def many_outside(gamma: Array, k: Array, b: Array) -> NDArray[np.int64]:
-    """`outside` of many maps of the chain without springs at once; -1 where that is too close to
-    call, or not for such numbers."""
+    """`count_on_chain` of many maps of the chain without springs at once; -1 where that is too
+    close to call, or not for such numbers."""
     counts = np.full(b.size, -1)
     inside = (gamma > 0.0) & (gamma < 0.25) & (k >= 0.0) & (k < 1.0) & (abs(b) < 1.0 / NOISE)
     if inside.any():
@@ -165,7 +165,7 @@ def _outside(gamma: Array, k: Array, b: Array) -> Array:
     windows = np.array([window(*place)[:2] for place in places.T.tolist()])
     centre, square = windows[which.ravel()].T
     psi, eta, chi = (InfiniteChain().averages(gamma, name) for name in ("psi", "eta", "chi"))
-    beta0, beta0_size, fold, fold_size = ends(k, b, psi, eta, chi)
+    beta0, beta0_size, fold, fold_size = values_at_ends(k, b, psi, eta, chi)
     # each as a sum of terms, whose size is known
     signs = beta0, -fold, square - (b - centre) ** 2
     sizes = beta0_size, fold_size, 1.0 + b * b
@@ -177,10 +177,12 @@ def _outside(gamma: Array, k: Array, b: Array) -> Array:
 def _circle_count(gamma: float, k: float, b: float, lattice: Any, radius: float) -> Count:
     """Turning of D along a circle outside all its poles."""
     depth, spring = -math.log(radius) / math.pi, lattice.spring
-    band = angle(gamma, np.linspace(0.0, 0.5 * math.pi, 2 * (lattice.sites or 1) + 33), spring)
+    band = wave_frequency(
+        gamma, np.linspace(0.0, 0.5 * math.pi, 2 * (lattice.sites or 1) + 33), spring
+    )
     below = np.linspace(0.0, band[0], 33)[:-1] if spring else band[:0]
     x = np.concatenate([below, band, np.linspace(band[-1], 1.0, 33)[1:]])
-    x, values, enough = refined(
+    x, values, enough = refined_samples(
         x, lambda x: x + 1j * depth, lambda nu: D(gamma, nu, k, b, lattice), 0.0, MOST
     )
     if not enough:
@@ -227,7 +229,7 @@ def unstable_count(
     >>> unstable_count(0.1144, 0.8, 0.236).count, unstable_count(0.1144, 0.8, 0.235).count
     (0, 2)
     """
-    gamma, sites, _ = checked(gamma, lattice)
+    gamma, sites, _ = checked_chain(gamma, lattice)
     k, b = check_kb(k, b)
     check_radius(radius, sites)
     if radius == 1.0:
@@ -258,7 +260,7 @@ def _starts(gamma: float, k: float, b: float, spring: float, more: int) -> Array
             step = np.nan_to_num(F / np.gradient(F, arc.alpha), nan=math.inf)
         likely = np.argsort(np.abs(step))[: 6 * max(more, 1)]
         alpha = arc.alpha[likely] - np.where(np.isfinite(step[likely]), step[likely], 0.0)
-        near_arc = angle(gamma, alpha.real + 1j * np.clip(alpha.imag, -1.0, 0.3), spring)
+        near_arc = wave_frequency(gamma, alpha.real + 1j * np.clip(alpha.imag, -1.0, 0.3), spring)
         edge, floor = math.sqrt(spring + 4.0 * gamma), math.sqrt(spring)
         along = floor + (edge - floor) * across
         starts += [near_arc, edge * (1.0 + 0.1j * depth), (along - 0.1j * edge * depth).ravel()]
@@ -309,7 +311,9 @@ def _newton(
     gamma: float, k: float, b: float, spring: float, nu: Array, steps: int = STEPS
 ) -> Array:
     """Zeros with 0 <= Re nu <= 1 reached from the starts ``nu``, with repetitions."""
-    return newton(lambda nu: _step(gamma, k, b, spring, nu), nu, steps, ROUGH, 0.25, _fold_in)
+    return newton_from_all(
+        lambda nu: _step(gamma, k, b, spring, nu), nu, steps, ROUGH, 0.25, _fold_in
+    )
 
 
 def _zeros(gamma: float, k: float, b: float, spring: float, more: int) -> Array:
@@ -356,7 +360,7 @@ def unstable_multipliers(
     >>> unstable_multipliers(0.0, 0.8, 1.1)
     array([1.39793319+0.j])
     """
-    gamma, sites, _ = checked(gamma, lattice)
+    gamma, sites, _ = checked_chain(gamma, lattice)
     k, b = check_kb(k, b)
     check_radius(radius, sites)
     if sites is None:
@@ -402,7 +406,7 @@ def closest_approach(gamma: float, k: float, b: float, spring: float = 0.0) -> A
     best = 1 + int(np.argmin(np.abs(F[inner] / speed[inner])))
     alpha = arc.alpha[best] - F[best] / speed[best]
     floor, edge = math.sqrt(spring), math.sqrt(spring + 4.0 * gamma)
-    start = angle(gamma, alpha.real + 1j * min(max(alpha.imag, -0.5), 0.5), spring)
+    start = wave_frequency(gamma, alpha.real + 1j * min(max(alpha.imag, -0.5), 0.5), spring)
     zeros = _newton(gamma, k, b, spring, np.array([start]), 12)
     zeros = zeros[(zeros.real > floor) & (zeros.real < edge) & (np.abs(zeros.imag) < edge)]
     nu = float(zeros[0].real) if zeros.size else float(arc.nu[best])

@@ -24,7 +24,7 @@ from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.counting import (
     Count,
     closest_approach,
-    outside,
+    count_on_chain,
     unstable_count,
     unstable_multipliers,
 )
@@ -130,7 +130,7 @@ class HalfMap:
         """How many multipliers are outside: isolated ones on the infinite chain, of a ring those
         beyond a threshold over the period."""
         if self.lattice.sites is None:
-            return outside(self.gamma, self.k, self.b, self.lattice)
+            return count_on_chain(self.gamma, self.k, self.b, self.lattice)
         radius = math.sqrt(threshold)
         return unstable_count(self.gamma, self.k, self.b, self.lattice, radius=radius).count
 

@@ -31,9 +31,9 @@ from contbreather.stability.zeros import (
     beyond,
     distinct,
     farthest,
-    newton,
+    newton_from_all,
     outermost,
-    refined,
+    refined_samples,
 )
 
 FloatArray = NDArray[np.float64]
@@ -430,7 +430,7 @@ class ReducedDeterminant:
 
     def around(self, radius: float) -> NearestMultipliers | None:
         """What is next to a circle around all poles."""
-        x, D, enough = refined(
+        x, D, enough = refined_samples(
             self.places, lambda x: radius * np.exp(1j * x), self.D, 0.0, most=MOST
         )
         if not (enough and math.isfinite(abs(D).sum())):
@@ -458,7 +458,7 @@ class ReducedDeterminant:
             move = 2.0 * SLOPE * at / (after - before)
             return np.where(abs(move) < 1.0, move, math.nan)
 
-        zeros = newton(step, mu, STEPS, ROUGH)
+        zeros = newton_from_all(step, mu, STEPS, ROUGH)
         return distinct(zeros[zeros.imag > REAL], APART)
 
 

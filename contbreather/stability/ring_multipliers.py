@@ -38,7 +38,7 @@ from contbreather.stability.characteristic import (
     split,
 )
 from contbreather.stability.saltation import check_kb, saltation
-from contbreather.stability.zeros import newton
+from contbreather.stability.zeros import newton_from_all
 
 Array = NDArray[Any]
 
@@ -128,7 +128,7 @@ def _waves(gamma: float, k: float, b: float, sites: int) -> Array:
     # for one wave around the ring at |s| >= 1, beyond the band, the ring is an infinite chain?
     reach = ((1.0 - math.sqrt(1.0 - 4.0 * gamma)) / (1.0 + math.sqrt(1.0 - 4.0 * gamma))) ** sites
     resolvent_sites = None if reach < 1e-20 else sites
-    root = newton(
+    root = newton_from_all(
         lambda theta: _wave_step(gamma, k, b, sites, theta, resolvent_sites),
         _wave_starts(gamma, k, b, sites), STEPS, 1e-7 / sites, math.pi / sites,
     )  # fmt: skip

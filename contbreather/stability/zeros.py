@@ -32,7 +32,7 @@ def steep(F: Array, floor: float) -> Array:
     return wide
 
 
-def refined(
+def refined_samples(
     x: Array,
     place: Callable[[Array], Array],
     value: Callable[[Array], Array],
@@ -54,7 +54,7 @@ def refined(
     return x, F, True
 
 
-def newton(
+def newton_from_all(
     step: Callable[[Array], Array],
     x: Array,
     steps: int,
@@ -177,7 +177,7 @@ def farthest(mu: Array) -> float:
     return _angle(mu, abs)
 
 
-def nearest(mu: Array, radius: float) -> float:
+def nearest_pair(mu: Array, radius: float) -> float:
     """The same of the pair that is nearest to a circle."""
     return _angle(mu, lambda pairs: -abs(abs(pairs) - radius))
 

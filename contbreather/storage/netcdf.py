@@ -62,14 +62,14 @@ def target_of(path: str | Path) -> Path:
     return target
 
 
-def write(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone: bool) -> Path:
+def write_file(path: str | Path, contents: Mapping[str, Mapping[str, Any]], *, alone: bool) -> Path:
     """Write dicts by their names, all of a file at once; what was there stays until then.
 
     `alone` says whether the one value is what the file is, rather than the first of several.
     """
     target = target_of(path)
     check_names("branch", contents)
-    with checked(target) as file:
+    with checked_file(target) as file:
         _describe(file, {**_root(), "alone": int(alone)})
         for name, content in contents.items():
             _fill(file.create_group(name, track_order=True), **content)
@@ -96,14 +96,14 @@ def _fill(
     about = {"content": kind, **plain, "parts": [*groups]}
     image = np.array(json.dumps(about, separators=(",", ":")).encode())
     words = {name: value for name, value in (attributes or {"content": kind}).items() if value}
-    fill(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
+    fill_group(group, {**columns, ABOUT: ((), image, {})}, words, prefix)
     # xarray wants dimensions of one name to have one size in a group and in those inside it
     for name, inner in groups.items():
         longer = f"{prefix}{name}_" if columns else prefix
         _fill(group.create_group(name, track_order=True), longer, **inner)
 
 
-def fill(group: h5py.Group, columns: Values, attributes: Values, prefix: str = "") -> None:
+def fill_group(group: h5py.Group, columns: Values, attributes: Values, prefix: str = "") -> None:
     """Write columns and attributes, with this before the names of dimensions."""
     _describe(group, attributes)
     variables = {name: _variable(name, prefix, *column) for name, column in columns.items()}
@@ -211,7 +211,7 @@ def text(words: str) -> np.bytes_:
 
 
 @contextmanager
-def checked(path: str | Path) -> Iterator[h5py.Group]:
+def checked_file(path: str | Path) -> Iterator[h5py.Group]:
     """A netCDF-4 file to fill: written after that with its checksum, whole or not at all."""
     import h5py
 
@@ -241,8 +241,8 @@ def _root() -> dict[str, Any]:
     }
 
 
-def read(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
-    """The dicts of a file that `write` wrote, and whether the one there is what the file is.
+def read_file(path: str | Path) -> tuple[dict[str, dict[str, Any]], bool]:
+    """The dicts of a file that `write_file` wrote, and whether the one there is what the file is.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import model_of
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.studies.schema import Chain, Figure, FromPoint, Grid, Study, part
+from contbreather.studies.schema import Chain, Figure, FromPoint, GridTask, Study, part
 
 Place = tuple[str, ...]
 Fault = tuple[Place, str]  # where it is said, and what is wrong
@@ -93,7 +93,7 @@ def _no_member(study: Study, place: Place, named: str, unread: Collection[str]) 
 def members(study: Study, family: str) -> Iterator[dict[str, float]]:
     """The values of each member of a family: of a grid all, else those of what it starts from."""
     table = study.results[family]
-    if isinstance(table, Grid):
+    if isinstance(table, GridTask):
         yield from combinations(table.grid)
     elif isinstance(table, FromPoint):
         source = part(table.of)
@@ -229,11 +229,11 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
             return
     kinds = {type(study.results[family]).__name__ for family in draws}
     alone = kinds == {"Atlas"} and len(draws) == 1
-    if not (alone or kinds == {"Zones"} or not kinds & {"Zones", "Atlas"}):
+    if not (alone or kinds == {"ZonesTask"} or not kinds & {"ZonesTask", "Atlas"}):
         wanted = "zone diagrams, one atlas, or branches, arms and boundaries"
         yield ("figure", name, "draws"), f"{wanted} were expected, not some of each"
         return
-    fit = {"over", "at"} if alone else set() if kinds == {"Zones"} else {"x", "y"}
+    fit = {"over", "at"} if alone else set() if kinds == {"ZonesTask"} else {"x", "y"}
     if not unread:
         for drawing in figure.draws:
             yield from _no_member(study, ("figure", name, "draws"), drawing, unread)

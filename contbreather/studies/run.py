@@ -148,7 +148,7 @@ def run(
             )  # fmt: skip
             for task, result in zip(work, computed, strict=False):
                 report.enter(task.name, *_outcome(result))
-        drawn(asked.study, asked.tasks, report)
+        draw_figures(asked.study, asked.tasks, report)
     return report
 
 
@@ -210,7 +210,7 @@ def cluster(address: str) -> Iterator[Executor]:
 # --- what is drawn ----------------------------------------------------------------------------
 
 
-def drawn(study: Study, tasks: Sequence[Task], report: Report) -> None:
+def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     """All figures of which everything is there, and all atlases."""
     shown = _Shown(study, tasks, report)
     for name in study.atlas:

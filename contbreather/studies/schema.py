@@ -59,7 +59,7 @@ def a_part(name: str) -> str:
     return name
 
 
-def values(typed: Any) -> list[float]:
+def typed_values(typed: Any) -> list[float]:
     """A number, a list of numbers, or so many from one to another."""
     if isinstance(typed, Mapping):
         if set(typed) != SPREAD:
@@ -76,7 +76,7 @@ def values(typed: Any) -> list[float]:
     return numbers
 
 
-def window(typed: Any) -> list[float]:
+def typed_window(typed: Any) -> list[float]:
     """Two numbers, the smaller first; the second may be inf."""
     numbers = [real(x) for x in typed] if isinstance(typed, list) else []
     if len(numbers) != 2 or not numbers[0] < numbers[1] or math.isinf(numbers[0]):
@@ -92,9 +92,9 @@ def in_range(typed: Any, info: ValidationInfo) -> Any:
 
 
 Named = Annotated[str, AfterValidator(a_part)]
-Values = Annotated[list[float], PlainValidator(values)]
-Ranged = Annotated[list[float], PlainValidator(values), AfterValidator(in_range)]
-Window = Annotated[list[float], PlainValidator(window)]
+Values = Annotated[list[float], PlainValidator(typed_values)]
+Ranged = Annotated[list[float], PlainValidator(typed_values), AfterValidator(in_range)]
+Window = Annotated[list[float], PlainValidator(typed_window)]
 Least = Annotated[float, AfterValidator(in_range)]
 
 
@@ -162,7 +162,7 @@ class Chain(Table):
         return {"lattice": self.place, **{n: v for n, v in options.items() if v is not None}}
 
 
-class Grid(Table):
+class GridTask(Table):
     """Values of parameters: something for each combination of them."""
 
     a: Ranged | None = None
@@ -180,7 +180,7 @@ class Grid(Table):
         return {**{name: getattr(self, name) for name in self.given}, **self.entries["over"]}
 
 
-class Branch(Grid):
+class BranchTask(GridTask):
     """Breathers along one parameter; of several values a branch each."""
 
     free: str
@@ -190,7 +190,7 @@ class Branch(Grid):
     largest: Annotated[float, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
-    def complete(self) -> Branch:
+    def complete(self) -> BranchTask:
         """Each parameter but the free one has a value."""
         missing = [name for name in PAIRS if name not in (self.free, *self.given)]
         if missing:
@@ -220,14 +220,14 @@ class Boundary(FromPoint):
     largest: Annotated[float, Field(gt=0.0)] | None = None
 
 
-class Zones(Grid):
+class ZonesTask(GridTask):
     """Zone diagrams, one for each value."""
 
     within: dict[str, Window] = Field(default_factory=dict)
     past_folds: bool = False
 
     @model_validator(mode="after")
-    def one_fixed(self) -> Zones:
+    def one_fixed(self) -> ZonesTask:
         """Exactly one of the three has values."""
         fixed = self.given
         if len(fixed) != 1:
@@ -246,7 +246,7 @@ class Zones(Grid):
         return self.given[0]
 
 
-class Atlas(Zones):
+class Atlas(ZonesTask):
     """Zone diagrams whose curves make surfaces: all their points in one file, too."""
 
 
@@ -266,10 +266,10 @@ class Study(Table):
 
     title: str = ""
     chain: Chain = Chain()
-    branch: dict[str, Branch] = Field(default_factory=dict)
+    branch: dict[str, BranchTask] = Field(default_factory=dict)
     arms: dict[str, Arms] = Field(default_factory=dict)
     boundary: dict[str, Boundary] = Field(default_factory=dict)
-    zones: dict[str, Zones] = Field(default_factory=dict)
+    zones: dict[str, ZonesTask] = Field(default_factory=dict)
     atlas: dict[str, Atlas] = Field(default_factory=dict)
     figure: dict[str, Figure] = Field(default_factory=dict)
 

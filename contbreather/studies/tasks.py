@@ -20,7 +20,7 @@ from contbreather.continuation.switching import switch
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
 from contbreather.files import named, write_whole
-from contbreather.orbits.atlas import Slice, drawn
+from contbreather.orbits.atlas import Slice, drawn_in_plane
 from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
@@ -231,7 +231,7 @@ def _zones(task: Task, folder: Path) -> Any:
     name = next(name for name in asked["at"] if name not in drive.params)
     how = {"within": _within(task), "past_folds": asked["past_folds"]}
     plane = Slice(name, asked["at"][name], drive)
-    return drawn(plane, **chain.on, **how, threshold=chain.threshold)
+    return drawn_in_plane(plane, **chain.on, **how, threshold=chain.threshold)
 
 
 _COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {
@@ -306,7 +306,7 @@ class Plan:
             {
                 "name": task.name,
                 "kind": task.kind,
-                "conditions": conditions(task),
+                "conditions": task_conditions(task),
                 "state": WORDS["" if self.wants(task) else task.outcome(self.folder)[0]],
             }
             for task in self.tasks
@@ -372,7 +372,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     return Plan(study, tasks, left, place)
 
 
-def conditions(task: Task) -> str:
+def task_conditions(task: Task) -> str:
     """What is computed, at which values, in which windows, from what."""
     asked, words = task.asked, [task.kind]
     if task.needs is not None:

@@ -31,7 +31,7 @@ from contbreather.stability import (
 )
 from contbreather.stability.arc import window
 from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.counting import outside
+from contbreather.stability.counting import count_on_chain
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.saltation import saltation
 from contbreather.stability.verdict import verdict
@@ -184,7 +184,7 @@ def ask_half(rng, look):
         told.add("no such count")
     if count.certain and mu.size != count.count:
         told.add("other number of multipliers")
-    if count.certain and outside(gamma, k, b, chain) != count.count:
+    if count.certain and count_on_chain(gamma, k, b, chain) != count.count:
         told.add("other road")
     if spring == 0.0 and gamma > 0.0 and count.certain:
         whole = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])

@@ -167,32 +167,35 @@ def test_balls_cover_all_times() -> None:
 def test_krawczyk_proves_a_root_where_there_is_one(
     middle: float, radius: float, root: float | None
 ) -> None:
-    found = balls.krawczyk(lambda x: [x[0] * x[0] - 2], [balls.about(middle, radius)])
+    found = balls.krawczyk(lambda x: [x[0] * x[0] - 2], [balls.enclosure_about(middle, radius)])
     assert (found is None) == (root is None)
     assert found is None or found[0].contains(arb(2).sqrt())
 
 
 def test_krawczyk_never_proves_a_double_root() -> None:
     for radius in (1e-12, 1e-3, 1.0):
-        assert balls.krawczyk(lambda x: [x[0] * x[0]], [balls.about(1e-3 * radius, radius)]) is None
+        assert (
+            balls.krawczyk(lambda x: [x[0] * x[0]], [balls.enclosure_about(1e-3 * radius, radius)])
+            is None
+        )
 
 
 def test_krawczyk_wants_all_unknowns_inside() -> None:
     def both(z: Any) -> Any:
         return [z[0] * z[0] - 2, z[1] * z[1] - 3]
 
-    near, far = balls.about(1.4, 0.1), balls.about(1.5, 0.1)
-    assert balls.krawczyk(both, [near, balls.about(1.7, 0.1)])
+    near, far = balls.enclosure_about(1.4, 0.1), balls.enclosure_about(1.5, 0.1)
+    assert balls.krawczyk(both, [near, balls.enclosure_about(1.7, 0.1)])
     assert balls.krawczyk(both, [near, far]) is None
 
 
 def test_krawczyk_with_a_parameter_is_about_each_of_its_values() -> None:
-    box = [balls.about(1.45, 0.1), balls.hull(2.0, 2.2)]
+    box = [balls.enclosure_about(1.45, 0.1), balls.hull(2.0, 2.2)]
     found = balls.krawczyk(lambda z: [z[0] * z[0] - z[1]], box, along=1)
     assert found is not None
     assert found[0].contains(arb(2).sqrt())
     assert found[0].contains(arb(2.2).sqrt())
-    wide = [balls.about(1.45, 0.1), balls.hull(2.0, 2.9)]
+    wide = [balls.enclosure_about(1.45, 0.1), balls.hull(2.0, 2.9)]
     assert balls.krawczyk(lambda z: [z[0] * z[0] - z[1]], wide, along=1) is None
 
 
@@ -247,7 +250,7 @@ def test_a_zero_is_alone_up_to_the_next_one() -> None:
         assert zero[0].contains(arb(1e-13))
         assert 2e-14 < proofs.alone_within(square, zero) < 2e-13
         assert proofs.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
-        line = [balls.about(0.2, 1e-20)]
+        line = [balls.enclosure_about(0.2, 1e-20)]
         assert proofs.alone_within(lambda z: [z[0] - arb(0.2)], line) == proofs.FARTHEST == 0.3
 
 
@@ -257,7 +260,7 @@ def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
             found = proofs.zero_near(lambda z: [z[0] - arb(1e-9)], [0.0], within)
             assert (found is not None) is there
         assert proofs.zero_near(lambda z: [z[0] * z[0]], [0.0], 1e-3) is None
-        assert balls.krawczyk(lambda z: [z[0] * z[0]], [balls.about(0.0, 1e-3)]) is None
+        assert balls.krawczyk(lambda z: [z[0] * z[0]], [balls.enclosure_about(0.0, 1e-3)]) is None
         assert proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
         assert not proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)
 

@@ -282,17 +282,17 @@ def test_parts_of_sparse_matrices_are_those_of_dense_ones() -> None:
         (sparse.beside(one, more[:, :2]), np.hstack([dense, more[:, :2]])),
         (sparse.above(one, more[:2]), np.vstack([dense, more[:2]])),
         (sparse.scaled(one, rows, columns), dense * columns * rows[:, None]),
-        (sparse.shifted(one, 0.5), dense + 0.5 * np.eye(9)),
+        (sparse.plus_diagonal(one, 0.5), dense + 0.5 * np.eye(9)),
     ]
     for found, exact in pairs:
         assert found.toarray() == pytest.approx(exact)
-    assert sparse.columns_of(one).tolist() == np.sort(np.nonzero(dense)[1]).tolist()
+    assert sparse.entry_columns(one).tolist() == np.sort(np.nonzero(dense)[1]).tolist()
     sizes = (abs(dense) * abs(columns)).max(axis=1)
     assert sparse.row_sizes(one, abs(columns)) == pytest.approx(sizes)
     assert sparse.row_sizes(dense, abs(columns)) == pytest.approx(sizes)
     assert np.linalg.norm(sparse.any_vector(9)) == pytest.approx(1.0)
     complex_right = rows + 1j * columns
-    shifted = sparse.shifted(one, 2j)
+    shifted = sparse.plus_diagonal(one, 2j)
     assert shifted @ algebra.solved(shifted, complex_right, "why") == pytest.approx(complex_right)
 
 
@@ -376,7 +376,7 @@ def loops(n: int, shift: float) -> Any:
         return 0
 
     given = {"evaluate": evaluate, "derive": derive, "N": n, "SHIFT": shift}
-    return bound(null_vectors.conditions, **given), bound(null_vectors.slopes, **given)
+    return bound(null_vectors.conditions, **given), bound(null_vectors.null_slopes, **given)
 
 
 def expected(z: Any, n: int, shift: float) -> Any:

@@ -56,7 +56,7 @@ def written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[], lis
     monkeypatch.setattr(checkpoint, "EVERY", 5.0)
     monkeypatch.setattr(checkpoint, "SHARE", 1e9)
     images: list[bytes] = []
-    write = checkpoint.write
+    write = checkpoint.write_results
 
     def looked(path: Path, named: Any, **how: Any) -> Path:
         images.append(write(path, named, **how).read_bytes())

@@ -25,7 +25,7 @@ WITHIN = {"a": (0.06, 0.9)}
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
     """Say whether steps are taken by machine code, which is there, or by the text."""
-    machine = compiled_steps.machine
+    machine = compiled_steps.machine_code
 
     def say(so: bool) -> None:
         monkeypatch.setattr(compiled_steps, "machine", machine if so else lambda loops: None)

@@ -318,7 +318,7 @@ def test_strong_resonances_have_another_normal_form(angle: float) -> None:
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     mine = FixedPoint(lambda u, p: p["s"] * turn @ u, {"u": np.zeros(2)}, {"s": 1.0})
     with pytest.raises(Undefined, match="strong resonance"):
-        forms.rotation(Point(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0])), angle)
+        forms.rotation_coefficient(Point(Curve(mine, ("s",)), np.array([0.0, 0.0, 1.0])), angle)
 
 
 def test_scales_measure_the_eigenvector() -> None:
@@ -373,7 +373,7 @@ def test_the_cost_is_a_few_jacobians_whatever_the_size() -> None:
     curve = Curve(mine, ("m",))
     curve.jacobian(curve.start)
     calls = 0
-    l1 = forms.lyapunov(Point(curve, curve.start), 1.0)
+    l1 = forms.lyapunov_coefficient(Point(curve, curve.start), 1.0)
     assert l1.value == pytest.approx(-0.75, rel=1e-9)  # -3/8 a^3 of the cubic, |q|^2 = 1
     assert calls <= 65
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import contbreather as cb
 from contbreather.continuation import Problem, Stop, derivatives, fold, trace
-from contbreather.continuation.interpolant import closest
+from contbreather.continuation.interpolant import closest_tangent
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Dense, Undefined, approach, newton, solve
 from contbreather.errors import NotConverged
@@ -168,9 +168,9 @@ def test_an_approach_comes_near_from_anywhere_or_says_that_it_does_not() -> None
 
 def test_the_closest_of_some_tangents_is_turned_to_the_side_of_the_row() -> None:
     tangents = np.array([[1.0, 0.0], [0.0, 1.0]])
-    assert closest(tangents, np.array([0.9, 0.1])).tolist() == [1.0, 0.0]
-    assert closest(tangents, np.array([-0.9, 0.1])).tolist() == [-1.0, 0.0]
-    assert closest(tangents, np.array([0.1, -0.9])).tolist() == [0.0, -1.0]
+    assert closest_tangent(tangents, np.array([0.9, 0.1])).tolist() == [1.0, 0.0]
+    assert closest_tangent(tangents, np.array([-0.9, 0.1])).tolist() == [-1.0, 0.0]
+    assert closest_tangent(tangents, np.array([0.1, -0.9])).tolist() == [0.0, -1.0]
 
 
 # --- derivatives of boundaries --------------------------------------------------------------------

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 import contbreather as cb
 from contbreather.continuation import Event
 from contbreather.errors import BadInput, NoSolution, NotConverged
-from contbreather.storage.netcdf import checked
+from contbreather.storage.netcdf import checked_file
 
 from .zoo import LINE, PITCHFORK
 
@@ -65,7 +65,7 @@ def test_a_file_with_more_unknowns_than_the_problem_is_refused(tmp_path: Path) -
 
 
 def test_netcdf_of_others_with_a_sound_end_is_refused(tmp_path: Path) -> None:
-    with checked(tmp_path / "other.nc") as file:
+    with checked_file(tmp_path / "other.nc") as file:
         file.attrs["format"] = "branches of somebody else"
     with pytest.raises(BadInput, match=r"other\.nc holds nothing that this version's `save` wr"):
         cb.load(tmp_path / "other.nc")

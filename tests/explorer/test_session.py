@@ -17,8 +17,8 @@ import contbreather as cb
 from contbreather.errors import BadInput, Interrupted, NoSolution
 from contbreather.explorer import Explorer, jobs, session
 from contbreather.explorer.jobs import Computation, JobThread, Progress
-from contbreather.explorer.preview import LADDER, _mixed, between
-from contbreather.explorer.state import numbers
+from contbreather.explorer.preview import LADDER, _mixed, diagram_between
+from contbreather.explorer.state import drawn_columns
 
 from ..apart import HUNG, until
 
@@ -229,7 +229,7 @@ def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_ex
 
 
 def test_diagrams_with_other_curves_have_nothing_between_them() -> None:
-    assert between(*cb.zones(k=[0.15, 0.2]), 0.17) is None  # the pitchfork sets in
+    assert diagram_between(*cb.zones(k=[0.15, 0.2]), 0.17) is None  # the pitchfork sets in
 
 
 def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
@@ -511,7 +511,7 @@ def test_axes_are_all_columns_of_numbers_and_no_others(recorded: Any) -> None:
     branch = cb.trace(line, "mu", within={"mu": (0.5, 2)}, events=(), steps=cb.Steps(most=3))
     state = Explorer(branch).state
     assert state.columns == ("mu", "u")
-    assert numbers(branch) == ["mu", "sum", "arclength", "residual", "u"]
+    assert drawn_columns(branch) == ["mu", "sum", "arclength", "residual", "u"]
 
 
 def test_a_cycle_is_drawn_by_its_period_with_and_without_its_equations(tmp_path: Path) -> None:
@@ -525,4 +525,4 @@ def test_a_cycle_is_drawn_by_its_period_with_and_without_its_equations(tmp_path:
     cb.save(tmp_path / "cycles.nc", branch)
     for known in (branch, cb.load(tmp_path / "cycles.nc")):
         assert Explorer(known).state.columns == ("a", "period")
-    assert not {"orbit", "mesh"} & {*numbers(branch)}
+    assert not {"orbit", "mesh"} & {*drawn_columns(branch)}

@@ -45,7 +45,7 @@ def test_small_lattices_are_shown_whole() -> None:
 
 
 def test_motion_marks_every_impact_on_its_wall() -> None:
-    found = summary.motion(B, (0, 1))
+    found = summary.sites_wanted(B, (0, 1))
     assert {(site, wall) for site, _, wall in found.hits} == {(0, -1.0), (0, 1.0)}
     for site, time, wall in found.hits:
         assert B.displacement(site, 2 * np.pi * time) == pytest.approx(wall, abs=1e-12)
@@ -54,13 +54,13 @@ def test_motion_marks_every_impact_on_its_wall() -> None:
 
 def test_sites_that_a_lattice_lacks_are_left_out() -> None:
     ring = B.on(cb.Ring(10))
-    assert list(summary.motion(ring, (0, 3, 40)).by_site) == [0, 3]
-    assert list(summary.motion(ring, (-1,)).by_site) == [-1]
-    assert list(summary.motion(ring, (40,)).by_site) == [0]
+    assert list(summary.sites_wanted(ring, (0, 3, 40)).by_site) == [0, 3]
+    assert list(summary.sites_wanted(ring, (-1,)).by_site) == [-1]
+    assert list(summary.sites_wanted(ring, (40,)).by_site) == [0]
 
 
 def test_multipliers_of_a_symmetric_breather_are_those_of_half_a_period() -> None:
-    found = summary.multipliers(B, 100)
+    found = summary.multipliers_shown(B, 100)
     np.testing.assert_array_equal(found.mu, B.multipliers(sites=100, half=True))
     assert found.about == "over half a period, ring of 100"
     edge = math.tau * 0.08**0.5  # exp(+-i pi w), w up to 2 sqrt(gamma)
@@ -70,7 +70,7 @@ def test_multipliers_of_a_symmetric_breather_are_those_of_half_a_period() -> Non
 
 def test_multipliers_of_a_finite_lattice_are_its_own() -> None:
     damped = cb.symmetric(a=0.6, gamma=0.05, k=0.8, lattice=cb.Ring(12), damping=0.02)
-    found = summary.multipliers(damped, 400)
+    found = summary.multipliers_shown(damped, 400)
     assert found.mu.size == 24
     assert np.median(abs(found.waves)) == pytest.approx(math.exp(-0.01 * math.pi))  # half a period
 

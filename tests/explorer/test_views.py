@@ -277,7 +277,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
 
 
 def test_the_motion_shows_each_site_between_its_walls() -> None:
-    view, shown = views.MotionView(LIGHT, "t/2π"), summary.motion(B, (1, 0))
+    view, shown = views.MotionView(LIGHT, "t/2π"), summary.sites_wanted(B, (1, 0))
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
                       sample=cb.simulation.Sample((0, 3), 32))  # fmt: skip
     view.show(shown, "stable")
@@ -348,7 +348,7 @@ def test_words_in_a_crowd_do_not_cover_each_other_and_none_stands_twice() -> Non
     x[20], y[20] = x[3] + 2.0, y[3]
     words = [f"PF{i % 20}" for i in range(40)]  # number 20 is number 0 again, at another place
     words[20] = words[3]
-    found = views.spread(x, y, words)
+    found = views.spread_words(x, y, words)
     shown = [i for i, word in enumerate(found["text"]) if word]
     left, base = x + found["dx"], y + found["dy"]
     for i, j in itertools.combinations(shown, 2):
@@ -361,12 +361,12 @@ def test_words_in_a_crowd_do_not_cover_each_other_and_none_stands_twice() -> Non
 
 
 def test_a_word_alone_stands_to_the_upper_right() -> None:
-    assert views.spread(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
+    assert views.spread_words(np.array([5.0]), np.array([5.0]), ["LP1"]) == {
         "text": ["LP1"], "dx": [7.0], "dy": [-5.0],
     }  # fmt: skip
 
 
 def test_a_word_stays_inside_the_figure() -> None:
-    place = views.spread(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
+    place = views.spread_words(np.array([95.0]), np.array([50.0]), ["LP1"], 100.0)
     assert place["text"] == ["LP1"]
     assert place["dx"][0] < 0.0

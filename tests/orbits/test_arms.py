@@ -18,7 +18,7 @@ from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symm
 from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
-from contbreather.orbits.constructors import asymmetric, beside, shooting
+from contbreather.orbits.constructors import asymmetric, shooting, started_on_arm
 from contbreather.orbits.green_equations import OrbitEquations
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
@@ -566,7 +566,7 @@ def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
         with pytest.raises(NotConverged, match=why) as error:
             lifted.arm(amplitude)
         assert amplitude != -3.0 or error.value.residual > 1
-    assert orbit_at(beside(chain, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
+    assert orbit_at(started_on_arm(chain, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -15,7 +15,7 @@ from scipy import sparse
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.modal_flow import (
-    driven,
+    driven_modes,
     free_multipliers,
     propagator,
     propagator_slope,
@@ -286,7 +286,7 @@ def test_arms_of_a_damped_lattice_are_where_simulation_goes() -> None:
 def test_forced_motion_solves_its_equation() -> None:
     lattice = random_lattice(3)
     forcing = cb.Fourier({1: -1.0, 3: 0.5}, {5: 0.2})
-    forced = driven(lattice, forcing, 0.2, 0.3, 0.1)
+    forced = driven_modes(lattice, forcing, 0.2, 0.3, 0.1)
     K = 0.2 * np.diag(1 / lattice.masses) @ lattice.stiffness + 0.3 * np.eye(lattice.sites)
     for t in (0.0, 1.3):
         u, v, w = (forced.everywhere(t, order) for order in range(3))
@@ -660,12 +660,12 @@ def test_flights_and_their_slopes_are_exact_where_modes_drift_turn_and_creep(
 def test_a_drive_is_in_resonance_to_rounding_only() -> None:
     """One mode, driven with its frequency 1: of f = cos t it makes (cos t)/(1 - spring)."""
     for off in (1e-10, -1e-10):
-        forced = driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + off, 0.0)
+        forced = driven_modes(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + off, 0.0)
         assert forced.at(0, 0.0)[0] == pytest.approx(-1.0 / off, rel=1e-5)
     with pytest.raises(cb.BadInput, match="has the frequency 1 of one of its harmonics"):
-        driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + 1e-13, 0.0).at(0, 0.0)
-    assert math.isfinite(driven(cb.Ring(3), cb.Harmonic(), 0.1, 1.0, 1e-6).at(0, 0.0)[0])
-    third = driven(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
+        driven_modes(cb.Ring(3), cb.Harmonic(), 0.1, 1.0 + 1e-13, 0.0).at(0, 0.0)
+    assert math.isfinite(driven_modes(cb.Ring(3), cb.Harmonic(), 0.1, 1.0, 1e-6).at(0, 0.0)[0])
+    third = driven_modes(cb.Ring(3), cb.Fourier(cos={1: -1.0, 3: 1.0}), 0.1, 9.0 + 1e-10, 0.0)
     assert third.at(0, 0.0)[0] == pytest.approx(1e10, rel=1e-4)
 
 
@@ -681,10 +681,10 @@ def test_slopes_of_the_forced_motion_are_its_difference_quotients(name, lattice,
     def at(step: float) -> np.ndarray:
         there = forcing.at(**{name: forcing.params[name] + step}) if name in "c3 s5" else forcing
         moved = {n: v + step * (n == name) for n, v in here.items()}
-        made = driven(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
+        made = driven_modes(lattice, there, moved["gamma"], moved["spring"], moved["damping"])
         return np.array(made.at(1, 0.7)[:2])
 
-    own = driven(lattice, forcing, *here.values()).slope(name, 1, 0.7)
+    own = driven_modes(lattice, forcing, *here.values()).slope(name, 1, 0.7)
     assert own == pytest.approx((at(1e-6) - at(-1e-6)) / 2e-6, rel=1e-6, abs=1e-8)
     if name == "a" or (name == "gamma" and lattice.uniform):
         assert own == (0.0, 0.0)

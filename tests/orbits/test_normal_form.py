@@ -17,7 +17,7 @@ from contbreather.lattice import Fourier, InfiniteChain, Ring
 from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import pitchfork, symmetric
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.constructors import beside
+from contbreather.orbits.constructors import started_on_arm
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.multibreathers import multibreather
 from contbreather.orbits.normal_form import pitchfork_form
@@ -56,7 +56,7 @@ def test_coefficient_is_what_the_arms_do_in_any_parameter(lattice, free):
     lifted = lift(branch_point)
     gaps = []
     for asymmetry in (0.005, 0.01):
-        there = beside(lifted, asymmetry)
+        there = started_on_arm(lifted, asymmetry)
         off = there.params[free] - lifted.problem.params[free]
         gaps.append(orbit_at(there).asymmetry ** 2 / off)
     limit = gaps[0] + (gaps[0] - gaps[1]) / 3
@@ -71,7 +71,7 @@ def test_the_word_says_whether_the_arms_take_over_stability(c3, word, gamma):
     branch = trace(start, "a", within={"a": (0.05, 3)}, events=[pitchfork()], inadmissible=True)
     point = branch.first("PF")
     assert pitchfork_form(point.solution).criticality == word
-    arm = orbit_at(beside(lift(point), 0.01)).map.count().count
+    arm = orbit_at(started_on_arm(lift(point), 0.01)).map.count().count
     near = [point["a"] - 1e-4, point["a"] + 1e-4]
     near_by = trace(point, "a", events=(), within={"a": near}, inadmissible=True)
     counts = [near_by[i].solution.stability().unstable for i in (0, -1)]

@@ -281,6 +281,6 @@ def test_nothing_in_a_file_is_executed(
 ) -> None:
     """A formula that calls, and a kind that is the name of a function."""
     content = branch_to_dict(branch) | {"equations": equations}
-    netcdf.write(tmp_path / "evil.nc", {"evil": content}, alone=True)
+    netcdf.write_file(tmp_path / "evil.nc", {"evil": content}, alone=True)
     with pytest.raises(cb.BadInput, match=sentence):
         cb.load(tmp_path / "evil.nc")

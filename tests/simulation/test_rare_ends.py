@@ -160,15 +160,15 @@ def test_a_file_that_this_version_does_not_write_is_refused(tmp_path) -> None:
     ):
         conditions = {**about["conditions"], **changed}
         text = np.array(json.dumps({**about, "conditions": conditions}))
-        recording.save(start, {"about": text, **kept.start._asdict()})
+        recording.save_part(start, {"about": text, **kept.start._asdict()})
         with pytest.raises(BadInput, match=words):
             open_recording(tmp_path / "run")
     for missing, word in (("conditions", "walls"), ("t0", "t0"), ("sample", "sample")):
         text = np.array(json.dumps({k: v for k, v in about.items() if k != missing}))
-        recording.save(start, {"about": text, **kept.start._asdict()})
+        recording.save_part(start, {"about": text, **kept.start._asdict()})
         with pytest.raises(BadInput, match=rf"does not write such a file \('{word}'\)"):
             open_recording(tmp_path / "run")
-    recording.save(start, {"about": np.array("no json"), **kept.start._asdict()})
+    recording.save_part(start, {"about": np.array("no json"), **kept.start._asdict()})
     with pytest.raises(BadInput, match="this version does not write such a file"):
         open_recording(tmp_path / "run")
 

@@ -20,7 +20,7 @@ from contbreather.stability import (
     unstable_count,
     unstable_multipliers,
 )
-from contbreather.stability.counting import many_outside, outside, resolved_arc
+from contbreather.stability.counting import count_on_chain, many_outside, resolved_arc
 from tests.stability.by_hand import b_of, fold_b, pitchfork_b
 
 CHAIN = InfiniteChain()
@@ -185,7 +185,7 @@ def test_many_counts_at_once_are_those_of_one_by_one():
     sure = found >= 0
     assert 0.5 < sure.mean() < 1.0
     assert np.array_equal(found[sure], np.array(single)[sure])
-    assert single == [outside(*one, CHAIN) for one in zip(gamma, k, b, strict=True)]
+    assert single == [count_on_chain(*one, CHAIN) for one in zip(gamma, k, b, strict=True)]
     far = (kind > 3) & (gamma > 1e-9) & (gamma < 0.2499) & (k < 1.0)
     assert np.mean(found[far] < 0) < 0.02
 
