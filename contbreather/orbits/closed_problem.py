@@ -32,12 +32,7 @@ from contbreather.orbits.closure import Closure
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
-from contbreather.orbits.orbit_problem import (
-    OnCircle,
-    OrbitProblem,
-    ring_label,
-    unstable_by,
-)
+from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table

@@ -221,12 +221,13 @@ def other_contacts(
     measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
-        same, opposite = measured.rows[-2:, : WHEN + 1].tolist()
-        known = mirrored and abs(opposite[MARGIN]) < MIRRORED
-        crests = [same] if known or opposite[MARGIN] == math.inf else [same, opposite]
-        times = [orbit.start + crest[WHEN] % orbit.period for crest in crests]
-        others = zip(crests, times, strict=True)
-        gaps = [*(Clearance(crest[MARGIN], site, time) for crest, time in others), *gaps]
+        crests = measured.rows[-2:, : WHEN + 1].tolist()  # at its own wall, and at the other one
+        opposite = crests[1][MARGIN]
+        if opposite == math.inf or (mirrored and abs(opposite) < MIRRORED):
+            crests.pop()
+        period = orbit.period
+        own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
+        gaps = own + gaps
     told = []
     for gap in gaps:
         size = orbit.influence(site, gap.site)
