@@ -87,7 +87,7 @@ def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) 
 
 def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted, monkeypatch) -> None:
     found = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", within={"a": (0.3, 1)}).first("GR")
-    orbit, filled = solution_at(found), counted(margins, "fill")
+    orbit, filled = solution_at(found), counted(margins, "sample_path")
     monkeypatch.setattr(kernels.Kernel, "code", lambda kernel: None)
     other_contacts(orbit.motion, 1, found.detail["t"])
     assert filled["calls"] <= 4  # of thirteen
@@ -104,7 +104,7 @@ def test_all_that_branches_and_boundaries_step_with_is_compiled_with_the_package
             assert function in listed
             asked[function.__name__.split("_closure")[0]] += 1
 
-    monkeypatch.setattr(compiled_steps, "machine", machine)
+    monkeypatch.setattr(compiled_steps, "machine_code", machine)
     cb.zones(k=0.8, within={"gamma": (0.03, 0.1)})
     start, window = cb.symmetric(0.5, 0.04, 0.8), {"a": (0.05, 0.5)}
     folds = cb.trace(start, "a", within=window, events=[cb.fold()], inadmissible=True)
