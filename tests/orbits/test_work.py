@@ -112,4 +112,4 @@ def test_all_that_branches_and_boundaries_step_with_is_compiled_with_the_package
     cb.boundary(folds.first("LP"), ("gamma", "a"), within=pair, events=(), inadmissible=True)
     named = {"closure", "fold", "pitchfork", "pair", "contact"}
     # and the engine's own fold, which knows no closed form
-    assert set(asked) == named | {f"{n}_slopes" for n in named} | {"conditions", "slopes"}
+    assert set(asked) == named | {f"{n}_slopes" for n in named} | {"conditions", "null_slopes"}
