@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from .boundary import boundary as boundary
     from .branch import Branch as Branch
     from .branch import Stop as Stop
+    from .branch import refined as refined
     from .branch import with_columns as with_columns
-    from .branch import with_more_points as with_more_points
     from .equilibria import branch_point as branch_point
     from .equilibria import cusp as cusp
     from .equilibria import fold as fold

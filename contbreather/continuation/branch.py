@@ -329,7 +329,7 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
 
 
-def with_more_points(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
+def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
     """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
     finds them; what it had stays.
 

@@ -29,7 +29,7 @@ from .event_location import (
 from .interpolant import StepInterpolant
 from .newton import Array, Undefined
 from .point import Event, Point
-from .samples import ASIDE, StepSamples, Value, counts_apart, test_value
+from .samples import ASIDE, StepSamples, Value, counts_apart, value_of_test
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
 _POINT = 1e-6  # relative length of a piece of curve within which two zeros are one
@@ -254,7 +254,7 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
             segment = samples.segment
             u = (point.arclength - segment.first.arclength) / segment.length
             if 0 < u < 1 and samples.event is not point.event:
-                samples.learn(u, test_value(samples.event, point))
+                samples.learn(u, value_of_test(samples.event, point))
         for samples in tests:
             yield from _dipped(samples)
 
@@ -277,7 +277,7 @@ def _closer(samples: StepSamples) -> Iterator[Point]:
             samples.done.append((0.0, 1.0))
             point = segment.provisional(0.5 * (left + right))
             at_ends = min(abs(samples.values[u]) for u in (0.0, 1.0))
-            if abs(test_value(samples.event, point)) >= at_ends:
+            if abs(value_of_test(samples.event, point)) >= at_ends:
                 return  # what was seen is where the curve starts or ends
             yield special(samples, point, left, right, not_simple(samples.event.kind))
             return
@@ -309,7 +309,7 @@ def _between(
         middle = piece.provisional(0.5)
         at_first, at_last, parts = start is segment.first, end is segment.last, list[StepSamples]()
         for event, value in zip((samples.event for samples in tests), values, strict=True):
-            seen = {0.0: value, 0.5: test_value(event, middle), 1.0: test_value(event, end)}
+            seen = {0.0: value, 0.5: value_of_test(event, middle), 1.0: value_of_test(event, end)}
             parts.append(part := StepSamples(piece, event, seen))
             beside = _AT_CUT * max(abs(seen[0.0]), abs(seen[0.5]))
             if not (at_last or part.jumps) and abs(seen[1.0]) <= beside:
@@ -349,7 +349,7 @@ def _explained(
     segment, more = count.segment, list[Point]()
     if jumps := _jumps(count, points):
         for other, u in itertools.product(others, itertools.chain(*jumps)):
-            other.learn(u, test_value(other.event, segment.provisional(u)))
+            other.learn(u, value_of_test(other.event, segment.provisional(u)))
         more = [point for other in others for point in locate(other)]
         jumps = _jumps(count, [*points, *more])
     for low, high in jumps:

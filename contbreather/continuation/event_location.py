@@ -21,7 +21,7 @@ from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined
 from .point import DefiningSystem, Examined, Level, Point
-from .samples import ASIDE, StepSamples, count_at, counts_apart, test_value
+from .samples import ASIDE, StepSamples, count_at, counts_apart, value_of_test
 
 Place = tuple[float, float, Point]  # bracket and point
 
@@ -133,7 +133,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Place | None:
     if place := _solved(samples, u, left, right):
         return place
     point, kind = samples.segment.at(u), samples.event.kind
-    if abs(test_value(samples.event, point)) <= 1e-6 * size:
+    if abs(value_of_test(samples.event, point)) <= 1e-6 * size:
         return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
     if samples.event.may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
@@ -146,11 +146,11 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     """The point at a zero, doubtful if the test is exactly zero beside it as well."""
     segment, event = samples.segment, samples.event
     point = segment.at(u)
-    if test_value(event, point) != 0:
+    if value_of_test(event, point) != 0:
         return point
     aside = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
     beside = [v for v in (u - aside, u + aside) if left < v < right]
-    if all(test_value(event, segment.at(v)) != 0 for v in beside):
+    if all(value_of_test(event, segment.at(v)) != 0 for v in beside):
         return point
     reason = f"the test of {event.kind} is zero along a piece of the curve, which is not a place"
     return replace(point, detail={"reason": reason})
@@ -165,7 +165,7 @@ def _at_crossing(samples: StepSamples, u: float, size: float) -> Place:
     except Undefined as error:
         raise Undefined(f"its test has no value in between, and {error}") from error
     place, point = segment.corrected(branch_point.solution, branch_point.tangents)
-    if abs(test_value(samples.event, point)) > 1e-6 * size:
+    if abs(value_of_test(samples.event, point)) > 1e-6 * size:
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
 
@@ -220,7 +220,10 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Place 
             return None
         low, high = place - ASIDE, place + ASIDE
         if not event.crosses:
-            before, after = test_value(event, segment.at(low)), test_value(event, segment.at(high))
+            before, after = (
+                value_of_test(event, segment.at(low)),
+                value_of_test(event, segment.at(high)),
+            )
             if before == after if isinstance(before, int) else not before * after <= 0:
                 return None
     except OUT_OF_DOMAIN:
@@ -271,7 +274,7 @@ def separated(samples: StepSamples) -> Iterator[Point]:
             return
         try:
             point = samples.place(middle)
-            value, counts[middle] = test_value(event, point), event.count(point)
+            value, counts[middle] = value_of_test(event, point), event.count(point)
         except OUT_OF_DOMAIN:  # nothing can be seen there
             continue
         if right - left > _ONE:
@@ -335,7 +338,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
             if min(abs(u - v) for v in size) > _ONE:
-                value = test_value(samples.event, samples.segment.provisional(u))
+                value = value_of_test(samples.event, samples.segment.provisional(u))
                 size[u] = abs(samples.deflated(u, value))
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
@@ -346,7 +349,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     u = 0.5 * (left + right)
     if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
         point = samples.segment.provisional(u)
-        if abs(samples.deflated(u, test_value(samples.event, point))) < _TOUCH * highest:
+        if abs(samples.deflated(u, value_of_test(samples.event, point))) < _TOUCH * highest:
             reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
             yield _double(samples, left, right, point, reason)
 

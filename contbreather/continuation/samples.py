@@ -25,7 +25,7 @@ _TOWARDS = 6  # halvings of the way to where a test has no value
 _LOW = 0.1  # a test this small within a step, relative to its largest, is looked at more closely
 
 
-def test_value(event: Event, point: Point) -> Value:
+def value_of_test(event: Event, point: Point) -> Value:
     """The test of an event: an int where it counts, a float where it has zeros, NaN where it has
     no value."""
     try:
@@ -112,7 +112,7 @@ class StepSamples:
 
     def look(self, u: float) -> Value:
         """The test on the curve."""
-        value = test_value(self.event, self.place(u))
+        value = value_of_test(self.event, self.place(u))
         if math.isnan(value):
             raise Undefined("the test has no value between two points of the curve")
         return value
@@ -129,7 +129,7 @@ class StepSamples:
 
     def glance(self, u: float) -> Value:
         """The test on the cubic, close enough to see its sign."""
-        self.values[u] = test_value(self.event, self.segment.provisional(u))
+        self.values[u] = value_of_test(self.event, self.segment.provisional(u))
         return self.values[u]
 
     def learn(self, u: float, value: Value) -> None:

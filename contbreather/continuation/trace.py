@@ -29,7 +29,7 @@ from .newton import Undefined
 from .point import Event, Point
 from .points import Points
 from .problem import Problem, problem_in
-from .samples import Value, count_at, counted, measure_many, test_value
+from .samples import Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
 from .starts import bounds_of, corrected_start, directed_start, first_tangent
 from .stepper import EXACT, Step, StepFailed, Stepper
@@ -425,7 +425,7 @@ class ContinuationIterator:
     def _tests_at(self, point: Point) -> tuple[Value, ...]:
         """All tests at a point, asked once."""
         if self.latest is None or self.latest[0] is not point:
-            self.latest = point, tuple([test_value(event, point) for event in self.events])
+            self.latest = point, tuple([value_of_test(event, point) for event in self.events])
         return self.latest[1]
 
     # --- locate ---

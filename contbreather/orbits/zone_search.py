@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch, with_more_points
+from contbreather.continuation.branch import Branch, refined
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.interpolant import tangent_at
@@ -255,7 +255,7 @@ class Search:
                 continue
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
-            curves[-1] = branch = with_more_points(branch, FEWEST // 8 if pieced else FEWEST)
+            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
             # what crosses a fold would go on behind it: beside the fold it is found on a branch
             waiting += [
                 (end, branch)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import check_kind
-from contbreather.continuation.branch import Branch, with_columns, with_more_points
+from contbreather.continuation.branch import Branch, refined, with_columns
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
@@ -76,7 +76,7 @@ def plot_diagram(
         branches = [with_columns(branch, **{name: y}) for branch in branches]
         y = name
     drawable = [branch for branch in branches if {*ordinates(branch, y)} <= {*branch.names}]
-    shown = [with_more_points(branch, SMOOTH) for branch in drawable]
+    shown = [refined(branch, SMOOTH) for branch in drawable]
     if not shown:
         there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")

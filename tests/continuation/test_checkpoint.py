@@ -62,7 +62,7 @@ def written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[], lis
         images.append(write(path, named, **how).read_bytes())
         return path
 
-    monkeypatch.setattr(checkpoint, "write", looked)
+    monkeypatch.setattr(checkpoint, "write_results", looked)
 
     def some() -> list[Any]:
         found: list[Any] = []
@@ -185,7 +185,7 @@ def test_writing_takes_its_share_of_the_time_and_no_more(
         times.append(clock.now)
         clock.now += 1.0
 
-    monkeypatch.setattr(checkpoint, "write", slow)
+    monkeypatch.setattr(checkpoint, "write_results", slow)
     kept = checkpoint.Checkpoint(tmp_path / "run.nc", "branch")
     for i in range(10_000):
         clock.now += 0.01
@@ -201,7 +201,7 @@ def test_quick_files_are_written_every_few_seconds_and_at_special_points(
     clock, times = Clock(), list[float]()
     clock.tick = 0.0
     monkeypatch.setattr(checkpoint, "time", clock)
-    monkeypatch.setattr(checkpoint, "write", lambda *_, **__: times.append(clock.now))
+    monkeypatch.setattr(checkpoint, "write_results", lambda *_, **__: times.append(clock.now))
     kept = checkpoint.Checkpoint(tmp_path / "run.nc", "branch")
     for i in range(1, 1000):
         clock.now = 0.01 * i

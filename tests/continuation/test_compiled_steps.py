@@ -28,7 +28,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
     machine = compiled_steps.machine_code
 
     def say(so: bool) -> None:
-        monkeypatch.setattr(compiled_steps, "machine", machine if so else lambda loops: None)
+        monkeypatch.setattr(compiled_steps, "machine_code", machine if so else lambda loops: None)
         monkeypatch.setattr(compiled_steps, "_known", {})
 
     return say
@@ -244,7 +244,7 @@ def test_a_function_that_numba_refuses_is_taken_as_it_is_and_that_is_said_once(
 
 
 def test_a_function_that_means_something_else_when_it_is_compiled_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr(compiled_steps.compiler, "address", lambda function, kinds: 0)
+    monkeypatch.setattr(compiled_steps.compiler, "compiled_address", lambda function, kinds: 0)
     # leaves zeros
     monkeypatch.setattr(compiled_steps, "callable_at", lambda address, kinds: lambda *addresses: 0)
     loops = compiled_steps.Loops(len, len, ())

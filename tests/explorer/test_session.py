@@ -403,7 +403,7 @@ def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
     assert sorted(LADDER) == list(LADDER)
     assert (LADDER[0], LADDER[-1], len(LADDER)) == (0.02, 0.98, 21)
     assert max(np.diff(LADDER)) < 0.0501
-    monkeypatch.setattr(session, "between", lambda *given: given)
+    monkeypatch.setattr(session, "diagram_between", lambda *given: given)
     explorer = Explorer()
     for known, wanted in (
         ((0.7, 0.755), (0.7, 0.755, 0.73)), ((0.7, 0.765), None), ((0.7, 0.72), None),
