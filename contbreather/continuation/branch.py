@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, cast, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,7 @@ class Branch(Columns, HtmlRepr):
     ``settings`` is how it was asked for, ``origin`` the point that it was born from.
     """
 
-    points: Sequence[Point]
+    points: Points  # or any sequence of them
     stop: Stop
     began: Stop | None = None
     reason: str = ""
@@ -75,10 +75,6 @@ class Branch(Columns, HtmlRepr):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", Points.of(self.points))
-
-    @property
-    def _rows(self) -> Points:
-        return cast("Points", self.points)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -102,7 +98,7 @@ class Branch(Columns, HtmlRepr):
     @property
     def moved(self) -> float:
         """How far the start that was given was from the curve; 0 if that is not worth telling."""
-        more = self._rows.made.values()
+        more = self.points.made.values()
         return next((p.detail["moved"] for p in more if "moved" in p.detail), 0.0)
 
     @property
@@ -117,7 +113,7 @@ class Branch(Columns, HtmlRepr):
     @property
     def special(self) -> tuple[Point, ...]:
         """The labelled points, in order along the branch."""
-        return self._rows.special
+        return self.points.special
 
     @overload
     def __getitem__(self, key: slice) -> Branch: ...
@@ -163,11 +159,11 @@ class Branch(Columns, HtmlRepr):
             return column.copy()
         slots, problem = self.curve.slots, self.problem
         if name in slots:
-            return self._rows.z[:, slots[name]].copy()
+            return self.points.z[:, slots[name]].copy()
         if name in problem.params:
             return np.full(len(self.points), float(problem.params[name]))
         if name in problem.record:
-            return self._rows.recorded(name)[name]
+            return self.points.recorded(name)[name]
         array = problem.normed(name)
         if array is not None:
             return np.asarray(np.linalg.norm(self[array], axis=1))
@@ -179,7 +175,7 @@ class Branch(Columns, HtmlRepr):
         no count where rounding decides it."""
         columns: dict[str, NDArray[Any]] = {"label": np.array([p.label for p in self.points])}
         derived = (name for name in self.problem.record if name not in self.problem.names)
-        recorded = self._rows.recorded(*derived)
+        recorded = self.points.recorded(*derived)
         for name in self.names:
             columns[name] = recorded[name] if name in recorded else np.asarray(self[name])
         verge = np.array([bool(p.kind) and p.on_verge for p in self.points])
@@ -208,22 +204,24 @@ class Branch(Columns, HtmlRepr):
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
         shift = self.points[-1].arclength - other.points[0].arclength
-        moved = other._rows.each(
-            lambda point: _shifted(point, shift), arclength=other._rows.arclength + shift
+        moved = other.points.each(
+            lambda point: _measured(point, 1, shift), arclength=other.points.arclength + shift
         )
         return replace(
             self,
-            points=labelled(_joined(self._rows, moved)),
+            points=labelled(_joined(self.points, moved)),
             stop=other.stop,
             reason=other.reason,
-            doubtful=self.doubtful + tuple(_shifted(p, shift) for p in other.doubtful),
+            doubtful=self.doubtful + tuple(_measured(p, 1, shift) for p in other.doubtful),
         )
 
     def reversed(self) -> Branch:
         """The same points walked the other way."""
-        end, rows = self.points[-1].arclength, self._rows[::-1]
+        end, rows = self.points[-1].arclength, self.points[::-1]
         turned = rows.each(
-            lambda point: _turned(point, end), tangent=-rows.tangent, arclength=end - rows.arclength
+            lambda point: _measured(point, -1, end),
+            tangent=-rows.tangent,
+            arclength=end - rows.arclength,
         )
         return replace(
             self,
@@ -232,7 +230,7 @@ class Branch(Columns, HtmlRepr):
             began=None if self.stop is Stop.START else self.stop,
             reason=self.began_reason,
             began_reason=self.reason,
-            doubtful=tuple(_turned(point, end) for point in reversed(self.doubtful)),
+            doubtful=tuple(_measured(point, -1, end) for point in reversed(self.doubtful)),
         )
 
     def table(self) -> Sheet:
@@ -325,7 +323,7 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     def moved(point: Point) -> Point:
         return replace(point, curve=curve)
 
-    points = Points.of(branch.points).each(moved, curve=curve)
+    points = branch.points.each(moved, curve=curve)
     return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
 
 
@@ -355,7 +353,7 @@ def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
     tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
     spacing = (branch[-1].arclength - branch[0].arclength) / fewest
     points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
-    return replace(branch, points=(*points, branch[-1]))
+    return replace(branch, points=Points.of([*points, branch[-1]]))
 
 
 def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
@@ -387,7 +385,7 @@ def labelled(points: Iterable[Point]) -> Points:
 
 def with_ends(branch: Branch) -> Branch:
     """Label both ends: EP, or MX where the numerics gave up."""
-    points = Points.of(branch.points)
+    points = branch.points
     for i, stops in ((0, {branch.began}), (len(points) - 1, {branch.stop})):
         if len(points) == 1:  # both ends in one
             stops = {branch.began, branch.stop}
@@ -416,12 +414,10 @@ def _joined(before: Points, after: Points) -> Points:
     return Points.joined([head, seam_points, tail])
 
 
-def _shifted(point: Point, shift: float) -> Point:
-    bracket = point.bracket and (point.bracket[0] + shift, point.bracket[1] + shift)
-    return replace(point, arclength=point.arclength + shift, bracket=bracket)
-
-
-def _turned(point: Point, end: float) -> Point:
-    bracket = point.bracket and (end - point.bracket[1], end - point.bracket[0])
-    tangent = None if point.tangent is None else -point.tangent
-    return replace(point, tangent=tangent, arclength=end - point.arclength, bracket=bracket)
+def _measured(point: Point, sense: int, shift: float) -> Point:
+    """The same point with its arclength from elsewhere on, and -1 for the other way."""
+    low, high = (shift + sense * end for end in (point.bracket or (0.0, 0.0))[::sense])
+    bracket = point.bracket and (low, high)
+    tangent = None if point.tangent is None else sense * point.tangent
+    arclength = shift + sense * point.arclength
+    return replace(point, tangent=tangent, arclength=arclength, bracket=bracket)

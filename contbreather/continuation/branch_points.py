@@ -135,7 +135,7 @@ def branch_point_test(point: Point) -> float:
 
 def bordered_matrix(point: Point) -> Matrix:
     """The derivative and the row of the tangent, in the scales of the unknowns."""
-    curve, row = point.curve, point.curve.dual(point.direction)
+    curve, row = point.curve, point.curve.metric * point.direction
     matrix = curve.jacobian(point.z)
     if is_large(matrix):
         factors = curve.factors(point.z, row)

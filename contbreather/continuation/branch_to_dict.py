@@ -56,14 +56,14 @@ def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, An
 
 def branch_to_dict(branch: Branch, *, recorded: bool | None = True) -> dict[str, Any]:
     """With its doubtful points and the point it was born from as groups."""
-    points, groups = Points.of(branch.points), {}
+    points, groups = branch.points, {}
     if recorded is None:
         recorded = _base(branch.problem)[1] is None
     if branch.doubtful:
         groups["doubtful"] = _to_dict(branch, Points.of(branch.doubtful))
     if branch.origin is not None:
-        born = Branch((branch.origin,), branch.stop)
-        groups["origin"] = _to_dict(born, Points.of(born.points))
+        born = Branch(Points.of([branch.origin]), branch.stop)
+        groups["origin"] = _to_dict(born, born.points)
     return {**_to_dict(branch, points, branch.problem.record if recorded else ()), "groups": groups}
 
 

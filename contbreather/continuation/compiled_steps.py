@@ -149,7 +149,7 @@ def compiled_equations(curve: Any, params: Mapping[str, float]) -> Loops | None:
     problem, free, start = curve.problem, curve.free, curve.start
     names = (*problem.params,)
     slopes = curve.jacobian(start)  # by then it is known how derivatives are to be taken
-    scalar = np.ndim(problem.residual(curve.unknowns(start), curve.params(start))) == 0
+    scalar = np.ndim(problem.residual(start[: curve.size].copy(), curve.params(start))) == 0
     slots = tuple(names.index(name) for name in free)
     functions = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
     if functions is None:

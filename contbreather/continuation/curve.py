@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,6 @@ from .newton import (
     Solution,
     Undefined,
     chord,
-    factors_of,
-    length,
     newton,
     rounding,
 )
@@ -33,6 +32,7 @@ from .sparse import (
     canonical,
     entry_columns,
     first_columns,
+    is_large,
     is_sparse,
     row_sizes,
     scaled,
@@ -42,7 +42,7 @@ from .step import WIDEST
 Params = Mapping[str, float]
 
 PASSED = 9  # latest places of a walk that say how large its equations are
-_UNKNOWN = "not asked yet"
+_LATEST = 4  # places of which is known what was made of them
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 _MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
@@ -85,9 +85,10 @@ class Curve:
         Where each unknown and each free parameter lies in z.
     scales : ndarray
         Typical size of each entry of z.
-    metric : ndarray or None
-        Weights of the squared arclength, None where all are 1. An array unknown counts as its
-        mean square, so that a refined mesh keeps its steps.
+    metric : ndarray
+        Weights W of the squared arclength: ``t^T W`` is the row whose product with z is the inner
+        product with t. An array unknown counts as its mean square, so that a refined mesh keeps its
+        steps.
     hint : str
         What would make a large problem cheaper; empty if there is nothing to say.
     asked : tuple of Event or None
@@ -113,33 +114,28 @@ class Curve:
         self.fixed = {name: float(value) for name, value in problem.params.items()}
         self.start = np.append(problem.x, [self.fixed[name] for name in free])
         self.slots = {**problem.slots, **{name: self.size + i for i, name in enumerate(free)}}
-        self.scales, weights = np.ones(self.start.size), np.ones(self.start.size)
+        self.scales, self.metric = np.ones(self.start.size), np.ones(self.start.size)
         # |z|^2 = sum z_i^2 / (m_i s_i^2), with s the scales and m the size of the array of an entry
         for name, slot in self.slots.items():
             self.scales[slot] = size = float(problem.scales.get(name, 1.0))
-            weights[slot] = 1 / (np.size(self.start[slot]) * size**2)
-        self.metric = None if (weights == 1).all() else weights
+            self.metric[slot] = 1 / (np.size(self.start[slot]) * size**2)
         self._scheme: derivatives.Scheme | None = None
-        self._compiled: Any = _UNKNOWN
         self._rows: Array | None = None
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
         self.hint = ""  # what would make all of this cheaper
-        self._known: dict[str, list[tuple[Array, Any]]] = {}
+        self._known = defaultdict[str, dict[bytes, Any]](dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        return {**self.__dict__, "_known": {}, "_compiled": _UNKNOWN}
-
-    def dual(self, tangent: Array) -> Array:
-        """The row whose product with z is the inner product of the arclength."""
-        return tangent if self.metric is None else tangent * self.metric
+        kept = {name: value for name, value in self.__dict__.items() if name != "compiled"}
+        return {**kept, "_known": defaultdict(dict)}
 
     def length(self, z: Array) -> float:
-        return length(z, self.metric)
+        return math.sqrt(z.dot(self.metric * z))
 
     def normalised(self, z: Array) -> Array:
-        return z / length(z, self.metric)
+        return z / self.length(z)
 
     @property
     def rows(self) -> Array:
@@ -180,13 +176,23 @@ class Curve:
 
     def params(self, z: Array) -> dict[str, float]:
         """All parameters at z, the free ones taken from it."""
-        values = self.fixed.copy()
-        for i, name in enumerate(self.free):
-            values[name] = float(z[self.size + i])
+        values, real = self.fixed.copy(), z.dtype.kind != "c"
+        for i, name in enumerate(self.free, self.size):
+            # complex numbers stay those of numpy, which can be compared
+            values[name] = float(z[i]) if real else z[i]
         return values
 
+    def residual(self, z: Array) -> Array:
+        """What the equations give, without any checks, at a possibly complex z."""
+        # copies: equations that write to x do not move the point, and the same array may come back
+        # each time, written anew
+        value = np.array(self.problem.residual(z[: self.size].copy(), self.params(z)), ndmin=1)
+        if value.dtype.kind == "c" and z.dtype.kind != "c":  # what Python makes of (-1.0) ** 0.5
+            raise Undefined("the equations are not real")
+        return value
+
     def equations(self, z: Array) -> Array:
-        return self.problem.evaluate(self.unknowns(z), self.params(z))
+        return self.problem.evaluate(z[: self.size].copy(), self.params(z))
 
     def newton(self, guess: Array, row: Array | None = None, **how: Any) -> Solution:
         """The solution next to a guess, at the same value of a row; how is as for `newton`."""
@@ -195,20 +201,16 @@ class Curve:
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
         """The same by the derivative at a place near by, where the problem wants that, it is known
         there and the solution is close."""
-        known = any(place is near for place, _ in self._known.get("jacobian", ()))
-        if not (known and self.problem.lasting):
+        if not (self.problem.lasting and near.tobytes() in self._known["jacobian"]):
             return None
         factors = self.factors(near, row)
         return chord(self.equations, factors, guess, row, self.metric, tolerance)
 
-    @property
+    @cached_property
     def compiled(self) -> CompiledCurve | None:
         """Who takes steps and solves for single points, where the equations can be compiled."""
-        if self._compiled is _UNKNOWN:
-            loops = self.loops() if self.start.size <= WIDEST else None
-            metric = np.ones(self.start.size) if self.metric is None else self.metric
-            self._compiled = None if loops is None else CompiledCurve(loops, metric)
-        return self._compiled
+        loops = self.loops() if self.start.size <= WIDEST else None
+        return None if loops is None else CompiledCurve(loops, self.metric)
 
     def loops(self, params: Params | None = None) -> Loops | None:
         """The equations as functions that can be compiled, where they can; `params` are the other
@@ -225,20 +227,15 @@ class Curve:
         """What steps of differences are divided by."""
         return getattr(self._scheme, "keywords", {}).get("finer", 1.0)
 
-    def unknowns(self, z: Array) -> Array:
-        """The first entries of z, a copy: equations that write to it do not move the point."""
-        return z[: self.size].copy()
-
     def cached(self, what: str, z: Array, make: Callable[[Array], Any]) -> Any:
-        """What was made of one of the latest z, known by identity, or is made of it now: all
-        events ask about the same point in turn."""
-        recent = self._known.get(what, [])
-        for place, value in recent:
-            if place is z:
-                return value
-        value = make(z)
-        self._known[what] = [(z, value), *recent[:3]]
-        return value
+        """What was made of one of the latest z, or is made of it now: all events ask about the same
+        point in turn."""
+        recent, key = self._known[what], z.tobytes()
+        if key not in recent:
+            recent[key] = make(z)
+            if len(recent) > _LATEST:
+                del recent[next(iter(recent))]
+        return recent[key]
 
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
@@ -256,14 +253,12 @@ class Curve:
         return matrix
 
     def factors(self, z: Array, row: Array) -> Dense | Factors:
-        """The derivative factorised, to be solved with a row below."""
-
-        def make(z: Array) -> Dense | Factors:
-            return factors_of(self.jacobian(z), row)
-
-        factors: Dense | Factors = self.cached("factors", z, make)
-        fits = not isinstance(factors, Dense) or np.array_equal(factors.whole[-1], row)
-        return factors if fits else make(z)
+        """The derivative factorised, to be solved with a row below; once where that is dear."""
+        matrix = self.jacobian(z)
+        if not is_large(matrix):
+            return Dense(matrix, row)
+        factors: Factors = self.cached("factors", z, lambda z: Factors(matrix))
+        return factors
 
     def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone, where none in parameters are wanted; not to be
@@ -285,10 +280,10 @@ class Curve:
 
     def _derivatives(self, z: Array, width: int | None = None) -> Matrix:
         """The first columns of the derivative, or all of them."""
-        problem, params, width = self.problem, self.params(z), width or z.size
+        problem, width = self.problem, width or z.size
         try:
             if problem.derivatives is not None:
-                whole = problem.derivatives(self.unknowns(z), params, self.free)
+                whole = problem.derivatives(z[: self.size].copy(), self.params(z), self.free)
                 return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
             if problem.sparsity is not None:
                 # unknowns of one colour move together, each in proportion to its size
@@ -297,8 +292,8 @@ class Curve:
                 matrix = problem.sparsity.derivative(lambda way: few(way)[:, 0], steps)
                 return self._with_parameters(z, matrix, width)
             if problem.jacobian is None:
-                return self._by_trying(self._raw, z, range(width), self.scales)
-            jacobian = problem.jacobian(self.unknowns(z), params)
+                return self._by_trying(self.residual, z, range(width), self.scales)
+            jacobian = problem.jacobian(z[: self.size].copy(), self.params(z))
             return self._with_parameters(
                 z, canonical(jacobian) if is_sparse(jacobian) else jacobian, width
             )
@@ -314,12 +309,12 @@ class Curve:
         columns = np.empty((n, width - n))
         for i in range(n, width) if self.problem.sensitivity is not None else ():
             name = self.free[i - n]
-            columns[:, i - n] = self.problem.sensitivity(self.unknowns(z), self.params(z), name)
+            columns[:, i - n] = self.problem.sensitivity(z[:n].copy(), self.params(z), name)
         if self.problem.sensitivity is None and n < width:
             if is_sparse(jacobian):
                 columns[:] = self._by_few(z, np.zeros(n), range(1, width - n + 1))
             else:
-                columns[:] = self._by_trying(self._raw, z, range(n, width), self.scales)
+                columns[:] = self._by_trying(self.residual, z, range(n, width), self.scales)
         if not is_sparse(jacobian):
             matrix = np.empty((n, width))
             matrix[:, :n], matrix[:, n:] = jacobian, columns
@@ -333,7 +328,7 @@ class Curve:
         n = self.size
 
         def moved(t: Array) -> Array:
-            return self._raw(np.concatenate([z[:n] + t[0] * way, t[1:]]))
+            return self.residual(np.concatenate([z[:n] + t[0] * way, t[1:]]))
 
         start, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
         return self._by_trying(moved, start, columns, scales)
@@ -360,15 +355,6 @@ class Curve:
             self._scheme = derivatives.choose(function, z, scales)
         return self._scheme(function, z, columns)
 
-    def _raw(self, z: Array) -> Array:
-        """The residual without checks, at a possibly complex z."""
-        values: dict[str, Any] = dict(self.fixed)
-        values.update(zip(self.free, z[self.size :], strict=True))
-        value = np.array(self.problem.residual(self.unknowns(z), values), ndmin=1)
-        if value.dtype.kind == "c" and z.dtype.kind != "c":
-            raise Undefined("the equations are not real")
-        return value
-
     def check(self) -> None:
         """Refuse wrong shapes and wrong derivatives before anything is built on them."""
         problem, z, n = self.problem, self.start, self.size
@@ -382,10 +368,10 @@ class Curve:
             raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
         try:
             if problem.jacobian is not None:
-                derivative = problem.jacobian(self.unknowns(z), self.params(z))
+                derivative = problem.jacobian(z[:n].copy(), self.params(z))
                 _check_shape("Jacobian", derivative, (n, n))
             for name in self.free if problem.sensitivity is not None else ():
-                derivative = problem.sensitivity(self.unknowns(z), self.params(z), name)
+                derivative = problem.sensitivity(z[:n].copy(), self.params(z), name)
                 _check_shape("sensitivity", derivative, (n,))
         except KeyError as error:
             problem.check_asked(error)
@@ -400,7 +386,7 @@ class Curve:
         if problem.loops is not None and problem.beneath is None:
             return ""  # those of this package: its tests hold them to differences
         if problem.beneath is not None:
-            curve, place = problem.beneath(self.unknowns(z), self.params(z), self.free)
+            curve, place = problem.beneath(z[: self.size], self.params(z), self.free)
             return str(curve.misfit(place))
         if problem.jacobian is None and problem.sensitivity is None and problem.sparsity is None:
             return ""
@@ -416,14 +402,14 @@ class Curve:
         # pattern by which several of them would cancel
         direction = np.maximum(self.scales, abs(z)) * np.cos(np.arange(z.size))
         wanted, doubt, _ = derivatives.estimate(
-            lambda t: self._raw(z + t[0] * direction), np.zeros(1), np.ones(1)
+            lambda t: self.residual(z + t[0] * direction), np.zeros(1), np.ones(1)
         )
         wrong = derivatives.misfit((matrix @ direction)[:, None], wanted, doubt)
         if wrong is None:
             return ""
         if is_sparse(matrix):
             return self._wrong_in_row(wrong[0], z, matrix, direction)
-        wanted, doubt, _ = derivatives.estimate(self._raw, z, self.scales)
+        wanted, doubt, _ = derivatives.estimate(self.residual, z, self.scales)
         entry = derivatives.misfit(matrix, wanted, doubt)
         if entry is None:
             return ""
@@ -451,20 +437,14 @@ class Curve:
 
     def _slopes(self, row: int, z: Array, matrix: Matrix, way: Array) -> tuple[float, float]:
         """The change of one equation along a direction as it was given, and by differences."""
-        wanted = derivatives.differences(lambda t: self._raw(z + t[0] * way), np.zeros(1))
+        wanted = derivatives.differences(lambda t: self.residual(z + t[0] * way), np.zeros(1))
         return float((matrix @ way)[row]), float(wanted[row, 0])
-
-    def cached_place(self, z: Array) -> Array:
-        """The same z where the derivative is known already, to be found again by identity."""
-        for place, _ in self._known.get("jacobian", ()):
-            if place.tobytes() == z.tobytes():
-                return place
-        return z
 
     def reconsider(self, *places: Array) -> str:
         """Choose anew how derivatives are taken, now for these places; what is wrong with given
         ones there."""
-        self._scheme, self._known = None, {}
+        self._scheme = None
+        self._known.clear()
         for z in places:
             try:
                 self.jacobian(z)

@@ -29,7 +29,7 @@ from .linear_algebra import Bordered, LeastSingular, inverses_between, least_sin
 from .newton import Undefined
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
-from .sparse import Matrix, above, beside, is_large, plus_diagonal, solve
+from .sparse import Matrix, above, beside, plus_diagonal, solve
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -111,11 +111,8 @@ def signed_smallest(matrix: Matrix) -> float:
     """Smallest singular value with the sign of the determinant: smooth through a simple zero."""
     if isinstance(matrix, Bordered):
         return matrix.signed_least()
-    if is_large(matrix):
-        weak = least_singular(matrix)
-        return weak.sign * weak.size
-    left, values, right = np.linalg.svd(matrix)  # det M = det left . det right . product of values
-    return float(np.linalg.det(left) * np.linalg.det(right) * values[-1])
+    weak = least_singular(matrix)
+    return weak.sign * weak.size
 
 
 def oriented_overlap(matrix: Matrix) -> float:
@@ -350,7 +347,7 @@ class Extended:
             values = {name: x[slot] for name, slot in self.problem.slots.items()}
             base = self.problem.at(**values, **params, **{self.released: float(x[-1])})
             curve = self._curves[free] = Curve(base, (self.released, *free))
-        return curve, curve.cached_place(z)
+        return curve, z
 
     def __call__(self, x: Array, params: Params) -> Array:
         curve, z = self.beneath(x, params, self.free)

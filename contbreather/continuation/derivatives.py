@@ -135,14 +135,14 @@ def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
 
 def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = None) -> Array:
     """Derivatives by imaginary perturbation, exact to rounding where `function` is analytic."""
-    slopes = []
+    slopes, shifted = [], z.astype(complex)
     for i in range(z.size) if columns is None else columns:
         # Im f(z + ih) / h = f' - h^2 f''' / 6 + ...
         # (W. Squire and G. Trapp, SIAM Rev. 40, 110, 1998)
-        shifted = z.astype(complex)
         shifted[i] += 1j * _IMAGINARY
-        slopes.append(np.imag(np.asarray(function(shifted))) / _IMAGINARY)
-    return np.stack(slopes, axis=-1)
+        slopes.append(function(shifted).imag)
+        shifted[i] = z[i]
+    return np.array(slopes).T.copy() / _IMAGINARY
 
 
 def choose(function: Function, z: Array, scales: Array) -> Scheme:

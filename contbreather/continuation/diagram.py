@@ -477,7 +477,7 @@ def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
     for i, birth in enumerate(births):  # the point that an arm left is that of the branch
         if birth.place is not None and branches[i][0].parent is not None:
             first = replace(branches[i][0], parent=birth.place.point)
-            points = (first, *branches[i].points[1:])
+            points = branches[i].points.put(0, first)
             branches[i] = replace(branches[i], points=points, origin=birth.place.point)
     return Diagram(
         tuple(branches),

@@ -57,7 +57,7 @@ def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool
 def _near(z: Array, branch: Branch) -> list[int]:
     """The steps of a branch that pass z at a small distance."""
     curve = branch.curve
-    weights = np.sqrt(np.ones(z.size) if curve.metric is None else curve.metric)
+    weights = np.sqrt(curve.metric)
     places = np.stack([point.z for point in branch.points]) * weights
     start, chords = places[:-1], np.diff(places, axis=0)
     lengths = np.maximum((chords**2).sum(axis=1), 1e-300)
@@ -77,7 +77,7 @@ def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     if last.arclength - first.arclength < _SAME * (1 + curve.length(z)):
         return False
     segment = StepInterpolant(first, last, 1e-9)
-    chord = curve.dual(last.z - first.z)
+    chord = curve.metric * (last.z - first.z)
     u = float(chord @ (z - first.z) / (chord @ (last.z - first.z)))
     if not 0.0 < u < 1.0:
         return False

@@ -89,7 +89,6 @@ class Growth:
 
     def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
         self.curve, self.first = curve, 1.0 + curve.length(start)
-        self.weights = np.ones(start.size) if curve.metric is None else curve.metric
         self.bounds, self.tendencies = bounds, list[Tendency]()
         for name in curve.varied:
             slot = curve.slots[name]
@@ -98,7 +97,7 @@ class Growth:
 
     def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
         """The first of several places beyond which nothing is to come, and what it tends to."""
-        sizes = np.sqrt(rows**2 @ self.weights)
+        sizes = np.sqrt(rows**2 @ self.curve.metric)
         many = len(rows) >= MANY
         if many and all(param.moves_on(rows[:, param.slot], sizes) for param in self.tendencies):
             return None
@@ -121,8 +120,8 @@ class Growth:
 
     def towards(self, z: Array, tangent: Array) -> str:
         """What there is to say of a curve that was walked as many steps as allowed, outwards."""
-        size = math.sqrt(z**2 @ self.weights)
-        outwards = z * self.weights @ tangent > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
+        size, along = self.curve.length(z), z * self.curve.metric @ tangent
+        outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
         if not outwards or self._bounded(z, tangent, size):
             return ""
         grows = self._growing(z)
@@ -135,7 +134,7 @@ class Growth:
     def _growing(self, z: Array) -> str:
         """What z mostly consists of; empty where that is internal."""
         slots = self.curve.slots.items()
-        parts = {n: float(np.dot(z[at] ** 2, self.weights[at])) for n, at in slots}
+        parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
         most = max(parts, key=lambda name: parts[name])
         return "" if most in self.curve.problem.internals else most
 

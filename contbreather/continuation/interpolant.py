@@ -33,7 +33,7 @@ class StepInterpolant:
     def _row(self) -> Array:
         """The linear functional of ``z - z_first`` that is u on the chord and on its cubic."""
         chord = self.last.z - self.first.z
-        dual = self.curve.dual(chord)
+        dual = self.curve.metric * chord
         return np.asarray(dual / dual.dot(chord))
 
     @cached_property
@@ -61,23 +61,23 @@ class StepInterpolant:
         return self._point(u, z, tangent, math.nan)
 
     def at(self, u: float) -> Point:
-        """The point of the curve at u, solved for."""
-        if u not in self._known:
-            self._known[u] = self._point(u, *self._solved(*self.guess(u)))
-        return self._known[u]
-
-    def _solved(self, guess: Array, slope: Array) -> tuple[Array, Array, float]:
-        """z, tangent and residual across the chord, by loops where the equations have any."""
-        curve, compiled = self.curve, self.curve.compiled
+        """The point of the curve at u, solved for across the chord."""
+        if u in self._known:
+            return self._known[u]
+        curve, compiled, (guess, slope) = self.curve, self.curve.compiled, self.guess(u)
         answer = compiled and compiled.corrected(guess, self._across, slope, self.tolerance)
         if answer:
-            self._near(guess, answer[0])
-            return answer[:3]
-        solution = curve.newton(guess, self._row, tolerance=self.tolerance)
-        if not solution.converged:
-            raise Undefined("Newton's iteration failed between two points of the curve")
-        self._near(guess, solution.z)
-        return solution.z, tangent_at(curve, solution.z, slope)[0], solution.residual
+            z, tangent, residual, _ = answer
+        else:
+            solution = curve.newton(guess, self._row, tolerance=self.tolerance)
+            if not solution.converged:
+                raise Undefined("Newton's iteration failed between two points of the curve")
+            z, tangent, residual = solution.z, None, solution.residual
+        self._near(guess, z)
+        if tangent is None:
+            tangent, _ = tangent_at(curve, z, slope)
+        self._known[u] = self._point(u, z, tangent, residual)
+        return self._known[u]
 
     @cached_property
     def _across(self) -> Array:
@@ -90,7 +90,7 @@ class StepInterpolant:
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
         self._near(guess, solution.z)
         if tangents:
-            tangent = closest_tangent(tangents, self.curve.dual(slope))
+            tangent = closest_tangent(tangents, self.curve.metric * slope)
         else:
             tangent, _ = tangent_at(self.curve, solution.z, slope)
         return u, self._point(u, solution.z, tangent, solution.residual)
@@ -121,7 +121,7 @@ def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
     That sign is the same all along a curve and changes at branch points. Where the bordered
     matrix is singular it is 0, and the tangent is the null vector closest to `along`.
     """
-    row = curve.dual(along)
+    row = curve.metric * along
     factors = curve.factors(z, row)
     if isinstance(factors, Dense):
         tangent, side = factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()

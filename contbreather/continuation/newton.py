@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,11 +47,6 @@ class Solution:
     correction: float  # length of the last step, an estimate of the error before it
 
 
-def factors_of(matrix: Matrix, row: Array | None) -> Dense | sparse.Factors:
-    """What solves for corrections: of a dense matrix those with this row below."""
-    return sparse.Factors(matrix) if sparse.is_large(matrix) else Dense(matrix, row)
-
-
 def newton(
     equations: Callable[[Array], Array],
     jacobian: Callable[[Array], Matrix],
@@ -67,6 +63,7 @@ def newton(
     `metric` holds the weights of a squared length, 1 if None.
     Raises `Undefined` where the equations have no value. The rules are those of `step.newton`.
     """
+    metric = np.ones(z.size) if metric is None else metric
     eq = _Equations(equations, jacobian, metric)
     end = _NEWTON(eq, row, z, tolerance, most)
     if end.status == rules.LOOK:
@@ -83,7 +80,7 @@ def chord(
     factors: Dense | sparse.Factors,
     z: Array,
     row: Array,
-    metric: Array | None,
+    metric: Array,
     tolerance: float,
 ) -> Solution | None:
     """The same solution by the factors of a derivative near by, as long as corrections are short
@@ -109,19 +106,17 @@ class _Equations:
 
     equations: Callable[[Array], Array]
     jacobian: Callable[[Array], Matrix]
-    metric: Array | None
+    metric: Array
     matrix: Any = None  # the latest derivative
     factors: Any = None
-
-    def residual(self, z: Array) -> tuple[Array, bool]:
-        return self.equations(z), True
 
     def correction(
         self, row: Array | None, z: Array, value: Array, lasting: bool
     ) -> tuple[Array, bool]:
         if self.factors is None or not lasting:
-            self.matrix = self.jacobian(z)
-            self.factors = factors_of(self.matrix, row)
+            matrix = self.matrix = self.jacobian(z)
+            large = sparse.is_large(matrix)
+            self.factors = sparse.Factors(matrix) if large else Dense(matrix, row)
         change, singular = correction(self.factors, value, row)
         return change, not singular
 
@@ -155,14 +150,17 @@ def approach(
     (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
     mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
     """
+    metric = np.ones(z.size) if metric is None else metric
     # dz = W^-1/2 y: the least dz in arclength is the shortest y with J W^-1/2 y = H
-    weights = np.ones(z.size) if metric is None else metric**-0.5
+    weights = metric**-0.5
     damping = 1.0
     value = equations(z)
     for _ in range(most):
-        least = _least(sparse.scaled(jacobian(z), np.ones(value.size), weights))
+        matrix = sparse.scaled(jacobian(z), np.ones(value.size), weights)
+        large = sparse.is_sparse(matrix)
+        least = sparse.Factors(matrix).least if large else partial(_least, matrix)
         step = least(value)
-        size = length(step, None)
+        size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing
             return None if value.any() else z
         if size <= _THERE * (1 + length(z, metric)):
@@ -171,7 +169,8 @@ def approach(
             try:
                 trial = z - damping * step * weights
                 value = equations(trial)
-                ahead = length(least(value), None)
+                simplified = least(value)
+                ahead = math.sqrt(simplified.dot(simplified))
             except Undefined:
                 ahead = math.inf
             # restricted natural monotonicity: |J(z)^-1 H(trial)| <= (1 - lambda / 4) |J(z)^-1 H(z)|
@@ -188,17 +187,11 @@ def approach(
     return None
 
 
-def _least(matrix: Matrix) -> Callable[[Array], Array]:
-    """What gives the step of least length to a solution of linear equations."""
-    if sparse.is_sparse(matrix):
-        return sparse.Factors(matrix).least
+def _least(matrix: Array, right: Array) -> Array:
+    """The step of least length to a solution of linear equations."""
     square = matrix.shape[0] == matrix.shape[1]
-
-    def least(right: Array) -> Array:
-        step = solve(matrix, right) if square else None
-        return _shortest(matrix, right) if step is None else step
-
-    return least
+    step = solve(matrix, right) if square else None
+    return _shortest(matrix, right) if step is None else step
 
 
 def rounding(matrix: Matrix, z: Array) -> Array:
@@ -206,13 +199,12 @@ def rounding(matrix: Matrix, z: Array) -> Array:
     return np.asarray(rules.ROUNDED * (abs(matrix) @ abs(z)))
 
 
-def length(z: Array, metric: Array | None) -> float:
-    return math.sqrt(z.dot(z) if metric is None else z.dot(z * metric))
+def length(z: Array, metric: Array) -> float:
+    return math.sqrt(z.dot(metric * z))
 
 
-def _is_short(change: Array, z: Array, metric: Array | None, tolerance: float) -> bool:
-    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
-    return bool((abs(change) <= tolerance * sizes).all())
+def _is_short(change: Array, z: Array, metric: Array, tolerance: float) -> bool:
+    return bool((abs(change) <= tolerance * (abs(z) + metric**-0.5)).all())
 
 
 def _shortest(matrix: Array, right: Array) -> Array:
@@ -221,10 +213,9 @@ def _shortest(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
-def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -> bool:
+def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array) -> bool:
     """Whether all that is left of the equations is rounding of the terms of each row."""
-    sizes = abs(z) + (1.0 if metric is None else metric**-0.5)
-    terms = abs(matrix) @ sizes
+    terms = abs(matrix) @ (abs(z) + metric**-0.5)
     # an equation that no entry of z moves is compared with 1
     terms[terms == 0] = 1.0
     return bool((abs(value) <= _ROUNDING * terms).all())
@@ -232,7 +223,7 @@ def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array | None) -
 
 _NEWTON = bound(
     rules.newton,
-    residual=_Equations.residual,
+    residual=lambda eq, z: (eq.equations(z), True),
     correction=_Equations.correction,
     is_rounding=_Equations.is_rounding,
     is_short=_is_short,

@@ -171,7 +171,7 @@ class Point(HtmlRepr):
         def under(z: Array) -> tuple[Curve, Array]:
             return beneath(z[: longer.size], longer.params(z), longer.free)
 
-        # once: all events ask for it in turn, and know its orbit by the array
+        # once: all events ask for it in turn
         curve, z = longer.cached("ground", self.z, under)
         others = (getattr(self, name) for name in _OTHERS)  # `replace` takes three times as long
         return Point(curve, z, None, *others)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, overload
@@ -137,9 +137,6 @@ class Points(Sequence[Point]):
             numbers = float(self.arclength[i]), float(self.residual[i])
             cache[i] = Point(self.curve, self.z[i], self.tangent[i], *numbers)
         return cache[i]
-
-    def __iter__(self) -> Iterator[Point]:
-        return (self[i] for i in range(len(self)))
 
     def put(self, i: int, point: Point) -> Points:
         """The same with another point in one place."""

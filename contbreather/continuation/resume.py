@@ -183,7 +183,7 @@ def _closing(line: Branch, piece: Branch) -> int | None:
     first, curve = line[0], line.curve
     if first.tangent is None:
         return None
-    along = curve.dual(first.direction)
+    along = curve.metric * first.direction
     for i in range(1 if len(line) > 1 else 3, len(piece)):
         way = curve.normalised(piece[i].z - piece[i - 1].z)
         # where curves cross, another one passes the same place in another direction

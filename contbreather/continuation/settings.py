@@ -13,12 +13,12 @@ from ..checks import flag, real, shown
 from ..errors import BadInput
 from .point import Event, EventWithRule, Point
 from .problem import Problem
+from .step import LARGEST_STEP, RELATIVE
 
 Within = Mapping[str, tuple[float, float]]
 
 MARGIN = "margin"  # the column that tells, where walls are lifted, how far off they are
 _LIFTED = ", walls lifted"
-_LARGEST, _RELATIVE = 0.1, 0.01  # of `longest`
 _ROUNDING = 1e-13  # corrections shorter than this, relative to 1 + |z|, may be rounding
 
 
@@ -83,7 +83,7 @@ class Steps:
 
     def longest(self, length: float) -> float:
         """How long a step may be where z has this length."""
-        return max(_LARGEST, _RELATIVE * length) if self.largest is None else self.largest
+        return max(LARGEST_STEP, RELATIVE * length) if self.largest is None else self.largest
 
 
 _USUAL = Steps()
@@ -119,20 +119,19 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
         raise BadInput(
             f"within={within!r}: windows by name were expected, for instance {{'a': (0.0, 1.0)}}"
         )
-    return {name: _pair(name, window) for name, window in within.items()}
-
-
-def _pair(name: str, window: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = map(real, window)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if math.isnan(low) or math.isnan(high):
-        raise BadInput(
-            f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
-            "math.inf leaves a side open"
-        )
-    return low, high
+    pairs = {}
+    for name, window in within.items():
+        try:
+            low, high = map(real, window)
+        except (TypeError, ValueError):
+            low = high = math.nan
+        if math.isnan(low) or math.isnan(high):
+            raise BadInput(
+                f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
+                "math.inf leaves a side open"
+            )
+        pairs[name] = low, high
+    return pairs
 
 
 # --- events, walls and columns ----------------------------------------------------------------

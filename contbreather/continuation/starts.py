@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..checks import one_of
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import Curve
@@ -21,12 +25,68 @@ from .problem import Problem
 from .settings import Within, windows
 from .sparse import is_sparse, scaled
 
+QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
+_MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
 _GAP = 1e-6  # what is closer than this, relative to 1 + |z|, is at the start
 _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
 _STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
+
+
+@dataclass(frozen=True)
+class StartOnCurve:
+    """Where a walk sets out, and which way.
+
+    Attributes
+    ----------
+    point : Point
+        On its curve, with the tangent along which to set out.
+    side : int
+        Sign of the bordered determinant there; 0 at a branch point, and where it is not known.
+    bounds : list of Bound
+        The window.
+    directed : bool
+        Whether the direction was given.
+    """
+
+    point: Point
+    side: int
+    bounds: list[Bound]
+    directed: bool
+
+    def turned(self) -> StartOnCurve:
+        """The other way, on a curve that learns by itself."""
+        back = replace(self.point, curve=copy(self.point.curve), tangent=-self.point.direction)
+        return replace(self, point=back, side=-self.side)
+
+
+@np.errstate(**QUIET)
+def start_on_curve(
+    problem: Problem,
+    free: str,
+    within: Within | None,
+    towards: str,
+    along: ArrayLike | None,
+    tolerance: float,
+) -> StartOnCurve:
+    """A start moved onto its curve, in the direction that was asked for."""
+    if along is None:
+        one_of("towards", towards, ("up", "down"))
+        curve, residual = corrected_start(problem, free, tolerance)
+        bounds = bounds_of(curve, within)
+        tangent, side = first_tangent(curve, bounds)
+        if towards == "down":
+            tangent, side = -tangent, -side
+    else:
+        curve, residual, tangent = directed_start(problem, free, along)
+        bounds, side = bounds_of(curve, within), 0
+    # how far the start that was given had to be moved, if that is worth telling
+    off = curve.length(curve.start - Curve(problem, curve.free).start)
+    detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
+    point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
+    return StartOnCurve(point, side, bounds, along is not None)
 
 
 def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
@@ -61,7 +121,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
             return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
-        solution = curve.newton(z, curve.dual(tangent), tolerance=tolerance)
+        solution = curve.newton(z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
@@ -123,7 +183,7 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
         try:
             branch_point = crossing(curve, z)
             if curve.length(branch_point.solution.z - z) < _GAP * (1 + curve.length(z)):
-                return closest_tangent(branch_point.tangents, curve.dual(along)), 0
+                return closest_tangent(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, side = tangent_at(curve, z, along)
@@ -137,16 +197,11 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
 def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     """A tangent turned away from the first bound that the curve starts at and does not go along."""
     for bound in bounds:
-        end = bound.end(bound.value(curve.start))
-        slope = end and end * bound.slope(curve.start, tangent)
-        if abs(slope) > LEVEL:
-            return -math.copysign(1.0, slope) * tangent
+        for side, end, off in bound.ends:
+            slope = side * bound.slope(curve.start, tangent)
+            if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
+                return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
-
-
-def rounding_at(value: float) -> float:
-    """How far from a bound rounding may end a step that should end on it."""
-    return 4 * math.ulp(value or 1e-16) if math.isfinite(value) else 0.0
 
 
 @dataclass(frozen=True)
@@ -158,20 +213,17 @@ class Bound:
     low: float
     high: float
 
+    @cached_property
+    def ends(self) -> list[tuple[int, float, float]]:
+        """The ends that it has: their side, -1 or 1, value, and how far rounding may leave a step
+        that should end there."""
+        both = ((-1, self.low), (1, self.high))
+        finite = [(side, end) for side, end in both if math.isfinite(end)]
+        return [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
+
     def value(self, z: Array) -> float:
         entries = z[self.slot]
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
-
-    def end(self, value: float) -> int:
-        """Which end a value is at, but for rounding: -1 or 1, 0 for neither."""
-        ends = ((-1, self.low), (1, self.high))
-        return next((side for side, end in ends if abs(value - end) <= rounding_at(end)), 0)
-
-    def within(self, z: Array) -> Array:
-        """z, or the place next to it that is not beyond either end."""
-        value = self.value(z)
-        inside = min(max(value, self.low), self.high)
-        return z if inside == value else self.with_value(z, inside)
 
     def row(self, z: Array) -> Array:
         """The derivative of the value."""

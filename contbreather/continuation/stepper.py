@@ -20,7 +20,7 @@ from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
 from .settings import Steps
-from .starts import Bound, rounding_at
+from .starts import Bound, StartOnCurve
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
@@ -73,12 +73,12 @@ class Stepper:
         Steps that were taken ahead, and how many of them were looked at.
     """
 
-    def __init__(
-        self, curve: Curve, bounds: Sequence[Bound], steps: Steps, start: Point, side: int
-    ) -> None:
-        self.curve, self.bounds, self.steps, self.start = curve, bounds, steps, start
-        self.crossed = side == 0  # whether the start is a branch point
-        self.side, self.size, self.bend = side, steps.first, np.zeros_like(start.z)
+    def __init__(self, way: StartOnCurve, steps: Steps) -> None:
+        self.start, self.bounds, self.steps = way.point, way.bounds, steps
+        self.curve = way.point.curve
+        self.crossed = way.side == 0  # whether the start is a branch point
+        self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
+        self.side, self.size, self.bend = way.side, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         self.points: Sequence[Point] = ()
         self.used = 0
@@ -121,18 +121,17 @@ class Stepper:
         curve, steps = self.curve, self.steps
         if curve.compiled is None or not all(isinstance(b.slot, int) for b in self.bounds):
             return None
-        ends = np.empty((2, len(self.bounds)))
+        low = np.array([bound.low for bound in self.bounds])
+        high = np.array([bound.high for bound in self.bounds])
         for i, bound in enumerate(self.bounds):
-            start = bound.value(curve.start)
-            for side, end in ((0, bound.low), (1, bound.high)):
+            for side, end, off in bound.ends:
                 # short of a bound: it is landed on, unless the curve begins there
-                off = rounding_at(end) if abs(start - end) > rounding_at(end) else 0.0
-                ends[side, i] = end - off if side else end + off
+                if abs(bound.value(curve.start) - end) > off:
+                    (low if side < 0 else high)[i] = end - side * off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         largest = steps.largest or math.nan  # then the size of z says how long a step may be
         sizes = steps.tolerance, steps.smallest, largest, steps.growth
-        low, high = ends
-        return Rules(*sizes, slots, low, high, curve.dual(self.start.direction), curve.start)
+        return Rules(*sizes, slots, low, high, self.across, curve.start)
 
     # --- one by one ---
 
@@ -157,7 +156,7 @@ class Stepper:
 
     def _closes(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start, in the direction in which the curve left it."""
-        start, row = self.start, self.curve.dual(self.start.direction)
+        start, row = self.start, self.across
         before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
         # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
@@ -169,26 +168,14 @@ class Stepper:
             return False
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            return off <= _PASS and angle(self.curve, slope, start.direction) <= _PASS
+            return off <= _PASS and _ANGLE(slope, start.direction, self.curve.metric) <= _PASS
         # across the start only: along the curve Newton's linear condition keeps the place
         solution = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
         gap = solution.z - start.z
         return self.curve.length(gap) <= _FINE * (1 + self.curve.length(solution.z))
 
-    def _advance(self, point: Point) -> Step:
+    def _advance(self, point: Point, reconsidered: bool = False) -> Step:
         """The next point, with as many halvings of the step as it takes."""
-        try:
-            return self._halving(point)
-        except StepFailed as failed:
-            if failed.stop is not Stop.NO_CONVERGENCE:
-                raise
-            # the scheme for derivatives was chosen, or those given were checked, at the start only
-            wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
-            if wrong:
-                raise StepFailed(failed.stop, wrong) from failed
-            return self._halving(point)
-
-    def _halving(self, point: Point) -> Step:
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
@@ -202,27 +189,34 @@ class Stepper:
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        raise failed or StepFailed(Stop.NO_CONVERGENCE)
+        failed = failed or StepFailed(Stop.NO_CONVERGENCE)
+        if reconsidered or failed.stop is not Stop.NO_CONVERGENCE:
+            raise failed
+        # the scheme for derivatives was chosen, or those given were checked, at the start only
+        wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
+        if wrong:
+            raise StepFailed(failed.stop, wrong) from failed
+        return self._advance(point, reconsidered=True)
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
         # z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
-        landing = self._crossed(point.z, predicted, LEVEL * size)
+        guess, landing = self._within(point.z, predicted, LEVEL * size)
         if landing is None:
-            solution = self._step_to(self._within(predicted), point)
-            landing = self._crossed(point.z, solution.z, _ALONG * (1 + curve.length(point.z)))
-            solution = (
-                replace(solution, z=self._within(solution.z)) if landing is None else solution
-            )
+            row = curve.metric * point.direction
+            near = curve.chord(point.z, guess, row, self.steps.tolerance)
+            solution = near or self.correct(guess, row)
+            along = _ALONG * (1 + curve.length(point.z))
+            z, landing = self._within(point.z, solution.z, along)
         if landing is not None:
-            solution = self._land(point, predicted, *landing)
+            z, solution = self._land(point, predicted, *landing)
         here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
-        end = _EXAMINED(curve, here, size, solution.z)
+        end = _EXAMINED(curve, here, size, z)
         if end.status != TAKEN:
             raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[end.status])
         arclength = point.arclength + end.length
-        last = Point(curve, solution.z, here.ahead, arclength, solution.residual)
+        last = Point(curve, z, here.ahead, arclength, solution.residual)
         branch_point = None
         if end.side * side < 0:
             segment = StepInterpolant(point, last, self.steps.tolerance)
@@ -240,23 +234,6 @@ class Stepper:
         stop = None if landing is None else Stop.BOUND
         return Step(last, size * factor, end.side, branch_point, stop)
 
-    def _on_bound(self, guess: Array, row: Array, slope: Array) -> Solution:
-        """The solution where a row keeps its value, by machine code where there is any."""
-        curve = self.curve
-        across = row if curve.metric is None else row / curve.metric
-        end = curve.compiled and curve.compiled.corrected(
-            guess, across, slope, self.steps.tolerance
-        )
-        if not end:
-            return self.correct(guess, row)
-        z, _, residual, iterations = end
-        return Solution(z, True, iterations, residual, 0.0)
-
-    def _step_to(self, predicted: Array, point: Point) -> Solution:
-        row = self.curve.dual(point.direction)
-        near = self.curve.chord(point.z, predicted, row, self.steps.tolerance)
-        return near or self.correct(predicted, row)
-
     def correct(self, predicted: Array, row: Array) -> Solution:
         how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}
         solution = self.curve.newton(predicted, row, **how)
@@ -264,38 +241,44 @@ class Stepper:
             raise StepFailed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
         return solution
 
-    def _within(self, z: Array) -> Array:
-        """z, which crosses no bound, without what rounding may have put beyond one."""
-        for bound in self.bounds:
-            z = bound.within(z)
-        return z
-
-    def _crossed(self, before: Array, after: Array, along: float) -> tuple[Bound, float] | None:
-        """The first bound that a step crosses, and its value there; one that begins on a bound goes
-        along it, or touches it there, unless it ends farther than `along` behind it."""
+    def _within(
+        self, before: Array, after: Array, along: float
+    ) -> tuple[Array, tuple[Bound, float] | None]:
+        """The end of a step without what rounding may have put beyond a bound, and the first bound
+        that it crosses, with its value there; one that begins on a bound goes along it, or touches
+        it there, unless it ends farther than `along` behind it."""
         first, nearest = None, math.inf
         for bound in self.bounds:
             start, end = bound.value(before), bound.value(after)
-            for value, beyond in ((bound.low, bound.low - end), (bound.high, end - bound.high)):
-                on_it = abs(start - value) <= rounding_at(value)
+            for side, value, off in bound.ends:
+                on_it, beyond = abs(start - value) <= off, side * (end - value)
                 # a step that ends short of it by rounding ends on it, unless it goes along it
-                if beyond <= (along if on_it else -rounding_at(value)):
+                if beyond <= (along if on_it else -off):
+                    after = bound.with_value(after, value) if beyond > 0 else after
                     continue
                 if on_it:
                     raise StepFailed(Stop.BOUND)
                 fraction = (value - start) / (end - start)
                 if fraction < nearest:
                     first, nearest = (bound, value), fraction
-        return first
+        return after, first
 
-    def _land(self, point: Point, predicted: Array, bound: Bound, value: float) -> Solution:
-        """The solution exactly on a bound, instead of a step across it."""
+    def _land(
+        self, point: Point, predicted: Array, bound: Bound, value: float
+    ) -> tuple[Array, Solution]:
+        """The place on a bound where a step across it ends, and the solution next to it."""
         start, end = bound.value(point.z), bound.value(predicted)
+        compiled = self.curve.compiled
         # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
-            solution = self._on_bound(guess, bound.row(guess), point.direction)
+            row, how = bound.row(guess), (point.direction, self.steps.tolerance)
+            answer = compiled and compiled.corrected(guess, row / self.curve.metric, *how)
+            if answer:
+                solution = Solution(answer[0], True, answer[3], answer[2], 0.0)
+            else:
+                solution = self.correct(guess, row)
             # Newton's linear condition holds to rounding; make it exact
             z = bound.with_value(solution.z, value)
             if self.curve.length(z - solution.z) <= EXACT * (1 + self.curve.length(z)):
@@ -304,7 +287,7 @@ class Stepper:
         others = (other for other in self.bounds if other is not bound)
         if any(not other.low <= other.value(z) <= other.high for other in others):
             raise StepFailed(Stop.NO_CONVERGENCE, "two bounds within one step")
-        return replace(solution, z=z)
+        return z, solution
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Where the determinant changes its sign: by halving, and then by a system of its own."""
@@ -324,13 +307,12 @@ class Stepper:
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
-            rise = bound.value(last.z) - bound.value(point.z)
-            slopes = [bound.slope(end.z, end.direction) for end in (point, last)]
-            if not slopes[0] * slopes[1] < 0:
+            first, then = bound.slope(point.z, point.direction), bound.slope(last.z, last.direction)
+            if not first * then < 0:
                 continue
             # from the first value the cubic rises by d0 u + (3 rise - 2 d0 - d1) u^2
             # + (d0 + d1 - 2 rise) u^3, with extrema where the derivative of that is zero
-            d0, d1 = length * slopes[0], length * slopes[1]
+            d0, d1, rise = length * first, length * then, bound.value(last.z) - bound.value(point.z)
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
             value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
@@ -341,16 +323,7 @@ class Stepper:
         return False
 
 
-def angle(curve: Curve, t: Array, other: Array) -> float:
-    """Angle between unit vectors."""
-    return float(_ANGLE(t, other, curve.metric))
-
-
 # --- the text of `step` by numpy, LAPACK and SuperLU ----------------------------------------------
-
-
-def _apart(z: Array, other: Array, metric: Array | None) -> float:
-    return length(z - other, metric)
 
 
 def _tangent_at(curve: Curve, along: Array, z: Array, out: Array) -> int:
@@ -358,28 +331,21 @@ def _tangent_at(curve: Curve, along: Array, z: Array, out: Array) -> int:
     return side
 
 
-def _chord(here: Here, z: Array, length: float, out: Array) -> Array:
-    return np.asarray((z - here.z) / length)
-
-
-def _on_cubic(here: Here, z: Array, length: float, out: Array) -> Array:
-    return np.asarray((20 * here.z + 7 * z + (4 * here.tangent - 2 * here.ahead) * length) / 27)
-
-
 def _off_curve(curve: Curve, here: Here, between: Array, z: Array) -> float:
-    row, value = curve.dual(here.tangent), curve.equations(between)
+    row, value = curve.metric * here.tangent, curve.equations(between)
     # of large problems the factors at hand: no more than the size of the answer is asked for
     factors = curve.factors(z if z.size > WIDEST else between, row)
     change, singular = correction(factors, value, row)
     return 0.0 if singular else curve.length(change)
 
 
-_ANGLE = kernels.bound(rules.angle, apart=_apart)
-_EXAMINED = kernels.bound(
-    rules.examined,
-    apart=_apart,
-    tangent_at=_tangent_at,
-    chord=_chord,
-    on_cubic=_on_cubic,
-    off_curve=_off_curve,
-)
+_BY_NUMPY = {
+    "apart": lambda z, other, metric: length(z - other, metric),
+    "chord": lambda here, z, s, out: (z - here.z) / s,
+    "on_cubic": lambda here, z, s, out: (
+        (20 * here.z + 7 * z + (4 * here.tangent - 2 * here.ahead) * s) / 27
+    ),
+    "tangent_at": _tangent_at,
+    "off_curve": _off_curve,
+}
+_ANGLE, _EXAMINED = (kernels.bound(rule, **_BY_NUMPY) for rule in (rules.angle, rules.examined))

@@ -150,7 +150,7 @@ def across(point: Point) -> tuple[Seed, ...]:
     """Both directions of the curve that crosses the one the point was found on."""
     if "tangents" not in point.detail:
         raise Undefined("no directions are known here: other curves set out where curves cross")
-    row = point.curve.dual(point.direction)
+    row = point.curve.metric * point.direction
     other = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
     return tuple(
         Seed(point.problem, point.z, _beside(point, side * other), point.tangent)
@@ -162,7 +162,7 @@ def _beside(point: Point, tangent: Array) -> Array:
     """A direction, or that of solutions found beside the point where a curve has a kink there: as
     where two impacts at once come apart, in another order on either side."""
     curve, solutions = point.curve, []
-    row = curve.dual(tangent)
+    row = curve.metric * tangent
     for distance in (_STRIDE, 2 * _STRIDE):
         try:
             solution = curve.newton(point.z + distance * tangent, row)
@@ -385,7 +385,7 @@ def _leave(arm: Branch, seed: Seed, point: Point) -> None:
 def _aside(curve: Curve, direction: Array, line: Array) -> float:
     """Distance of a unit vector from a line."""
     # d - (d . W l) l
-    return curve.length(direction - float(direction @ curve.dual(line)) * line)
+    return curve.length(direction - float(direction @ (curve.metric * line)) * line)
 
 
 def _keep_apart(arm: Branch, others: Sequence[Branch]) -> None:
@@ -413,7 +413,7 @@ def comes_back(arm: Branch, seed: Seed) -> bool:
         return False
     curve = arm.curve
     tangent = curve.normalised(np.asarray(seed.tangent, dtype=float))
-    return bool(np.allclose(seed.z, start.z) and start.direction @ curve.dual(tangent) < -0.5)
+    return bool(np.allclose(seed.z, start.z) and start.direction @ (curve.metric * tangent) < -0.5)
 
 
 def _with_image(arm: Branch, others: Sequence[Branch]) -> Branch:

@@ -6,7 +6,6 @@ import logging
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -20,7 +19,7 @@ from ..errors import BadInput, partial_result
 from ..progress import Counter, line_of
 from .branch import Branch, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
-from .curve import PASSED, Curve
+from .curve import PASSED
 from .defining_systems import Singular
 from .event_detection import Ends, Found, clear_steps, find, without_candidate
 from .infinity import Growth
@@ -31,17 +30,15 @@ from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .starts import bounds_of, corrected_start, directed_start, first_tangent
+from .starts import QUIET, StartOnCurve, start_on_curve
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
-_MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
 _MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
-_QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
 
 
 class Startable(Protocol):
@@ -156,10 +153,11 @@ def trace(
             start, along = finer
             walks.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
-            first = ContinuationIterator(problem, free, within, sides[0], wanted, steps, along)
-            first.curve.asked = events
+            first = start_on_curve(problem, free, within, sides[0], along, steps.tolerance)
+            first.point.curve.asked = events
             look = partial(start.finer, along=along)
-            for one_way in [first, first.turned()] if len(sides) == 2 else [first]:
+            ways = [first, first.turned()] if len(sides) == 2 else [first]
+            for one_way in [ContinuationIterator(way, wanted, steps) for way in ways]:
                 walks.append(one_way)
                 finer = one_way.follow(shown, kept, so_far, look)
                 if finer is not None or one_way.end.stop is Stop.CLOSED:
@@ -213,72 +211,38 @@ def iterate(
         having(problem_in(start), free), events, inadmissible=inadmissible
     )
     chosen = steps_of(steps)
-    return ContinuationIterator(problem, free, within, towards, wanted, chosen, along).run()
+    way = start_on_curve(problem, free, within, towards, along, chosen.tolerance)
+    return ContinuationIterator(way, wanted, chosen).run()
 
 
 class ContinuationIterator:
     """One curve in one direction, from its start to where it ends."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        free: str,
-        within: Within | None,
-        towards: str,
-        events: Sequence[Event],
-        steps: Steps,
-        along: ArrayLike | None = None,
-    ) -> None:
-        if along is None:
-            one_of("towards", towards, ("up", "down"))
-        self.steps, self.events, self.directed = steps, events, along is not None
-        with np.errstate(**_QUIET):
-            if along is None:
-                self.curve, residual = corrected_start(problem, free, steps.tolerance)
-                self.bounds = bounds_of(self.curve, within)
-                tangent, side = first_tangent(self.curve, self.bounds)
-                if towards == "down":
-                    tangent, side = -tangent, -side
-            else:
-                self.curve, residual, tangent = directed_start(problem, free, along)
-                self.bounds, side = bounds_of(self.curve, within), 0
-            curve, given = self.curve, Curve(problem, self.curve.free).start
-            # how far the start that was given had to be moved, if that is worth telling
-            off = curve.length(curve.start - given)
-            detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
-            self._begin(Point(curve, curve.start, tangent, 0.0, residual, detail=detail), side)
-
-    def _begin(self, start: Point, side: int) -> None:
-        self.stepper = Stepper(self.curve, self.bounds, self.steps, start, side)
+    def __init__(self, way: StartOnCurve, events: Sequence[Event], steps: Steps) -> None:
+        self.way, self.events, self.steps = way, events, steps
+        self.curve, start = way.point.curve, way.point
+        self.stepper = Stepper(way, steps)
         self.point, self.count = start, 0  # where it is, after how many steps
         self.walked: list[Piece] = []
         self.doubtful: list[Point] = []
         self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
         self.end = End(Stop.INTERRUPTED)
         self.tests: tuple[Value, ...] = ()
-        for event in self.events:
+        for event in events:
             # a test that fails here, as for a wrong name, is a mistake
-            value = counted(event, event.value(start))
+            with np.errstate(**QUIET):
+                value = counted(event, event.value(start))
+            self.tests += (value,)
             if event.ends_domain and value < -1e-9:
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
                     "positive values are admissible; start elsewhere, or lift this rule by "
                     f"inadmissible=True, with no {event.kind} among events"
                 )
-            self.tests += (value,)
-        self.growth = Growth(self.curve, self.bounds, start.z)
+        self.growth = Growth(self.curve, way.bounds, start.z)
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.ahead = 1  # so many of the next steps are looked at, as long as they are taken
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
-
-    def turned(self) -> ContinuationIterator:
-        """The same from its start in the other direction, while neither has begun."""
-        other, stepper = copy(self), self.stepper
-        other.curve = copy(self.curve)
-        back = replace(stepper.start, curve=other.curve, tangent=-stepper.start.direction)
-        with np.errstate(**_QUIET):
-            other._begin(back, -stepper.side)
-        return other
 
     def follow(
         self,
@@ -319,7 +283,7 @@ class ContinuationIterator:
         end = End(Stop.MOST)
         while self.count < self.steps.most:
             try:
-                with np.errstate(**_QUIET):
+                with np.errstate(**QUIET):
                     # predict:  z + s t + s^2/2 dt/ds
                     #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
                     # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
@@ -352,7 +316,7 @@ class ContinuationIterator:
                 return
         reason = end.reason or self._edge(self.point, end.stop)
         if self.count == 0:
-            if self.directed and end.stop is Stop.NO_CONVERGENCE:
+            if self.way.directed and end.stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
         self.end = End(end.stop, reason, tuple(self.doubtful))
@@ -489,7 +453,7 @@ class ContinuationIterator:
             return str(point.detail.get("said", ""))
         if stop is Stop.MOST:
             return self.growth.towards(point.z, point.direction)
-        for bound in self.bounds if stop is Stop.BOUND else ():
+        for bound in self.way.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):
                 if math.isclose(value, edge, rel_tol=EXACT):

@@ -144,7 +144,7 @@ def _born(point: Point) -> SwitchingProblem:
         row = np.zeros(curve.start.size)
         row[: equations.layout.orbit] = (flight.states - rest[:, None]).T.ravel()
         try:
-            solution = curve.newton(curve.start, curve.dual(row), tolerance=1e-11, most=20)
+            solution = curve.newton(curve.start, curve.metric * row, tolerance=1e-11, most=20)
         except Undefined:
             continue
         if solution.converged:

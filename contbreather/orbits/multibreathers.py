@@ -22,6 +22,7 @@ from contbreather.continuation.branch import Branch, Stop
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.equilibria import fold
 from contbreather.continuation.point import Point
+from contbreather.continuation.points import Points
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls
@@ -218,7 +219,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
         raise Inadmissible(f"without coupling already {margin.reason}", orbit=orbit)
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
-        return Branch((Point(curve, curve.start),), Stop.START)
+        return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
     # behind a fold the coupling falls again
     ends = (replace(fold(), ends="branch"), grazing())
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)

@@ -175,7 +175,7 @@ def _branching_test(point: Point) -> float:
     if point.tangent is None:
         return math.nan
     orbit = solution_at(point)
-    whole = np.vstack([point.curve.jacobian(point.z), point.curve.dual(point.tangent)])
+    whole = np.vstack([point.curve.jacobian(point.z), point.curve.metric * point.tangent])
     return float(orbit.map.in_units_of_flight(whole, orbit.section.sign))
 
 

@@ -241,3 +241,12 @@ def test_a_boundary_without_a_window_has_an_end() -> None:
     assert "raise Steps.most" in repr(line)
     more = cb.boundary(point, ("mu", "h"), towards="up", steps=cb.Steps(most=520), events=())
     assert len(more) > 510
+
+
+def test_what_is_known_of_a_place_is_known_of_all_points_there() -> None:
+    calls: Counter[str] = Counter()
+    point = cb.trace(counted(calls, jacobian=True), "m", within=WITHIN, events=())[5]
+    calls.clear()
+    slopes = point.jacobian(), replace(point, z=point.z.copy()).jacobian()
+    assert np.array_equal(*slopes)
+    assert calls["jacobian"] == 1

@@ -106,7 +106,7 @@ def test_arclength_grows_and_tangents_are_of_unit_length(case: Case) -> None:
     assert np.allclose(lengths, 1, rtol=0, atol=1e-12)
     chords = np.diff(np.stack([point.z for point in branch]), axis=0)
     along = [
-        branch.curve.dual(point.tangent).dot(chord)
+        (branch.curve.metric * point.tangent).dot(chord)
         for point, chord in zip(branch, chords, strict=False)
     ]
     assert (np.array(along) > 0).all()
