@@ -124,24 +124,20 @@ class Kernel:
         return self.kinds or " ".join(map(str, self.takes))
 
     @cached_property
-    def _code(self) -> Function | None:
+    def code(self) -> Function | None:
+        """The machine code, to be called with addresses; None where there is none."""
         try:
             return callable_at(_address(self), self.kinds or FRAME, self.long)
         except NotCompiled as reason:
             _say(str(reason))
             return None
 
-    def code(self) -> Function | None:
-        """The machine code, to be called with addresses; None where there is none."""
-        return self._code
-
     def __call__(self, *values: Any) -> None:
         """By machine code, or as it is: the same bits."""
-        code = self.code()
-        if code is None:
+        if self.code is None:
             self.as_it_is(*values)
         else:
-            self.run(code, values)
+            self.run(self.code, values)
 
     def as_it_is(self, *values: Any) -> None:
         with np.errstate(all="ignore"):  # machine code goes on with an infinity
@@ -170,7 +166,7 @@ class Kernel:
     def following(self, *values: Any) -> Callable[[float], None]:
         """The same, of its first argument, a number, with all others given: these are looked up
         once."""
-        code = self.code()
+        code = self.code
         if code is None:
             return lambda first: self.as_it_is(first, *values)
         frame = self._framed((0.0, *values))

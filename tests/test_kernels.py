@@ -107,10 +107,11 @@ def test_a_process_without_compiled_code_computes_the_same() -> None:
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
     from contbreather.simulation.smooth_flow import RATES, SmoothParameters
+    from contbreather.simulation.taylor import Harmonics
 
-    drive = np.zeros(2, int)
-    on = SmoothParameters(0.5, 0.1, 0.1, 6.0, 0.0, 0.0, np.zeros((3, 1)), np.zeros((1, 3)), drive)
-    if RATES.code() is None:
+    drive, force = np.zeros(2, int), Harmonics(*np.zeros((3, 1)))
+    on = SmoothParameters(0.5, 0.1, 0.1, 6.0, 0.0, 0.0, force, np.zeros((1, 3)), drive)
+    if RATES.code is None:
         pytest.skip("nothing is compiled")
     with pytest.raises(TypeError, match=r"drive is int64 \(2,\); f8 with 1 axes, row by row"):
         RATES.following(np.zeros(4), on, 0, np.zeros(4))
@@ -217,34 +218,21 @@ def test_one_compiler_works_at_a_time(nothing_at_hand: list[Any], tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "reason"),
+    ("has", "reason"),
     [
-        (kernels.ASKED, "0", "nothing is compiled, by CONTBREATHER_COMPILE=0"),
-        ("NUMBA_DISABLE_JIT", "1", "switched off, by NUMBA_DISABLE_JIT"),
+        (lambda at: at.setenv(kernels.ASKED, "0"), "is compiled, by CONTBREATHER_COMPILE=0"),
+        (lambda at: at.setenv("NUMBA_DISABLE_JIT", "1"), "switched off, by NUMBA_DISABLE_JIT"),
+        (lambda at: at.setattr(kernels, "workers_process", lambda: True), "worker processes"),
+        (lambda at: at.setattr(kernels, "find_spec", lambda name: None), "pip install numba"),
+        (lambda at: at.setattr(kernels, "place", lambda: None), "without a home there is no place"),
     ],
 )
-def test_no_compiler_is_started_where_that_is_said(
-    nothing_at_hand: list[Any], monkeypatch: pytest.MonkeyPatch, name: str, value: str, reason: str
+def test_no_compiler_is_started_where_it_may_not_or_cannot_be(
+    nothing_at_hand: list[Any], monkeypatch: pytest.MonkeyPatch, has: Any, reason: str
 ) -> None:
-    monkeypatch.setenv(name, value)
-    assert reason in kernels._begun()
-    assert not nothing_at_hand
-
-
-def test_no_compiler_is_started_by_workers_or_without_numba_or_a_home(
-    nothing_at_hand: list[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(kernels, "workers_process", lambda: True)
-        assert kernels._begun() == "worker processes compile nothing"
-    with monkeypatch.context() as patch:
-        patch.setattr(kernels, "find_spec", lambda name: None)
-        kernels._begun.cache_clear()
-        assert "pip install numba" in kernels._begun()
     pytest.importorskip("numba")
-    kernels._begun.cache_clear()
-    monkeypatch.setattr(kernels, "place", lambda: None)
-    assert "without a home there is no place" in kernels._begun()
+    has(monkeypatch)
+    assert reason in kernels._begun()
     assert not nothing_at_hand
 
 
@@ -286,14 +274,14 @@ if "numba" in sys.argv:
 import numpy as np
 from contbreather import kernels
 from contbreather.lattice.free_flight import MEETINGS
-before = MEETINGS.code() is not None
+before = MEETINGS.code is not None
 end = time.monotonic() + 500
 while "wait" in sys.argv and time.monotonic() < end and not [*kernels.place().glob("*.o")]:
     time.sleep(0.1)
 import contbreather as cb
 two = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12))
 assert two.admissibility().ok
-print(before, MEETINGS.code() is not None, "numba" in sys.modules)
+print(before, MEETINGS.code is not None, "numba" in sys.modules)
 """
 
 
@@ -387,7 +375,7 @@ def test_a_kernel_is_compiled_from_what_its_annotations_say(own: None) -> None:
     code = compiler.object_of(kernel)
     given = np.arange(3.0), np.array([1, 0, 1]), np.eye(3), 2.0, 2, True
     address, _alive = kernels.load_object(code)
-    kernel.__dict__["_code"] = kernels.callable_at(address, kernels.FRAME)
+    kernel.__dict__["code"] = kernels.callable_at(address, kernels.FRAME)
     compiled, plain = given[0].copy(), given[0].copy()
     kernel(compiled, *given[1:])
     doubled(plain, *given[1:])

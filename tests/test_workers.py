@@ -95,11 +95,16 @@ def test_what_is_short_starts_no_process(monkeypatch: pytest.MonkeyPatch, lastin
     assert list(each(lambda number: -number, range(1000))) == [-i for i in range(1000)]
 
 
-def test_what_is_long_is_done_by_processes(lasting: Any) -> None:
+def test_what_is_long_is_done_by_as_many_processes_as_there_are_cores(
+    monkeypatch: pytest.MonkeyPatch, lasting: Any
+) -> None:
     lasting(0.3)
+    asked: list[int] = []
+    monkeypatch.setattr(workers, "processes", lambda most: asked.append(most) or processes(most))
     found = list(each(process_of, range(9)))
     assert found[0] == os.getpid()
     assert os.getpid() not in found[1:]
+    assert asked == [2]
 
 
 def test_what_cannot_be_sent_is_refused_in_a_sentence(lasting: Any) -> None:

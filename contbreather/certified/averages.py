@@ -193,14 +193,16 @@ def force_response(values: Values) -> list[tuple[int, Value, Value]]:
     return [(m, *pair) for m, pair in sorted(harmonics.items())] or [(1, 1, 0)]
 
 
+def turned(cosine: Value, sine: Value, angle: Value, order: int) -> Value:
+    """``cosine cos(angle) + sine sin(angle)``, or its first or second derivative in the angle."""
+    s, c = angle.sin_cos()
+    return (cosine * c + sine * s, sine * c - cosine * s, -cosine * c - sine * s)[order]
+
+
 def driven(values: Values, order: int) -> Value:
     """``f`` at phi, or its derivative of this order."""
-    total = 0
-    for m, cosine, sine in force_response(values):
-        s, c = (m * values["phi"]).sin_cos()
-        turned = ((cosine, sine), (sine, -cosine), (-cosine, -sine))[order]
-        total = total + (turned[0] * c + turned[1] * s) * m**order
-    return total
+    phi = values["phi"]
+    return sum(turned(c, s, m * phi, order) * m**order for m, c, s in force_response(values))
 
 
 def loss(values: Values) -> Value:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from flint import arb, arb_poly
 
 from contbreather.certified import averages
-from contbreather.certified.averages import force_response
+from contbreather.certified.averages import force_response, turned
 from contbreather.certified.balls import Ball, enclosure_about, within_modulus
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
@@ -51,9 +51,7 @@ class ProvenMotion:
         """Displacement, velocity or acceleration."""
         total = self.polynomials[order](y) + self.errors[order]
         for m, cosine, sine in self.harmonics:
-            s, c = (m * y).sin_cos()
-            value = (cosine * c + sine * s, sine * c - cosine * s, -cosine * c - sine * s)[order]
-            total += value * m**order
+            total += turned(cosine, sine, m * y, order) * m**order
         return total
 
     def over(self, middle: float, radius: float) -> Ball:
@@ -67,13 +65,13 @@ class ProvenMotion:
 
 def far_field(values: Mapping[str, Ball]) -> ProvenMotion:
     """``a f``, what sites far away do."""
-    turned = []
-    for m, cosine, sine in force_response(values):
-        s, c = (m * (values["phi"] + arb.pi() / 2)).sin_cos()
-        a = values["a"]
-        turned.append((m, a * (cosine * c + sine * s), a * (sine * c - cosine * s)))
+    a, middle = values["a"], values["phi"] + arb.pi() / 2
+    harmonics = [
+        (m, *(a * turned(cosine, sine, m * middle, order) for order in (0, 1)))
+        for m, cosine, sine in force_response(values)
+    ]
     nothing = arb_poly([0])
-    return ProvenMotion(tuple(turned), (nothing,) * 3, (arb(0),) * 3)
+    return ProvenMotion(tuple(harmonics), (nothing,) * 3, (arb(0),) * 3)
 
 
 def motion(values: Mapping[str, Ball], n: int) -> ProvenMotion:

@@ -144,7 +144,6 @@ class UniformLattice:
     sites: Any
     spring: float
     _expansions: dict[str, _Series]
-    _limit: float  # of gamma
 
     if TYPE_CHECKING:
 
@@ -158,16 +157,9 @@ class UniformLattice:
         """gamma as a float, or why there is no breather at this coupling."""
         return check_gamma(gamma, self.spring)
 
-    def _coupling(self, gamma: float) -> float:
-        """A coupling as it is, or as `check` has it: most are inside, and asked for often."""
-        try:
-            return gamma if 0.0 <= gamma < self._limit else self.check(gamma)
-        except (TypeError, ValueError):  # no number at all: the sentence
-            return self.check(gamma)
-
     def _mean(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
-        x = 4.0 * self._coupling(gamma)
+        x = 4.0 * self.check(gamma)
         total = 0.0
         for c in series.powers:
             total = total * x + c
@@ -187,7 +179,7 @@ class UniformLattice:
 
     def _slope(self, gamma: float, name: str) -> float:
         series = self._expansions[name]
-        x = 4.0 * self._coupling(gamma)
+        x = 4.0 * self.check(gamma)
         total = 0.0
         for c in series.slopes:
             total = total * x + c
@@ -203,21 +195,23 @@ class UniformLattice:
         counts = [series.constant, len(series.poles), len(series.powers)]
         return [*counts, *poles, *series.powers, *series.slopes]
 
-    def moments(self, n: int) -> FloatArray:
-        """``<q^j cos(n theta)>`` for j = 0, 1, ..., with ``q = sin^2(theta/2)``."""
+    def moments(self, n: int | tuple[int, ...]) -> FloatArray:
+        """``<q^j cos(n theta)>``, j = 0, 1, ..., with ``q = sin^2(theta/2)``; of several sites in
+        rows."""
+        if isinstance(n, tuple):
+            return moments_of(self, n)
         return q_moments(self.sites, self.distance(int(n)))
 
     def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
-        moments = moments_of(self, n) if isinstance(n, tuple) else self.moments(n)
-        powers = moments * (4.0 * gamma) ** np.arange(TERMS + 1)
+        powers = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
         return powers @ _shift(self.spring).T if self.spring else powers
 
-    def dpowers(self, gamma: float, n: int) -> FloatArray:
+    def dpowers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """Derivative of `powers` with respect to gamma."""
         j = np.arange(TERMS + 1)
-        slopes = self.moments(n) * 4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0)
-        return _shift(self.spring) @ slopes if self.spring else slopes
+        slopes = self.moments(n) * (4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0))
+        return slopes @ _shift(self.spring).T if self.spring else slopes
 
     def spring_powers(self, gamma: float, n: int) -> FloatArray:
         """Derivative of `powers` with respect to the spring."""

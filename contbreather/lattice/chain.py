@@ -39,7 +39,6 @@ class InfiniteChain(UniformLattice):
         check_gamma(0.0, spring)
         object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "_expansions", band_averages(None, spring))
-        object.__setattr__(self, "_limit", 0.25 * (1.0 - spring))
 
     @property
     def sites(self) -> None:
@@ -122,7 +121,6 @@ class Ring(UniformLattice):
                 "infinite chain, InfiniteChain()."
             )
         object.__setattr__(self, "_expansions", band_averages(self.sites))
-        object.__setattr__(self, "_limit", 0.25)
 
     @property
     def spring(self) -> float:  # type: ignore[override]

@@ -69,13 +69,11 @@ class TrigonometricSeries:
         self.pair = np.array([[h[1], h[2]] for h in harmonics], dtype=float).reshape(-1, 2)
 
     def at(self, t: Any, order: int) -> Any:
-        if isinstance(t, float | int):
-            if len(self.harmonics) < LONG:
-                return self._loop(t, order)
-            return float(self._arrays(np.asarray(t, dtype=float), order))
-        return self._arrays(np.asarray(t, dtype=float), order)
-
-    def _loop(self, t: float, order: int) -> float:
+        """The derivative of that order, at one time or many."""
+        one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
+        if not one or len(self.harmonics) >= LONG:
+            values = self._arrays(np.asarray(t, dtype=float), order)
+            return float(values) if one else values
         # d/dt (a cos mt + b sin mt) = m (b cos mt - a sin mt); twice it is -m^2 of itself
         total = 0.0
         for m, a, b in self.harmonics:
@@ -84,19 +82,8 @@ class TrigonometricSeries:
             total += value * m**order
         return -total if order % 4 >= 2 else total
 
-    def motion(self, t: float) -> tuple[float, float, float]:
-        """f, f' and f'' at one time, in one pass."""
-        if len(self.harmonics) >= LONG:
-            return self.at(t, 0), self.at(t, 1), self.at(t, 2)
-        value = slope = bend = 0.0
-        for m, a, b in self.harmonics:
-            c, s = math.cos(m * t), math.sin(m * t)
-            term = a * c + b * s
-            value, slope, bend = value + term, slope + m * (b * c - a * s), bend - m * m * term
-        return value, slope, bend
-
     def _arrays(self, t: FloatArray, order: int) -> FloatArray:
-        angle = np.multiply.outer(t, self.m)  # signs and powers of m as in `_loop`
+        angle = np.multiply.outer(t, self.m)  # signs and powers of m as in `at`
         weight = self.pair * (self.m[:, None] ** order) * (-1.0 if order % 4 >= 2 else 1.0)
         if order % 2:
             return np.asarray(np.cos(angle) @ weight[:, 1] - np.sin(angle) @ weight[:, 0])
@@ -135,8 +122,8 @@ class Periodic:
         return self._series.at(t, 3)
 
     def motion(self, t: float) -> tuple[float, float, float]:
-        """f, f' and f'' at one time, in one pass."""
-        return self._series.motion(t)
+        """f, f' and f'' at one time."""
+        return self.f(t), self.df(t), self.d2f(t)
 
     @property
     def harmonics(self) -> Harmonics:
@@ -215,29 +202,6 @@ class Harmonic(Periodic):
     """
 
     _series = TrigonometricSeries(((1, 1.0, 0.0),))
-
-    def f(self, t: Any) -> Any:
-        return math.cos(t) if isinstance(t, float | int) else np.cos(t)
-
-    def df(self, t: Any) -> Any:
-        return -math.sin(t) if isinstance(t, float | int) else -np.sin(t)
-
-    def d2f(self, t: Any) -> Any:
-        return -math.cos(t) if isinstance(t, float | int) else -np.cos(t)
-
-    def d3f(self, t: Any) -> Any:
-        return math.sin(t) if isinstance(t, float | int) else np.sin(t)
-
-    def motion(self, t: float) -> tuple[float, float, float]:
-        c = math.cos(t)
-        return c, -math.sin(t), -c
-
-    @property
-    def highest(self) -> int:
-        return 1
-
-    def peak(self) -> float:
-        return 1.0
 
     def describe(self) -> str:
         return "F = -a cos t"

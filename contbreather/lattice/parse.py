@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from contbreather.errors import BadInput
@@ -28,23 +28,26 @@ def lattice_by(typed: str | None, sites: int | None = None) -> Any:
         return _of_matrix(typed)
     if typed.lower().endswith(".graphml"):
         return _of_graph(typed)
-    return _usual(typed)
+    if (call := _call(typed)) is None:
+        raise BadInput(f"--lattice {typed}: expected {KNOWN}")
+    make, sizes, options = call
+    return make(*sizes, **options)
 
 
-def _usual(typed: str) -> Any:
-    """Ring, open chain or grid, by its sizes."""
+def _call(typed: str) -> tuple[Callable[..., Any], list[int], dict[str, Any]] | None:
+    """What makes a ring, an open chain or a grid, its sizes and its options."""
     name, size, *ends = typed.lower().split(":") if ":" in typed else (typed, "")
     # what is no size counts as 0, which no lattice has
     sizes = [int(word) if word.isdecimal() and len(word) < 10 else 0 for word in size.split("x")]
     if all(sizes):
         match name, len(sizes), ends:
             case "ring", 1, []:
-                return Ring(*sizes)
+                return Ring, sizes, {}
             case "open", 1, ([] | ["free" | "fixed"]):
-                return OpenChain(*sizes, ends=ends[0] if ends else "free")
+                return OpenChain, sizes, {"ends": ends[0]} if ends else {}
             case "grid", 2, ([] | ["periodic"]):
-                return Grid(*sizes, periodic=bool(ends))
-    raise BadInput(f"--lattice {typed}: expected {KNOWN}")
+                return Grid, sizes, {"periodic": True} if ends else {}
+    return None
 
 
 def _of_matrix(path: str) -> Lattice:
@@ -83,15 +86,11 @@ def as_code(typed: str) -> str:
     >>> as_code("open:9"), as_code("grid:5x5:periodic")
     ('cb.OpenChain(9)', 'cb.Grid(5, 5, periodic=True)')
     """
-    name, *sizes = typed.lower().split(":")
-    match name, sizes:
-        case "ring", [size]:
-            return f"cb.Ring({size})"
-        case "open", [size, *ends]:
-            return f"cb.OpenChain({size}" + (f", ends={ends[0]!r})" if ends else ")")
-        case "grid", [size, *ends]:
-            return f"cb.Grid({size.replace('x', ', ')}" + (", periodic=True)" if ends else ")")
-    return f"cb.lattice.parse.lattice_by({typed!r})"
+    if (call := _call(typed)) is None:
+        return f"cb.lattice.parse.lattice_by({typed!r})"
+    make, sizes, options = call
+    given = [*map(str, sizes), *(f"{name}={value!r}" for name, value in options.items())]
+    return f"cb.{make.__name__}({', '.join(given)})"
 
 
 def walls_by(typed: Sequence[str], sites: int | None) -> Any:

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import UniformLattice, check_gamma, moments_of
+from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.free_flight import TERMS, Responses, cosine_and_sine, polynomial
 from contbreather.lattice.zeta import bernoulli
@@ -298,17 +298,14 @@ def wave_table(
     scaled = check_coupling(lattice, gamma, periods)
     if scaled >= 0.25:
         return None
-    n, x = np.array(distances), 4.0 * scaled
     if slope:  # of a function of n^2 gamma
-        harmonic, n2, quarter = lattice.dfirst_harmonic, periods * periods, 0.0625
-        powers = 4.0 * _ORDERS * x ** np.maximum(_ORDERS - 1, 0)
+        harmonic, powers, n2, quarter = lattice.dfirst_harmonic, lattice.dpowers, periods**2, 0.0625
     else:
-        harmonic, n2, quarter = lattice.first_harmonic, 1, 0.25
-        powers = np.asarray(x**_ORDERS)
-    moments = n2 * moments_of(lattice, distances) * powers
+        harmonic, powers, n2, quarter = lattice.first_harmonic, lattice.powers, 1, 0.25
+    n = np.array(distances)
     # <cos/(4 - w^2)> is a quarter of <cos/(1 - w^2)> at a quarter of the coupling
     first, second = n2 * harmonic(scaled, n), n2 * quarter * harmonic(0.25 * scaled, n)
-    return periods * _rows(moments, first, second)
+    return periods * _rows(n2 * powers(scaled, distances), first, second)
 
 
 def wave_basis(s: FloatArray, periods: int = 1) -> FloatArray:

@@ -322,7 +322,7 @@ def _settled(phi: float, series: TrigonometricSeries) -> float:
     """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
     x = phi
     for _ in range(8):
-        _, slope, curvature = series.motion(x)
+        slope, curvature = series.at(x, 1), series.at(x, 2)
         if curvature == 0.0:
             break
         x -= slope / curvature

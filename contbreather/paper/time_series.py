@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import whole
+from contbreather.continuation.trace import trace
 from contbreather.orbits.asymmetric_breather import asymmetric_problem
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.green_function import ACROSS
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
+from contbreather.orbits.orbit_events import pitchfork
 from contbreather.paper.lifetimes import delocalised, gone, life, lives, lives_in_words
 from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, style
 from contbreather.simulation.classify import classify
@@ -342,6 +344,7 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     """
     a, gamma, m = RAMP[1], 0.04, whole("m", m, 1)
     exact, conditions = symmetric(a, gamma, RESTITUTION), _conditions(a, gamma)
+    fork = trace(exact, "a", events=[pitchfork()], progress=False).first("PF")
     settled = _ramped(m, gamma)
     lost, other = delocalised(settled), HARD_ENOUGH if m == HARDNESS else HARDNESS
     assert settled.record is not None
@@ -365,7 +368,7 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
         f"delocalised_{other}": float(delocalised(_ramped(other, gamma))),
     }
     shown = (
-        f"Past the pitchfork (exactly at a = {_pitchfork(exact):.6f} without damping): a = {a}, "
+        f"Past the pitchfork (exactly at a = {fork['a']:.6f} without damping): a = {a}, "
         f"gamma = {gamma}, k = {RESTITUTION}. Lines: exact symmetric breather, unstable. Dashed: "
         f"exact asymmetric one. Circles: ring of {SITES} with smooth walls, m = {m}, damping "
         f"{DAMPING}, after a ramp of a from {RAMP[0]} and 500 periods."
@@ -386,14 +389,6 @@ def figure7(m: int = HARD_ENOUGH) -> TimeSeries:
     if not lost:
         panels = tuple(_with_arm(panel, lopsided, float(mean[0])) for panel in panels)
     return TimeSeries(7, panels, shown, findings, numbers)
-
-
-def _pitchfork(breather: Orbit) -> float:
-    """The amplitude of the pitchfork in closed form, harmonic forcing."""
-    chain, gamma = breather.lattice, breather.gamma
-    q = (1.0 - breather.k) / (1.0 + breather.k)
-    p = 1.0 / (chain.chi(gamma) - 2.0 * chain.sigma(gamma))
-    return float(p * math.hypot(q, 2.0 * chain.sigma(gamma)))
 
 
 @lru_cache(maxsize=4)  # the figure of another m asks for the same ones

@@ -24,6 +24,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.lattice.forcing import Forcing
 from contbreather.progress import Bar, line_of
 from contbreather.signals import deferred
 from contbreather.simulation.event_loop import (
@@ -192,7 +193,7 @@ def parameters_of(conditions: Conditions) -> Parameters:
     """What does not change during a run under these conditions."""
     c = conditions
     lattice, k, mu = c.lattice, float(c.k), float(c.damping)
-    motion, force = forced_motion(c)
+    motion, force = forced_motion(c.forcing, float(c.a), mu)
     bonds, norm = _couplings(lattice, float(c.gamma), float(c.spring))
     low, high = wall_rows(c.walls, lattice.sites)
     # no eigenvalue of K is beyond its norm (Gershgorin), so no mode is faster than its root
@@ -209,13 +210,14 @@ def parameters_of(conditions: Conditions) -> Parameters:
     return Parameters(*where, mu, k, step, rest_step, powers_needed(step * rate), 0, motion, force)
 
 
-def forced_motion(conditions: Conditions) -> tuple[Harmonics, Harmonics]:
+@lru_cache(maxsize=64)
+def forced_motion(forcing: Forcing, a: float, damping: float) -> tuple[Harmonics, Harmonics]:
     """a g(t) with ``g'' + mu g' = F/a``, the forced motion without couplings; and F(t)."""
-    table = np.array(conditions.forcing.harmonics, dtype=float).reshape(-1, 3)
+    table = np.array(forcing.harmonics, dtype=float).reshape(-1, 3)
     m, c, s = (np.ascontiguousarray(column) for column in table.T)
-    c, s = conditions.a * c, conditions.a * s  # of f, f'' = F
+    c, s = a * c, a * s  # of f, f'' = F
     # -m^2 g + i m mu g = -m^2 f for f = (c - i s) exp(i m t)
-    turned = (c - 1j * s) / (1.0 - 1j * conditions.damping / m)
+    turned = (c - 1j * s) / (1.0 - 1j * damping / m)
     motion = np.ascontiguousarray(turned.real), np.ascontiguousarray(-turned.imag)
     return Harmonics(m, *motion), Harmonics(m, -(m**2) * c, -(m**2) * s)
 

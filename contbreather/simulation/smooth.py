@@ -32,7 +32,7 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
 from contbreather.signals import deferred
-from contbreather.simulation.integrator import Chunk, Sample, check_sample
+from contbreather.simulation.integrator import Chunk, Sample, check_sample, forced_motion
 from contbreather.simulation.simulate import States, advance, gathered, states_of, to_content
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
 from contbreather.simulation.states import (
@@ -127,8 +127,8 @@ class SmoothConditions:
     def parameters(self) -> SmoothParameters:
         """What the kernels take."""
         a, gamma, lam, m, mu, spring = (float(getattr(self, name)) for name in OWN)
-        where = _network(self.lattice)
-        return SmoothParameters(a, gamma, lam, m, mu, spring, _series(self.forcing), *where)
+        force = forced_motion(self.forcing, 1.0, 0.0)[1]
+        return SmoothParameters(a, gamma, lam, m, mu, spring, force, *_network(self.lattice))
 
 
 def smooth_conditions_of(
@@ -156,13 +156,6 @@ def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions
     if on.pop("walls", None) is not None:
         raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
     return smooth_conditions_of(sites, m=m, **on)
-
-
-@lru_cache(maxsize=64)
-def _series(forcing: Forcing) -> Array:
-    """Orders and coefficients of F/a, in rows."""
-    m, c, s = np.array(forcing.harmonics, dtype=float).reshape(-1, 3).T
-    return np.array([m, -(m**2) * c, -(m**2) * s])
 
 
 @lru_cache(maxsize=16)

@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Vector
+from contbreather.simulation.taylor import Harmonics, drive_sum
 
 
 class SmoothParameters(NamedTuple):
@@ -23,7 +24,7 @@ class SmoothParameters(NamedTuple):
     m: float
     mu: float
     spring: float
-    series: Matrix  # orders, cosines and sines of F/a, in rows
+    force: Harmonics  # F/a
     entries: Matrix  # of the stiffness matrix over the masses: site, other, value
     drive: Vector  # by how much of F each site is driven
 
@@ -34,18 +35,9 @@ def ceiling(m: float) -> float:
     return 1000.0 ** (1.0 / (2.0 * m + 1.0))
 
 
-def force(t: float, series: Matrix) -> float:
-    """F/a at time t."""
-    total = 0.0
-    for i in range(series.shape[1]):
-        angle = series[0, i] * t
-        total += series[1, i] * math.cos(angle) + series[2, i] * math.sin(angle)
-    return total
-
-
 def accelerations(t: float, y: Vector, on: SmoothParameters, out: Vector) -> None:
     """(u', u'') of (21), for y that begins with (u, u')."""
-    size, push = on.drive.size, on.a * force(t, on.series)
+    size, push = on.drive.size, on.a * drive_sum(on.force, t)[0]
     # far behind the wall, where it stores a million times the usual energy, a trial step costs a
     # rejection and no overflow; accepted states are checked by the caller
     top = ceiling(on.m)
@@ -85,7 +77,7 @@ def rates(t: float, y: Vector, on: SmoothParameters, params: int, out: Vector) -
     columns = y.size // (2 * size) - 1
     if columns == 0:
         return
-    push, top = force(t, on.series), ceiling(on.m)
+    push, top = drive_sum(on.force, t)[0], ceiling(on.m)
     begin, half = 2 * size, size * columns  # of the matrix, and of its lower half behind that
     for n in range(size):
         u, v = y[n], y[size + n]

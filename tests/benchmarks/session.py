@@ -20,7 +20,7 @@ import numpy, scipy.linalg, scipy.optimize, contbreather as cb, time
 from contbreather import kernels
 from contbreather.orbits import zones
 cb.zones, cb.symmetric, cb.trace
-assert all(one.code() for one in kernels.KERNELS)
+assert all(one.code for one in kernels.KERNELS)
 cb.zones(k=0.5)
 start = time.process_time()
 cb.zones(k=0.8)

@@ -101,7 +101,7 @@ def compiled() -> None:
     """All that can be compiled is, and loaded."""
     from contbreather import kernels
 
-    assert all(one.code() for one in kernels.KERNELS), kernels.status()
+    assert all(one.code for one in kernels.KERNELS), kernels.status()
 
 
 def branch_row(sites: int, aim: float) -> Row:

@@ -161,23 +161,21 @@ def test_balls_cover_all_times() -> None:
 
 
 @pytest.mark.parametrize(
-    ("middle", "radius", "root"),
-    [(1.4, 0.1, 2**0.5), (1.4, 0.01, None), (1.3, 0.05, None), (0.0, 2.0, None)],
+    ("square", "middle", "radius", "proved"),
+    [
+        (2, 1.4, 0.1, True),
+        (2, 1.4, 0.01, False),
+        (2, 1.3, 0.05, False),
+        (2, 0.0, 2.0, False),
+        *((0, 1e-3 * radius, radius, False) for radius in (1e-12, 1e-3, 1.0)),  # a double root
+    ],
 )
-def test_krawczyk_proves_a_root_where_there_is_one(
-    middle: float, radius: float, root: float | None
-) -> None:
-    found = balls.krawczyk(lambda x: [x[0] * x[0] - 2], [balls.enclosure_about(middle, radius)])
-    assert (found is None) == (root is None)
-    assert found is None or found[0].contains(arb(2).sqrt())
-
-
-def test_krawczyk_never_proves_a_double_root() -> None:
-    for radius in (1e-12, 1e-3, 1.0):
-        assert (
-            balls.krawczyk(lambda x: [x[0] * x[0]], [balls.enclosure_about(1e-3 * radius, radius)])
-            is None
-        )
+def test_krawczyk_proves_a_root_where_there_is_one(square, middle, radius, proved) -> None:
+    found = balls.krawczyk(
+        lambda x: [x[0] * x[0] - square], [balls.enclosure_about(middle, radius)]
+    )
+    assert (found is not None) == proved
+    assert found is None or found[0].contains(arb(square).sqrt())
 
 
 def test_krawczyk_wants_all_unknowns_inside() -> None:
@@ -260,7 +258,6 @@ def test_a_zero_is_looked_for_up_to_the_rim_of_the_box_and_no_farther() -> None:
             found = proofs.zero_near(lambda z: [z[0] - arb(1e-9)], [0.0], within)
             assert (found is not None) is there
         assert proofs.zero_near(lambda z: [z[0] * z[0]], [0.0], 1e-3) is None
-        assert balls.krawczyk(lambda z: [z[0] * z[0]], [balls.enclosure_about(0.0, 1e-3)]) is None
         assert proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 0.5)
         assert not proofs.excluded(lambda z: [z[0] - 1, z[1]], [0.0, 0.0], 1.5)
 

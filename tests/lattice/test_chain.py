@@ -205,9 +205,3 @@ def test_no_mean_exists_outside_the_attenuation_zone(lattice, asked, gamma):
     if hasattr(lattice, name):
         with pytest.raises(BadInput, match="gamma"):
             getattr(lattice, name)(gamma, *more)
-
-
-@pytest.mark.parametrize("sites", [0, -3, 2.0, "4", True, None])
-def test_a_ring_needs_a_whole_number_of_sites(sites):
-    with pytest.raises(BadInput, match=r"sites = .*: a whole number, at least 1"):
-        Ring(sites)

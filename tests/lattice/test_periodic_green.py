@@ -117,12 +117,6 @@ def test_opposite_impulses_half_a_period_apart_make_the_symmetric_flight(n):
         assert np.abs(value[:-1] - wanted[:-1]).max() < 5e-15
 
 
-def test_velocity_of_the_pushed_site_jumps_by_one():
-    h = periodic_green(CHAIN, 0.2, 0)
-    assert h.at(0.0)[1] == pytest.approx(0.5, abs=1e-14)
-    assert h.at(2 * math.pi - 1e-9)[1] == pytest.approx(-0.5, abs=1e-8)
-
-
 def test_doubled_period_is_the_same_function_on_a_slower_clock():
     s = np.linspace(0.0, 12.0, 11)
     slow, fast = periodic_green(CHAIN, 0.03, 1, 2).at(s), periodic_green(CHAIN, 0.12, 1).at(s / 2)

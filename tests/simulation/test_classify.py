@@ -86,11 +86,6 @@ def test_rotation_number_is_the_frequency_in_the_spectrum(torus):
     assert min(frequency, 1 - frequency) == pytest.approx(number, abs=2e-6)
 
 
-def test_only_site_0_of_the_torus_impacts(torus):
-    assert set(torus.impacts["site"].tolist()) == {0}
-    assert len(torus.impacts) == 2 * torus.periods
-
-
 # --- verdicts -------------------------------------------------------------------------------------
 
 
@@ -168,19 +163,6 @@ def test_verdict_on_chaos_of_a_single_site():
     assert found.evidence["exponent"] > 0.2
 
 
-@pytest.mark.parametrize("a", [0.93, 0.94])
-def test_period_doubled_orbit_is_locked_one_to_two(a):
-    """gamma = 0, k = 0.8: the asymmetric breather doubles its period at a = 0.9255. The run begins
-    beside that breather: from the symmetric one, which repels, rounding decides where it ends."""
-    branch = cb.trace(symmetric(0.6, 0.0, 0.8), "a", within={"a": (0.6, 0.95)})
-    (arm, _) = cb.switch(branch.first("PF"), within={"a": (0.6, a)})
-    u, v = arm[-1].state(1)
-    found = classify((u, v + 1e-6), a=a, gamma=0.0, k=0.8, periods=500)
-    assert found.kind is Kind.LOCKED
-    assert (found.evidence["p"], found.evidence["q"]) == (1, 2)
-    assert found.evidence["multiplier"] < 1.0
-
-
 REPELLING = [
     # a, gamma, k, damping, sites, settle, periods: returns at once, after 3, leaving for long
     (0.1, 0.08, 0.8, 0.0, 20, 100, 100),
@@ -231,13 +213,6 @@ def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
     assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
 
 
-@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000)])
-def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
-    for a, _ in BANDS:
-        found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
-        assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
-
-
 @pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
 def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
     """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""
@@ -248,7 +223,9 @@ def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(
     found = classify(start.final, a=a, gamma=0.0, k=0.8, periods=500)
     own = periodic(found.run.final, periods=q, a=a, gamma=0.0, k=0.8)
     assert found.kind is Kind.LOCKED
-    assert (found.evidence["q"], own.largest < 1.0) == (q, True)
+    assert own.largest < 1.0
+    # from wall to wall of the two arms by turns: half a turn a period
+    assert (found.evidence["p"], found.evidence["q"]) == (q / 2, q)
     assert found.evidence["multiplier"] == pytest.approx(own.largest, abs=1e-6)
 
 
@@ -287,21 +264,6 @@ def test_doubled_motion_is_locked_with_the_multiplier_of_its_own_period_map(a, p
         columns.append(np.subtract(*ends).ravel() / 2e-5)
     largest = np.abs(np.linalg.eigvals(np.array(columns))).max()
     assert found.evidence["multiplier"] == pytest.approx(largest, abs=1e-4)
-
-
-@pytest.mark.slow
-def test_bands_of_chaos_between_smooth_walls_are_no_torus():
-    shared = {"a": 1.0565, "gamma": 0.0, "k": 0.7, "m": 30}
-    settled = simulate_smooth(([-0.31], [-0.16]), periods=100, **shared).final
-    found = judge(simulate_smooth(settled, periods=150, **shared))
-    assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), found.reason
-
-
-def test_smooth_ring_that_is_delocalised_is_no_breather():
-    shared = {"a": 0.7, "gamma": 0.104, "k": 0.8, "damping": 0.005, "m": 6}
-    settled = simulate_smooth(symmetric(0.7, 0.104, 0.8).state(20), periods=60, **shared)
-    found = judge(simulate_smooth(settled.final, periods=60, **shared))
-    assert found.kind in (Kind.SYNCHRONISED, Kind.DELOCALISED)
 
 
 def test_smooth_motion_next_to_one_that_repels_is_not_called_periodic():

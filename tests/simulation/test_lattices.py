@@ -26,7 +26,6 @@ from contbreather.simulation import (
     open_recording,
     periodic,
     record,
-    rotation,
     simulate,
     simulate_smooth,
     sweep,
@@ -257,16 +256,6 @@ def test_smooth_walls_harden_into_the_rigid_ones_on_any_lattice():
         off.append(np.abs(np.subtract(run.final, state)).max())
     assert off[2] < 0.4 * off[1] < 0.16 * off[0] * 1.5
     assert off[2] < 0.02
-
-
-def test_rotation_of_a_torus_on_an_open_chain():
-    """Far from any impact the modes turn: the slowest one of them with its own frequency."""
-    lattice, gamma = cb.OpenChain(2), 0.2
-    run = simulate(
-        ([0.1, -0.1], [0.0, 0.0]), a=0.0, gamma=gamma, k=0.5, lattice=lattice, periods=500
-    )
-    turns = math.sqrt(2 * gamma)
-    assert rotation(*run.strobe).number == pytest.approx(min(turns, 1 - turns), abs=1e-9)
 
 
 def test_a_ring_may_be_coupled_below_a_quarter_only_other_lattices_at_will():

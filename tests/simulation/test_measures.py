@@ -156,22 +156,6 @@ def test_a_run_that_ends_early_is_undecided_with_its_reason(monkeypatch) -> None
         periodic(state, **fast)
 
 
-# --- exponents ------------------------------------------------------------------------------------
-
-
-def test_exponents_of_a_ring_without_impacts_are_its_damping() -> None:
-    still = np.zeros(3), np.zeros(3)
-    shared = {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.2}
-    found = lyapunov(still, periods=400, count=6, settle=20, **shared)
-    # every mode but the common one swings: half the damping; the common one has 0 and -damping
-    assert found.exponents[0] == pytest.approx(0.0, abs=1e-3)
-    assert found.exponents[1:5] == pytest.approx(4 * [-0.1], abs=1e-3)
-    assert found.exponents[5] == pytest.approx(-0.2, abs=1e-3)
-    assert found.periods == 400
-    assert found.error.shape == (6,)
-    assert (found.error >= 0.0).all()
-
-
 # --- sweeps ---------------------------------------------------------------------------------------
 
 
@@ -242,10 +226,6 @@ def test_a_sweep_ends_with_a_run_that_ends(monkeypatch) -> None:
 
 
 # --- basins ---------------------------------------------------------------------------------------
-
-
-def test_an_axis_says_which_coordinate_it_is() -> None:
-    assert (Axis("u", 3, [0.1]).label, Axis("v", -1, [0.1]).label) == ("u_3", "v_-1")
 
 
 def test_starts_of_a_basin_are_where_its_axes_say() -> None:

@@ -5,22 +5,17 @@ from __future__ import annotations
 import errno
 import json
 import os
-from concurrent.futures import Executor
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather import workers
-from contbreather.continuation import Stop
 from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation import (
-    Axis,
     Explicit,
     RunStop,
     State,
-    attraction,
     open_recording,
     periodic,
     record,
@@ -65,16 +60,6 @@ def test_a_run_that_ends_in_its_first_chunk_ends_where_it_began(monkeypatch) -> 
         assert (run.final.u[0], run.final.v[0]) == (0.1, 1e3)
         assert repr(run).startswith("<Run of 1 sites over 0 periods: ")
         assert run.reason in repr(run)
-
-
-def test_a_run_that_ends_later_keeps_the_periods_before(monkeypatch) -> None:
-    run = simulate(STATE, **HERE, periods=6)
-    monkeypatch.setattr("contbreather.simulation.integrator.MOST", 1)  # two in every period
-    cut = simulate(STATE, **HERE, periods=6)
-    assert cut.stop is RunStop.CHATTER
-    assert cut.periods == 0
-    assert np.array_equal(cut.final.u, run.strobe.u[0])
-    assert "site 0 has more than 1 impacts in period 0" in cut.reason
 
 
 @pytest.mark.parametrize(("room", "most"), [(1, 1), (16, 2), (17, 2), (32, 4), (7, 1)])
@@ -200,51 +185,4 @@ def test_an_empty_recording_is_where_it_starts(tmp_path) -> None:
     assert again.conditions == kept.conditions
 
 
-def test_times_of_a_recording_are_those_of_a_run(tmp_path) -> None:
-    kept = record(tmp_path / "run", STATE, **HERE, periods=3, t0=0.5)
-    run = simulate(STATE, **HERE, periods=3, t0=0.5)
-    assert kept.end == pytest.approx(run.end, abs=1e-12)
-    assert kept.impacts["time"] == pytest.approx(run.impacts["time"], abs=1e-12)
-    assert kept.strobe(1).u == pytest.approx(run.strobe.u[:, 1], abs=0)
-    assert kept.strobe(slice(1, 3)).v.shape == (4, 2)
-    firsts = [one.first for one in kept.chunks()]
-    assert firsts == sorted(firsts)
-
-
 # --- workers --------------------------------------------------------------------------------------
-
-
-class Recorder(Executor):
-    """In place of a pool of processes: how it was asked for, and that it computes here."""
-
-    made: ClassVar[dict[str, Any]] = {}
-
-    def __init__(self, workers: int, context: Any, *, initializer: Any, initargs: Any) -> None:
-        Recorder.made = {"workers": workers, "method": context.get_start_method(),
-                         "ended": initargs[0]}  # fmt: skip
-
-    def submit(self, call: Any, *given: Any) -> Any:
-        from concurrent.futures import Future
-
-        assert not Recorder.made["ended"].poll(0)
-        done: Any = Future()
-        done.set_result(call(*given))
-        return done
-
-
-def test_unless_told_otherwise_all_cores_compute_in_fresh_processes(monkeypatch) -> None:
-    monkeypatch.setattr(workers, "ProcessPoolExecutor", Recorder)
-    monkeypatch.setattr(os, "cpu_count", lambda: 7)
-    monkeypatch.setattr(workers, "WORTH", -1.0)  # other processes from the second row on
-    monkeypatch.setattr(workers, "GLANCE", -1.0)
-    axes = Axis("u", 0, [0.0]), Axis("v", 0, 0.01 * np.arange(8))
-    found = attraction(([0.0], [0.0]), *axes, a=0.1, gamma=0.0, k=0.8, periods=2)
-    assert found.complete
-    assert (Recorder.made["workers"], Recorder.made["method"]) == (7, "spawn")
-    assert Recorder.made["ended"].poll(0)  # before the pool waits for what is under way
-
-
-def test_a_stop_of_a_walk_and_of_a_run_are_sentences() -> None:
-    for stop in (*RunStop, *Stop):
-        assert len(stop.value.split()) >= 2
-    assert len({stop.value for stop in RunStop}) == len(RunStop)

@@ -31,9 +31,10 @@ def state():
 
 
 def assert_same(recorded, run):
-    assert recorded.periods == run.periods
+    assert (recorded.periods, recorded.end) == (run.periods, run.end)
     assert np.array_equal(recorded.strobe().u, run.strobe.u)
     assert np.array_equal(recorded.strobe().v, run.strobe.v)
+    assert np.array_equal(recorded.strobe(1).u, run.strobe.u[:, 1])
     assert np.array_equal(recorded.final.u, run.final.u)
     assert np.array_equal(recorded.impacts, run.impacts)
 

@@ -98,16 +98,6 @@ def test_without_damping_the_periodic_motion_is_the_exact_breather():
     assert np.allclose(mine, exact, rtol=0, atol=1e-8)
 
 
-def test_asymmetric_breather_of_figure_7_settles_on_its_impact_phases():
-    """The symmetric one is unstable; with rigid walls the ring ends on two unequal flights."""
-    conditions = {"a": 0.82, "gamma": 0.04, "k": 0.8, "damping": 0.005}
-    run = simulate(symmetric(0.82, 0.04, 0.8).state(20), **conditions, periods=3000)
-    found = periodic(run.final, **conditions)
-    assert found.largest < 1.0
-    phases = np.sort(found.run().impacts["phase"])
-    assert np.allclose(phases, [0.455388, 3.01105], rtol=0, atol=5e-6)
-
-
 def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
     conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
     start = breather(20, gamma=0.08, **conditions)
