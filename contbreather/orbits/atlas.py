@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, combinations, kind_of, row
 from contbreather.errors import BadInput, add_partial_result, partial_result
@@ -27,7 +26,6 @@ from contbreather.workers import Failed, each
 if TYPE_CHECKING:
     from xarray import Dataset
 
-Array = NDArray[Any]
 Variable = tuple[str, Any, dict[str, Any]]  # dimension, values, attributes
 
 COLUMNS = ("gamma", "a", "k", "p")

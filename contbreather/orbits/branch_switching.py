@@ -11,9 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-from numpy.typing import NDArray
-
 from contbreather.checks import check_kind
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import Event, Examined, Point
@@ -21,8 +18,6 @@ from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
-
-FloatArray = NDArray[np.float64]
 
 EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
 ALONG = 1e-3  # by how much they change along an arm there, and not along symmetric orbits

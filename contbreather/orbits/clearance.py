@@ -18,8 +18,19 @@ from numpy.typing import NDArray
 from contbreather.checks import kind_of, whole
 from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
-from contbreather.orbits.margins import FOUND, LENGTH, MARGIN, MARGINS, NEXT, STEEP, TIE, WHEN
-from contbreather.orbits.motion import IMPULSE, TIME, points_of
+from contbreather.orbits.margins import (
+    FOUND,
+    IMPULSE,
+    LENGTH,
+    MARGIN,
+    MARGINS,
+    NEXT,
+    STEEP,
+    TIE,
+    TIME,
+    WHEN,
+    points_of,
+)
 from contbreather.orbits.site_motion import USUAL, SiteMotion
 
 if TYPE_CHECKING:
@@ -121,13 +132,14 @@ def measured_margins(
     idle: Sequence[int],
     near: Collection[int] = (),
     *,
-    ceiling: Any = math.inf,
+    only_closest: bool = False,
     touching: int | None = None,
     time: float = math.nan,
     along: tuple[FloatArray, FloatArray, FloatArray] | None = None,
 ) -> Measured:
-    """All margins that `margins` is asked for; `along` are amplitudes, times and impulses of many
-    orbits that differ from this one in these alone, and the rows those of the last."""
+    """All margins that `margins` is asked for; with `only_closest` what is farther off than others,
+    or than the far field, is not looked at closely. `along` are amplitudes, times and impulses of
+    many orbits that differ from this one in these alone, and the rows those of the last."""
     motion, sites = orbit.with_idle(idle, near, touching)
     wanted = np.array([site in near for site in sites] if near else [], dtype=np.int8)
     # one for each flight and each site, two for the other crests of a site that touches
@@ -137,7 +149,9 @@ def measured_margins(
     which = -1 if touching is None else (*orbit.hit, *sites).index(touching)
     if along is None:
         along = np.array([motion.a]), motion.impacts[TIME, None], motion.impacts[IMPULSE, None]
-    lowest = np.full(len(along[0]), ceiling)
+    lowest = np.full(len(along[0]), math.inf)
+    if only_closest:  # finite, and beyond all others, where there is no far field
+        lowest[:] = orbit.far_of(along[0]) if orbit.endless else 1e300
     MARGINS(motion, *along, wanted, which, time, work, lowest)
     return Measured(work[FOUND:, : NEXT + 1], sites, lowest)
 
@@ -202,14 +216,10 @@ def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     rows = measured.rows[orbit.section.count : -2, : WHEN + 1].tolist()
     named = zip(measured.sites, rows, strict=True)
     return [
-        Clearance(margin, site, within_a_period(orbit, when))
+        Clearance(margin, site, orbit.start + when % orbit.period)
         for site, (margin, when) in named
         if margin < math.inf
     ]
-
-
-def within_a_period(orbit: SiteMotion, when: float) -> float:
-    return orbit.start + when % orbit.period
 
 
 def smallest_margins(of: Sequence[Clearance]) -> Clearance:
@@ -228,24 +238,10 @@ def least_margin(orbit: SiteMotion) -> float:
     >>> abs(least_margin(b.motion) - b.admissibility().margin) < 1e-14
     True
     """
-    measured = measured_margins(orbit, orbit.idle, ceiling=_ceiling(orbit, orbit.on.a))
+    measured = measured_margins(orbit, orbit.idle, only_closest=True)
     # impacts of one site at one wall may come in the wrong order, which no flight tells
     lost = [gap.margin for gap in of_flights(orbit, measured)] if orbit.section.repeats else []
     return min([*measured.least.tolist(), *lost])
-
-
-def least_margins(
-    orbit: SiteMotion, a: FloatArray, times: FloatArray, impulses: FloatArray
-) -> FloatArray:
-    """The same of orbits that differ from one in their amplitudes and impacts alone."""
-    along = a, times, impulses
-    return measured_margins(orbit, orbit.idle, ceiling=_ceiling(orbit, a), along=along).least
-
-
-def _ceiling(orbit: SiteMotion, a: Any) -> Any:
-    """The margin of the far field; beyond all others, and finite, where there is none: what is
-    farther off than another is not looked at closely."""
-    return orbit.far_of(a) if orbit.endless else 1e300
 
 
 def closest(orbit: SiteMotion) -> Clearance:
@@ -282,7 +278,7 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     motion, site = _motion_of(orbit), whole("n", n, -(10**9))
     if n == 1 and not motion.idle:
         return motion.start, 0.0
-    motion.at(site, motion.start)  # says why where there is no such site
+    motion.representation.at(site, motion.start)  # says why where there is no such site
     distance = getattr(orbit.lattice, "distance", abs)
     if any(distance(n - hit) == 0 for hit in motion.hit):
         raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
@@ -329,7 +325,7 @@ def _height(orbit: SiteMotion, least: Clearance) -> float:
     """How far a site is displaced where it comes closest to a wall."""
     if orbit.walls(least.site) == USUAL:
         return 1.0 - least.margin
-    return abs(float(orbit.at(least.site, least.time)[0]))
+    return abs(float(orbit.representation.at(least.site, least.time)[0]))
 
 
 def _reason(orbit: SiteMotion, worst: Clearance) -> str:
@@ -351,7 +347,7 @@ def _reach(orbit: SiteMotion, worst: Clearance) -> str:
         return _reach_between(orbit, worst, site)
     if orbit.walls(site) == USUAL:
         return f"site {site} reaches |u| = {1.0 - margin:.6g} at t = {time:.6g}"
-    return f"site {site} reaches u = {orbit.at(site, time)[0]:.6g} at t = {time:.6g}"
+    return f"site {site} reaches u = {orbit.representation.at(site, time)[0]:.6g} at t = {time:.6g}"
 
 
 def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
@@ -361,7 +357,7 @@ def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
     at_start = time == orbit.impacts[flight].time
     hits = [hit for hit in orbit.impacts if (hit.time, hit.site) == (time, site)]
     if not hits:
-        u = orbit.at(site, time)[0]
+        u = orbit.representation.at(site, time)[0]
         return f"site {site} between its impacts is at u = {u:.6g} at t = {time:.6g}"
     if orbit.k == 0.0 and at_start:
         way = "inwards" if margin > 0.0 else "into the wall, so it sticks"

@@ -83,7 +83,7 @@ class ClosedForm(SymmetricBreather):
 
     def lifted(self) -> Problem:
         """That of asymmetric breathers, in which a pitchfork is a regular point."""
-        from contbreather.orbits.green_problem import asymmetric_problem
+        from contbreather.orbits.asymmetric_breather import asymmetric_problem
 
         return asymmetric_problem(Orbit(self).unfolded())
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,20 +25,18 @@ from contbreather.continuation.problem import Problem
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import SpringResponse, spring_response
-from contbreather.lattice.forcing import Forcing, Fourier
+from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import Closure
 from contbreather.orbits.grazing import GrazingSite
-from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_events import events_of, saddle_node
-from contbreather.orbits.orbit_problem import OrbitProblem, orbit_problem, ring_label, unstable_by
-from contbreather.orbits.site_motion import time_from_middle
+from contbreather.orbits.orbit_events import events_without_losses, saddle_node
+from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
 from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
-from contbreather.stability.verdict import THRESHOLD, check_threshold
+from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
 
@@ -55,23 +54,31 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     """
     motion = breather.representation
     forcing, lattice = motion.forcing, breather.lattice
-    if isinstance(lattice, Ring):
-        check_threshold(threshold)  # there NS is by the paper's rule
     closure = Closure(forcing, lattice)
-    return orbit_problem(
+    domain = DOMAIN
+    if "spring" in forcing.params:
+        # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1, along either
+        # parameter by itself
+        gamma = NUMBERS["gamma"]
+        stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
+        domain = {
+            **DOMAIN,
+            "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
+            "spring": (0.0, stiffest),
+        }
+    return SymmetricProblem.of(
         "symmetric breather",
         partial(type(motion).of, forcing, lattice),
         breather,
         threshold,
-        SymmetricProblem,
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
         jacobian=closure.jacobian,
         sensitivity=closure.sensitivity,
-        events=(saddle_node(), *events_of(HALF, lattice, threshold)),
+        events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
-        domain=_domain(breather),
+        domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
         closure=closure,
     )
@@ -89,7 +96,32 @@ class SymmetricProblem(OrbitProblem):
         return {"kind": self.kind, **form, "threshold": self.threshold}
 
     def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
-        return _loops(self.closure, free, params)
+        """The equations with these parameters free, as functions that can be compiled; None with
+        springs, for the coupling of a ring, and on lattices of somebody else."""
+        on, forcing = self.closure.lattice, self.closure.forcing
+        places = {"a": (kernels.A, 1.0), "gamma": (kernels.GAMMA, 1.0), "k": (kernels.K, 1.0)}
+        if isinstance(forcing, Fourier):  # where its coefficients are, and the factor for each
+            places |= {
+                f"{letter}{m}": (kernels.FIRST + 3 * i + 1 + side, -1.0 / m**2)
+                for i, (m, _, _) in enumerate(forcing.harmonics)
+                for side, letter in enumerate("cs")
+                if f"{letter}{m}" in forcing.params
+            }
+        ring = on.sites is not None and "gamma" in free
+        own = type(on) in (InfiniteChain, Ring) and not isinstance(forcing, SpringResponse)
+        if not own or ring or any(name not in places for name in free):
+            return None
+        f = forcing.at(**{name: params[name] for name in forcing.params if name in params})
+        freed = [float(entry) for name in free for entry in places[name]]
+        values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
+        gamma = values[1]
+        means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+        flat = [entry for harmonic in f.harmonics for entry in harmonic]
+        # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
+        head = [len(free), *freed, *(4 - 2 * len(free)) * [0.0], *values, *means, *4 * [0.0]]
+        head += [len(f.harmonics), kernels.FIRST + len(flat), 0]
+        data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
+        return Loops(kernels.closure, kernels.closure_slopes, data)
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""
@@ -106,58 +138,6 @@ class SymmetricProblem(OrbitProblem):
         # a spring of 0 changes no response, but it is one of its parameters
         soft = Orbit(replace(orbit.representation, forcing=spring_response(orbit.forcing, 0.0)))
         return symmetric_problem(soft, self.threshold).having(*names)
-
-
-_PLACES = {"a": (kernels.A, 1.0), "gamma": (kernels.GAMMA, 1.0), "k": (kernels.K, 1.0)}
-
-
-def _loops(closure: Closure, names: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
-    """The equations with these parameters free, as functions that can be compiled; None with
-    springs, for the coupling of a ring, and on lattices of somebody else."""
-    defaults = closure.forcing.params
-    places = {**_PLACES, **_coefficients(closure.forcing)}
-    ring = closure.lattice.sites is not None and "gamma" in names
-    compilable = type(closure.lattice) in (InfiniteChain, Ring) and not isinstance(
-        closure.forcing, SpringResponse
-    )
-    if not compilable or ring or any(name not in places for name in names):
-        return None
-    f = closure.forcing.at(**{name: params[name] for name in defaults if name in params})
-    freed = [float(entry) for name in names for entry in places[name]]
-    values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
-    on, gamma = closure.lattice, values[1]
-    means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
-    flat = [entry for harmonic in f.harmonics for entry in harmonic]
-    # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
-    head = [len(names), *freed, *(4 - 2 * len(names)) * [0.0], *values, *means, *4 * [0.0]]
-    head += [len(f.harmonics), kernels.FIRST + len(flat), 0]
-    data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
-    return Loops(kernels.closure, kernels.closure_slopes, data)
-
-
-def _coefficients(forcing: Forcing) -> dict[str, tuple[int, float]]:
-    """Where the coefficients of a forcing are among its harmonics, and the factor for each."""
-    orders = [m for m, _, _ in forcing.harmonics] if isinstance(forcing, Fourier) else []
-    return {
-        f"{letter}{m}": (kernels.FIRST + 3 * i + 1 + side, -1.0 / m**2)
-        for i, m in enumerate(orders)
-        for side, letter in enumerate("cs")
-        if f"{letter}{m}" in forcing.params
-    }
-
-
-def _domain(breather: Orbit) -> dict[str, tuple[float, float]]:
-    """With springs as far as the band stays below the drive, along either parameter by itself."""
-    if "spring" not in breather.representation.forcing.params:
-        return DOMAIN
-    gamma = NUMBERS["gamma"]
-    stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
-    return {
-        **DOMAIN,
-        # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1
-        "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
-        "spring": (0.0, stiffest),  # spring + 4 gamma < 1
-    }
 
 
 def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
@@ -238,13 +218,8 @@ class Scalar(NamedTuple):
         return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
-def _fold(breather: SymmetricBreather) -> float:
-    """The determinant of (11), eq. (14)."""
-    f, phi = breather.forcing, breather.phi
-    return breather.a * (breather.chi * f.d2f(phi) + breather.q * f.df(phi))
-
-
 def _fold_slope(breather: SymmetricBreather, name: str) -> float:
+    """Of the determinant of (11)."""
     a, f, phi = breather.a, breather.forcing, breather.phi
     driven = breather.chi * _drive_slope(breather, 2, name)
     driven += breather.q * _drive_slope(breather, 1, name)
@@ -288,7 +263,7 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
 
 
-FOLD = Scalar(_fold, _fold_slope, kernels.fold, kernels.fold_slopes)
+FOLD = Scalar(attrgetter("determinant"), _fold_slope, kernels.fold, kernels.fold_slopes)
 PITCHFORK = Scalar(_pitchfork, _pitchfork_slope, kernels.pitchfork, kernels.pitchfork_slopes)
 
 
@@ -349,7 +324,7 @@ def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     """Of displacement and velocity at a fixed time, u = a f + p times a `Flight` of that site."""
     breather: SymmetricBreather = orbit.representation
-    y, sign = time_from_middle(breather, t)
+    y, sign = breather.phase(t)
     p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
     place = breather.lattice, breather.gamma, breather.lattice.distance(site)
     rows = []

@@ -27,7 +27,6 @@ from contbreather.orbits.closed_form import symmetric as symmetric
 from contbreather.orbits.closed_form import symmetric_roots as symmetric_roots
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.initial_guesses import from_orbit, from_state, from_times
-from contbreather.orbits.modal_problem import modal_problem
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 from contbreather.orbits.orbit_events import pitchfork
@@ -221,7 +220,7 @@ def shooting(
     sign = None if symmetric is None else -1 if flag("symmetric", symmetric) else 1
     flight = _guess(seed, overrides, _lattice(lattice, sites), sequence, _turns(period), sign, t)
     check_possible(flight.section, flight.conditions)
-    problem = modal_problem(Orbit(flight), threshold)
+    problem = flight.problem(threshold)
     try:
         solved, convergence = problem.solve()
     except NotConverged as error:

@@ -9,33 +9,46 @@ of the answer, and no mode needs a treatment of its own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.derivatives import RELATIVE, directional
+from contbreather.continuation.equilibria import fold
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Fourier
 from contbreather.lattice.modal_flow import propagator
 from contbreather.orbits.closure import general_roots
+from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, read_by
+from contbreather.orbits.orbit_events import branching, events_of
+from contbreather.orbits.orbit_problem import (
+    Equations,
+    OnCircle,
+    OrbitProblem,
+    by_differences,
+    unstable_by,
+)
 from contbreather.orbits.representation import Impacts, Offsets
-from contbreather.orbits.section import Section, check_order, check_possible, check_walls
+from contbreather.orbits.section import WEAK, Section, check_order, check_possible, check_walls
 from contbreather.orbits.shooting_equations import SectionFlight
 from contbreather.orbits.site_motion import ModalMotion
-
-if TYPE_CHECKING:
-    from contbreather.continuation.point import DefiningSystem, Point
-    from contbreather.continuation.problem import Problem
-    from contbreather.orbits.grazing import GrazingSite
-    from contbreather.orbits.on_circle import OnCircle
+from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
+
+STATE_STEP = 1e-3  # of velocities and accelerations at impacts, relative
+SLOW = 0.1  # velocity before an impact below which a saltation changes within such a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +89,23 @@ class ExactModes(SectionFlight):
         state: FloatArray = np.linalg.lstsq(matrix, -rest.residual())[0].astype(float)
         return replace(rest, q=state[: still.size], r=state[still.size :])
 
+    @property
+    def family(self) -> str:
+        """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of
+        `SymmetricBreather`.
+
+        Examples
+        --------
+        >>> from contbreather.lattice import Ring
+        >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
+        >>> [orbit.representation.family for orbit in symmetric_orbits(0, on)]
+        ['upper', 'lower']
+        """
+        *_, chi, loss, forced = _closure(self.section, self.conditions)
+        assert forced is not None
+        turn = chi * forced.d2f(self.t[0]) + loss * forced.df(self.t[0])
+        return "upper" if turn >= 0.0 else "lower"  # the determinant of the closure, over -a
+
     def rewritten(self, section: Section, impacts: Impacts, offsets: Offsets) -> ExactModes:
         return replace(self, section=section, t=np.array([impact.time for impact in impacts]))
 
@@ -85,19 +115,13 @@ class ExactModes(SectionFlight):
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
     ) -> DefiningSystem:
-        from contbreather.orbits.on_circle import by_impacts
-
-        return of.locus(by_impacts, nu, **more)
+        return of.locus(_by_impacts, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        from contbreather.orbits.modal_problem import grazing_site
-
-        return grazing_site(site)
+        return GrazingSite(site, partial(_slopes_at, site))
 
     def speed_slope(self, j: int) -> Any:
-        from contbreather.orbits.modal_problem import speed_slope
-
-        return partial(speed_slope, j)
+        return partial(_speed_slope, j)
 
     def lifted(self) -> Problem:
         orbit = Orbit(self)
@@ -107,9 +131,34 @@ class ExactModes(SectionFlight):
         return longer.problem
 
     def problem(self, threshold: float) -> Problem:
-        from contbreather.orbits.modal_problem import modal_problem
+        """The shooting equations with this orbit as their start, and all its events.
 
-        return modal_problem(Orbit(self), threshold)
+        Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k, damping, spring
+        and the parameters of the forcing; half the momenta, ``p1, p2, ...``, and ``p``, the first,
+        where one site has one impact or two; the offset ``c``; where half a symmetric orbit may do,
+        its ``asymmetry``; ``unstable``, the number of multipliers beyond the threshold over the
+        whole period, and the condition number ``condition``: computed when asked for.
+        """
+        section, on = self.section, self.conditions
+        times = {f"t{j + 1}": float(time) for j, time in enumerate(self.t)}
+        # below it idle sites rest anywhere, and the equations are singular; of an orbit that comes
+        # back with the opposite sign they rest at 0
+        loose = on.spring < WEAK and on.lattice.sites > 1 and not section.symmetric
+        bounds = {name: (number.low, number.high) for name, number in NUMBERS.items()}
+        return _Shooting.of(
+            "shooting",
+            self.equations.flight,
+            Orbit(self),
+            threshold,
+            residual=self.equations.residual,
+            start={**times, "q": self.q, "r": self.r},
+            params=on.params,
+            events=(fold(), branching(), *events_of(section, on.lattice, threshold)),
+            record=_columns(section, threshold),
+            domain={**bounds, "gamma": (WEAK if loose else 0.0, on.lattice.highest_gamma)},
+            label=f"shooting, {on.lattice.describe()}, {section.describe()}",
+            equations=self.equations,
+        )
 
     def guess(self) -> Problem:
         return Orbit(self).problem
@@ -190,6 +239,80 @@ def _read(orbit: Orbit, threshold: float) -> Problem:
     return problem
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class _Shooting(OrbitProblem):
+    equations: Any = field(kw_only=True)
+
+    def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
+        return self.equations.derivatives(x, params, names)
+
+
+def _columns(section: Section, threshold: float) -> dict[str, Any]:
+    """What is recorded besides the unknowns."""
+    count = section.count
+    same = count == 1 or (count == 2 and section.local and not section.symmetric)
+    names = {"p": 0} if same else {}
+    if count > 1:
+        names |= {f"p{j + 1}": j for j in range(count)}
+    columns: dict[str, Any] = {name: partial(_momentum, j) for name, j in names.items()}
+    if not section.symmetric:
+        columns["c"] = attrgetter("solution.c")
+    if section.mirrored:
+        columns["asymmetry"] = attrgetter("solution.asymmetry")
+    columns["unstable"] = unstable_by(threshold)
+    return {**columns, "condition": attrgetter("solution.representation.condition")}
+
+
+def _momentum(j: int, point: Point) -> float:
+    # (4): an impact transfers 2p
+    return 0.5 * abs(float(point.solution.impulses[j]))
+
+
+def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
+    slopes: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
+    return slopes
+
+
+def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+    flight = Point(curve, z).solution.representation
+    return flight.tangents(curve.free).speeds[j : j + 1]
+
+
+def _by_impacts(
+    conditions: Equations, curve: Curve, z: FloatArray, extra: FloatArray
+) -> FloatArray:
+    """By differences, of exact modes: one perturbation flown once is cheap, and smooth.
+
+    Of the state the map knows velocities and accelerations at the impacts, and these are linear in
+    it: one direction for each of them tells what all modes do.
+    """
+    flight = Point(curve, z).solution.representation
+    m, size = flight.t.size, 2 * flight.q.size
+
+    def near(z: FloatArray) -> FloatArray:
+        return conditions(curve, z, extra)
+
+    others = [*range(m), *range(m + size, z.size + extra.size)]
+    slow = min(abs(impact.velocity) for impact in flight.arrivals)
+    step = RELATIVE * min(1.0, slow / SLOW)
+    columns = by_differences(conditions, curve, z, extra, others, step)
+    rows = np.zeros((len(columns), z.size + extra.size))
+    rows[:, others] = columns
+    # what the map knows is y = S x, so dF/dx = (dF/dy) S; along a column of pinv(S) one entry of y
+    # changes alone
+    values = [(abs(impact.velocity), abs(impact.acceleration)) for impact in flight.arrivals]
+    sizes = [max(pair[: 1 + i]) for pair in values for i in range(2)]
+    for shown, moved, large in zip(
+        flight.impact_slopes, np.linalg.pinv(flight.impact_slopes).T, sizes, strict=True
+    ):
+        along = np.zeros(z.size)
+        along[m : m + size] = STATE_STEP * large * moved
+        rows[:, m : m + size] += np.multiply.outer(
+            directional(near, z, along), shown / (STATE_STEP * large)
+        )
+    return rows
+
+
 # --- one site that impacts, in closed form --------------------------------------------------------
 
 # Impulses -2p, +2p half a period apart make each mode answer with a state that recurs with the
@@ -240,26 +363,6 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
         Orbit(ExactModes(section, np.array([phi]), -2.0 * p * q, -2.0 * p * r, on))
         for p, phi in sorted(((width * p, phi) for p, phi in roots), reverse=True)
     )
-
-
-def family_of(orbit: Orbit) -> str:
-    """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of `SymmetricBreather`.
-
-    Examples
-    --------
-    >>> from contbreather.lattice import Ring
-    >>> on = Conditions(0.5, 0.12, 0.4, damping=0.01, lattice=Ring(6))
-    >>> [family_of(orbit) for orbit in symmetric_orbits(0, on)]
-    ['upper', 'lower']
-    """
-    if not isinstance(orbit.representation, ExactModes):
-        family: str = orbit.representation.family
-        return family
-    *_, chi, loss, forced = _closure(orbit.section, orbit.conditions)
-    assert forced is not None
-    phi = orbit.times[0]
-    turn = chi * forced.d2f(phi) + loss * forced.df(phi)  # det of the closure, over -a
-    return "upper" if turn >= 0.0 else "lower"
 
 
 def _closure(

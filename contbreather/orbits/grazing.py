@@ -20,7 +20,6 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.continuation.points import Points
-from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
@@ -30,10 +29,10 @@ from contbreather.orbits.clearance import (
     of_flights,
     of_idle,
     smallest_margins,
-    within_a_period,
 )
 from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit_problem import breathers_along
 from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion, Terms
 
@@ -58,7 +57,7 @@ class GrazingSite:
     slopes: Callable[[Curve, Orbit, float], Any]
     """Derivatives of displacement and velocity in all unknowns and free parameters, (2, n)."""
     motion: Callable[[Orbit, float], Terms] | None = None
-    """Of the site, unless it is that on which its clearance is measured."""
+    """Of the site, unless it is that of the representation."""
     loops: Callable[[float, Loops, int], Loops | None] | None = None
     """The equations of an orbit with a contact at a wall, as functions that can be compiled."""
     further: tuple[Event, ...] = ()
@@ -73,7 +72,10 @@ class GrazingSite:
         return DefiningSystem({"t": t}, conditions, self._derivative, loops=loops, **more)
 
     def _terms(self, orbit: Orbit, t: float) -> Terms:
-        return orbit.motion.at(self.site, t) if self.motion is None else self.motion(orbit, t)
+        if self.motion is not None:
+            return self.motion(orbit, t)
+        terms: Terms = orbit.representation.at(self.site, t)
+        return terms
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
         u, v, _ = self._terms(solution_at(Point(curve, z)), float(extra[0]))
@@ -115,7 +117,7 @@ def _locus(point: Point) -> DefiningSystem:
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
-    displacement = orbit.motion.at(site, t)[0]
+    displacement = orbit.representation.at(site, t)[0]
     place = min(orbit.walls.at(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
     other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
@@ -147,7 +149,7 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
     if orbit.symmetric or orbit.section.turns % 2 == 0:
         return False
-    displacements = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
+    displacements = [orbit.representation.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
     return abs(sum(displacements)) < SAME
 
 
@@ -166,7 +168,9 @@ class _OtherContact:
 
     def closest(self, point: Point) -> Clearance:
         motion = solution_at(point).motion
-        return closest_other(motion, self.site, point["t"], mirrored=self.mirrored)
+        return smallest_margins(
+            other_contacts(motion, self.site, point["t"], mirrored=self.mirrored)
+        )
 
     def margin(self, point: Point) -> float:
         return self.closest(point).margin
@@ -217,22 +221,19 @@ def other_contacts(
     measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
-        same, opposite = measured.rows[-2:, : WHEN + 1].tolist()
-        crests = [Clearance(same[MARGIN], site, within_a_period(orbit, same[WHEN]))]
-        if opposite[MARGIN] < math.inf and not (mirrored and abs(opposite[MARGIN]) < MIRRORED):
-            crests.append(Clearance(opposite[MARGIN], site, within_a_period(orbit, opposite[WHEN])))
-        gaps = crests + gaps
+        crests = measured.rows[-2:, : WHEN + 1].tolist()  # at its own wall, and at the other one
+        opposite = crests[1][MARGIN]
+        if opposite == math.inf or (mirrored and abs(opposite) < MIRRORED):
+            crests.pop()
+        period = orbit.period
+        own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
+        gaps = own + gaps
     told = []
     for gap in gaps:
         size = orbit.influence(site, gap.site)
         margin = 1.0 if size < TELLING else gap.margin / (abs(gap.margin) + size)
         told.append(gap._replace(margin=margin))
     return told
-
-
-def closest_other(orbit: SiteMotion, site: int, t: float, *, mirrored: bool = False) -> Clearance:
-    """The one of `other_contacts` with the least margin."""
-    return smallest_margins(other_contacts(orbit, site, t, mirrored=mirrored))
 
 
 # --- an impact that vanishes ----------------------------------------------------------------------

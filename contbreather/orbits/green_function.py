@@ -2,21 +2,46 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, partial
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contbreather.continuation.boundary import meeting
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.equilibria import branch_point, fold
+from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
-from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green
+from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green, wave_slope
+from contbreather.orbits.asymmetric_breather import (
+    EQUAL,
+    LEAST,
+    asymmetric_problem,
+    params_of,
+    pitchfork_of_arms,
+)
+from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
-from contbreather.orbits.green_equations import EQUAL, OrbitEquations, Params, green_equations_of
+from contbreather.orbits.grazing import GrazingSite, solution_at
+from contbreather.orbits.green_equations import OrbitEquations, Params, green_equations_of
 from contbreather.orbits.orbit import Orbit, orbit_of, read_by
+from contbreather.orbits.orbit_events import events_without_losses
+from contbreather.orbits.orbit_problem import (
+    STEP,
+    Equations,
+    OnCircle,
+    OrbitProblem,
+    by_differences,
+    unstable_by,
+)
 from contbreather.orbits.representation import Impacts, Offsets, Representation
 from contbreather.orbits.section import Impact, Section, check_order
 from contbreather.orbits.site_motion import GreenMotion, Terms
@@ -25,12 +50,6 @@ from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, ring_map
 from contbreather.stability.saltation import Saltation
 from contbreather.stability.verdict import THRESHOLD
-
-if TYPE_CHECKING:
-    from contbreather.continuation.point import DefiningSystem, Point
-    from contbreather.continuation.problem import Problem
-    from contbreather.orbits.grazing import GrazingSite
-    from contbreather.orbits.on_circle import OnCircle
 
 FloatArray = NDArray[np.float64]
 
@@ -228,11 +247,11 @@ class GreensFunction:
     def problem(self, threshold: float) -> Problem:
         orbit = Orbit(self)
         if self.section.two_impacts and abs(orbit.asymmetry) > EQUAL:
-            return _of_an_arm(orbit, threshold)
-        return _of_impacts(orbit, threshold)
+            return asymmetric_problem(orbit, threshold)
+        return impact_problem(orbit, threshold)
 
     def guess(self) -> Problem:
-        return _of_impacts(Orbit(self), THRESHOLD)
+        return impact_problem(Orbit(self), THRESHOLD)
 
     @property
     def motion(self) -> GreenMotion:
@@ -244,15 +263,11 @@ class GreensFunction:
     def locus(
         self, of: OnCircle, point: Point, nu: float | None = None, **more: Any
     ) -> DefiningSystem:
-        from contbreather.orbits.on_circle import by_differences, off_the_edge
-
         endless = self.conditions.lattice.sites is None
-        return of.locus(by_differences if nu is None or not endless else off_the_edge, nu, **more)
+        return of.locus(by_differences if nu is None or not endless else _off_the_edge, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
-        from contbreather.orbits.green_problem import grazing_site
-
-        return grazing_site(Orbit(self), site)
+        return _grazing_site(Orbit(self), site)
 
     def speed_slope(self, j: int) -> None:
         """An impulse of 0 pushes away from no wall."""
@@ -275,15 +290,133 @@ class GreensFunction:
         """Its impacts are as good a guess as any."""
 
 
+read_by("asymmetric breather", GreensFunction.arm)(asymmetric_problem)
+
+
 @read_by("orbit with impacts", GreensFunction.of)
-def _of_impacts(orbit: Orbit, threshold: float) -> Problem:
-    from contbreather.orbits.green_problem import impact_problem
+def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
+    """The equations of an orbit with any impacts, with the orbit as their start.
 
-    return impact_problem(orbit, threshold)
+    Columns: t1..tm, J1..Jm and c (c1, c2, ... where several sites take impacts); a, gamma, k and
+    the parameters of the forcing; ``unstable``, the number of multipliers outside; for two impacts
+    ``p``, and ``asymmetry`` where half a symmetric orbit may do. Every branch point of the
+    equations is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
+    """
+    motion = orbit.representation
+    equations: OrbitEquations = motion.equations
+    record: dict[str, Any] = {"unstable": unstable_by(threshold)}
+    optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
+    record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
+    return OrbitProblem.of(
+        "orbit with impacts",
+        partial(type(motion).of, orbit.conditions, orbit.section),
+        orbit,
+        threshold,
+        residual=equations.residual,
+        start=dict(zip(equations.names, motion.x.tolist(), strict=True)),
+        params=params_of(orbit),
+        jacobian=equations.jacobian,
+        sensitivity=equations.sensitivity,
+        events=(
+            fold(),
+            from_arms(branch_point()),
+            *events_without_losses(orbit.section, orbit.lattice, threshold),
+        ),
+        record=record,
+        domain=_domain(equations),
+        label="orbit with impacts",
+    )
 
 
-@read_by("asymmetric breather", GreensFunction.arm)
-def _of_an_arm(orbit: Orbit, threshold: float) -> Problem:
-    from contbreather.orbits.green_problem import asymmetric_problem
+def _domain(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
+    """Where the parameters mean something, and each impulse pushes away from its wall."""
+    # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
+    edge = 0.25 if equations.lattice.sites is not None else 0.25 / equations.section.turns**2
+    domain = {"gamma": (0.0, edge), "k": (0.0, 1.0), "a": (0.0, math.inf)}
+    for i, (_, wall) in enumerate(equations.section.impacts):
+        domain[f"J{i + 1}"] = (-math.inf, -LEAST) if wall > 0 else (LEAST, math.inf)
+    return domain
 
-    return asymmetric_problem(orbit, threshold)
+
+def _off_the_edge(
+    conditions: Equations, curve: Curve, z: FloatArray, extra: FloatArray
+) -> FloatArray:
+    """By steps of gamma and the angle that keep off the edge of the infinite chain's band, where F
+    has a root."""
+    map = Point(curve, z).solution.map
+    steepness = 4.0 * map.periods**2 / map.edge  # of the edge, as nu, in gamma
+    room = 0.02 * abs(2.0 * map.edge - float(extra[0])) / (1.0 + steepness)
+    return by_differences(conditions, curve, z, extra, step=min(STEP, max(room, 1e-8)))
+
+
+# --- a site that grazes -------------------------------------------------------------------------
+
+
+def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
+    """A site with its share of the offsets as it is where the curve sets out.
+
+    The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
+    begins: the margin of the mirrored crest vanishes together with the asymmetry, and their ratio
+    does not. So that this end is known by one name, margins are those per asymmetry.
+    """
+    share = _offset_share(orbit, site)
+    followed = GrazingSite(
+        site, partial(_motion_slopes, site, share), partial(_motion, site, share)
+    )
+    asymmetry = orbit.asymmetry if orbit.section.two_impacts else 0.0
+    if abs(asymmetry) <= EQUAL:
+        return replace(followed, meets={"PF": ()})
+    side = math.copysign(1.0, asymmetry)
+    pitchfork = meeting("GR", pitchfork_of_arms())
+    end = replace(pitchfork, test=partial(_towards, side), ends="domain")
+    scale = partial(_while_asymmetric, side)
+    return replace(followed, further=(end,), scale=scale, meets={"PF": ()})
+
+
+def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
+    u, v, w = orbit.representation.without_offset(site, t)
+    return u + float(share @ orbit.offsets), v, w
+
+
+def _offset_share(orbit: Orbit, site: int) -> FloatArray:
+    """Weights of the offsets in the static displacement of a site.
+
+    On a boundary that runs into gamma = 0 a site keeps to what holds for gamma > 0.
+    """
+    size = len(orbit.offsets)
+    if orbit.gamma == 0.0 and site not in orbit.section.hit:
+        return np.zeros(size)
+    flight = orbit.representation
+    # the static displacement is linear in the offsets: what each of size 1 does
+    unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
+    return np.array(unit, dtype=float)
+
+
+def _motion_slopes(
+    site: int, share: FloatArray, curve: Curve, orbit: Orbit, t: float
+) -> FloatArray:
+    """Of displacement and velocity at a fixed time."""
+    f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
+    answers = orbit.representation.answers(site, t)
+    slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
+    # of two impacts J = -2p and 2p
+    slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
+    for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
+        # an answer is a function of t - t_i: its derivative in t_i is minus that in t
+        slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
+    slopes |= {f"c{i}": (weight, 0.0) for i, weight in enumerate(share, start=1)}
+    if "gamma" in curve.free:
+        slopes["gamma"] = impulses @ orbit.representation.answers(site, t, wave_slope)[:, :2]
+    for name in {*f.params} & {*curve.free}:
+        slopes[name] = a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
+    return np.array([slopes[name] for name in (*curve.problem.start, *curve.free)]).T
+
+
+def _towards(side: float, point: Point) -> float:
+    return side * solution_at(point.base_point).asymmetry
+
+
+def _while_asymmetric(side: float, point: Point) -> float:
+    asymmetry = _towards(side, point)
+    # closer to the pitchfork a margin per asymmetry is rounding over rounding
+    return asymmetry if asymmetry > EQUAL else math.nan

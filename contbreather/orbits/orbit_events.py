@@ -45,13 +45,11 @@ from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.orbits.branch_switching import from_arms
-from contbreather.orbits.breathers_along import breathers_along
 from contbreather.orbits.grazing import grazing as grazed
 from contbreather.orbits.grazing import merging, solution_at
 from contbreather.orbits.normal_form import bends
-from contbreather.orbits.on_circle import OnCircle
 from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.orbit_problem import unstable_by
+from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
 from contbreather.orbits.section import WEAK, Section
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
@@ -78,6 +76,13 @@ def events_of(section: Section, lattice: Any, threshold: float) -> tuple[Event, 
     breaking = real_multiplier("PF", 1.0) if section.symmetric else real_multiplier("PD", -1.0)
     mixed = (Event("MX", None, count=_certain_count),) if endless and not section.symmetric else ()
     return (breaking, pair_leaves(lattice, threshold), grazed(), *mixed, *merging(section))
+
+
+def events_without_losses(section: Section, lattice: Any, threshold: float) -> tuple[Event, ...]:
+    """The same on the infinite chain or a ring whose band is on the unit circle."""
+    if isinstance(lattice, Ring):
+        check_threshold(threshold)  # there NS is by the paper's rule
+    return events_of(section, lattice, threshold)
 
 
 def _certain_count(point: Point) -> float | int:

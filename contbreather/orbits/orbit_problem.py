@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.point import Point, UnstableDimension
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.derivatives import RELATIVE, differences
+from contbreather.continuation.point import DefiningSystem, Point, UnstableDimension
 from contbreather.continuation.points import Points
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
@@ -19,13 +21,14 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.orbit import Orbit, orbit_at
-from contbreather.orbits.periodic_motion import VANISHED
+from contbreather.orbits.clearance import measured_margins
+from contbreather.orbits.orbit import VANISHED, Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
+from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -53,6 +56,20 @@ class OrbitProblem(Problem):
     conditions: Conditions = field(kw_only=True)
     section: Section = field(kw_only=True)
     threshold: float = field(kw_only=True)
+
+    @classmethod
+    def of(cls, kind: str, at: At, orbit: Orbit, threshold: float, **equations: Any) -> Problem:
+        """That of an orbit; `equations` are what else a `Problem` takes: the equations, their
+        start, events and columns."""
+        return cls(
+            kind=kind,
+            motion_at=at,
+            conditions=orbit.conditions,
+            section=orbit.section,
+            threshold=threshold,
+            interpret=partial(_interpreted, at),
+            **equations,
+        )
 
     @property
     def serialised(self) -> Mapping[str, Any]:
@@ -89,27 +106,6 @@ class OrbitProblem(Problem):
                 "finite lattice, a ring of 100 sites for instance."
             )
         return self
-
-
-def orbit_problem(
-    kind: str,
-    at: At,
-    orbit: Orbit,
-    threshold: float,
-    of: type[OrbitProblem] = OrbitProblem,
-    **equations: Any,
-) -> Problem:
-    """The problem of an orbit; `equations` are what else a `Problem` takes: the equations, their
-    start, events and columns."""
-    return of(
-        kind=kind,
-        motion_at=at,
-        conditions=orbit.conditions,
-        section=orbit.section,
-        threshold=threshold,
-        interpret=partial(_interpreted, at),
-        **equations,
-    )
 
 
 def ring_label(lattice: Any, threshold: float) -> str:
@@ -154,3 +150,147 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
         b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.averages(gamma, "eta"))[1]
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)
+
+
+# --- many symmetric breathers at once -------------------------------------------------------------
+
+# One by one most of the time goes into making them. For tests along a branch in the amplitude they
+# are one breather with arrays for its amplitude, momentum and phase.
+
+
+@dataclass(frozen=True, eq=False)
+class BreathersAlong:
+    """Symmetric breathers of the infinite chain that differ in amplitude and roots alone."""
+
+    first: Orbit
+    a: FloatArray
+    p: FloatArray
+    phi: FloatArray
+
+    @property
+    def map(self) -> HalfMap:
+        """Theirs, with an array for b."""
+        on = self.first.representation
+        # (19): b = (1 + k)^2 [a f''(phi) - p eta]/(2p), eta of the coupling alone
+        curvature, eta = on.forcing.d2f(self.phi), on.lattice.eta(on.gamma)
+        return replace(self.first.map, b=saltation(self.a, on.k, self.p, curvature, eta)[1])
+
+    def margins(self) -> FloatArray:
+        """The least margin of each, as `clearance.least_margin` has it of one."""
+        motion = self.first.motion
+        # (4): a momentum of 2p is lost on the wall +1 at phi, and gained on -1 half a period later
+        times = np.stack([self.phi, self.phi + np.pi], axis=1)
+        impulses = np.stack([-2.0 * self.p, 2.0 * self.p], axis=1)
+        along = self.a, times, impulses
+        return measured_margins(motion, motion.idle, only_closest=True, along=along).least
+
+
+def breathers_along(points: Points) -> BreathersAlong | None:
+    """The breathers of points, None where they are no such breathers; kept by the curve, because
+    all events ask."""
+    make = partial(_breathers, points)
+    breathers: BreathersAlong | None = points.curve.cached("breathers", points.z, make)
+    return breathers
+
+
+def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
+    curve: Any = points.curve
+    if curve.free != ("a",) or curve.problem.beneath is not None:
+        return None
+    first = points[0].solution
+    if not (first.symmetric and first.lattice.sites is None and isinstance(first.map, HalfMap)):
+        return None
+    p, phi, a = np.ascontiguousarray(z.T)
+    # with p <= 0 the wall +1 would pull at its site
+    return BreathersAlong(first, a, p, phi) if (p > 0.0).all() else None
+
+
+# --- a multiplier on a circle ---------------------------------------------------------------------
+
+# The defining system of PF, PD and NS. The map of an orbit says where it has a multiplier
+# (`contbreather.stability.modal_map.Map`). How that changes along its unknowns is known in closed
+# form to one representation; the others fly a perturbation beside the orbit.
+
+Equations = Callable[[Curve, FloatArray, FloatArray], FloatArray]
+Slopes = Callable[[Equations, Curve, FloatArray, FloatArray], FloatArray]
+
+STEP = 1e-4  # of unknowns of the order of one, and of parameters
+AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
+
+
+@dataclass(frozen=True)
+class OnCircle:
+    """``radius exp(i pi nu)`` is a multiplier over the section.
+
+    Parameters
+    ----------
+    radius : float
+    nu : float, optional
+        0 or 1, for a real multiplier; else one more unknown.
+    lattice : InfiniteChain or Ring, optional
+        Whose multipliers; those of the orbit's own lattice unless given.
+    """
+
+    radius: float = 1.0
+    nu: float | None = None
+    lattice: Any = None
+
+    def locus(self, slopes: Slopes, nu: float | None = None, **more: Any) -> DefiningSystem:
+        """With ``slopes(conditions, curve, z, extra)``, the derivative along a curve."""
+        extra = {} if nu is None else {"nu": nu}
+        return DefiningSystem(extra, self.conditions, partial(self._derivative, slopes), **more)
+
+    def _derivative(
+        self, slopes: Slopes, curve: Curve, z: FloatArray, extra: FloatArray
+    ) -> FloatArray:
+        return slopes(self.beside(curve, z, extra), curve, z, extra)
+
+    def map(self, orbit: Any) -> Any:
+        return orbit.map if self.lattice is None else orbit.map.on(self.lattice)
+
+    def conditions(self, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
+        map = self.map(Point(curve, z).solution)
+        return self.real_parts(map.on_circle(self.angle(extra), self.radius))
+
+    def beside(self, curve: Curve, z: FloatArray, extra: FloatArray) -> Equations:
+        """The same next to a place, cheaper and exact to first order where they vanish."""
+        value = self.map(Point(curve, z).solution).beside(self.angle(extra), self.radius)
+        return lambda curve, z, extra: self.real_parts(
+            value(self.map(Point(curve, z).solution), self.angle(extra))
+        )
+
+    def angle(self, extra: FloatArray) -> float:
+        return float(extra[0]) if self.nu is None else self.nu
+
+    def real_parts(self, value: complex) -> FloatArray:
+        return np.array([value.real, value.imag] if self.nu is None else [value.real])
+
+
+def by_differences(
+    conditions: Equations,
+    curve: Curve,
+    z: FloatArray,
+    extra: FloatArray,
+    columns: Sequence[int] | None = None,
+    step: float = STEP,
+) -> FloatArray:
+    """To one side where a parameter is at the end of its domain: curves set out from gamma = 0. The
+    first unknowns are the times of impacts, which stay in their order: where sites that are
+    coupled change it there is a kink."""
+
+    def near(variables: FloatArray) -> FloatArray:
+        return conditions(curve, variables[: z.size], variables[z.size :])
+
+    variables, scales = np.append(z, extra), np.append(curve.scales, np.ones(extra.size))
+    orbit = Point(curve, z).solution
+    finer = np.full(variables.size, RELATIVE / step)  # what `differences` divides its own step by
+    finer[: orbit.times.size] = RELATIVE / min(step, _in_order(orbit))
+    return differences(near, variables, columns, scales=scales, finer=finer, one_sided=True)
+
+
+def _in_order(orbit: Any) -> float:
+    """A relative step of times that keeps impacts in their order, but for those at once."""
+    times = np.sort(orbit.times)
+    # two steps, which is as far as five points go, are then half the shortest gap at most
+    gaps = np.diff(times, append=times[0] + orbit.section.length)
+    return float(gaps[gaps > AT_ONCE].min() / (4.0 * max(1.0, abs(times).max())))

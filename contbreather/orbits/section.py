@@ -92,20 +92,20 @@ class Section:
                 f"odd n, because the forcing changes sign after pi; n = {self.turns} was given."
             )
 
-    @property
+    @cached_property
     def symmetric(self) -> bool:
         return self.sign < 0
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Impacts in a section."""
         return len(self.impacts)
 
-    @property
+    @cached_property
     def period(self) -> float:
         return 2.0 * math.pi * self.turns
 
-    @property
+    @cached_property
     def length(self) -> float:
         return 0.5 * self.period if self.symmetric else self.period
 

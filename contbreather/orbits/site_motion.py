@@ -21,9 +21,8 @@ from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.free_flight import POWERS, Responses, response_weights
 from contbreather.lattice.periodic_green import bounds, is_resonant, responses
-from contbreather.orbits.margins import IMAGE
-from contbreather.orbits.motion import Forced, FreeModes, Motion, points_of
-from contbreather.orbits.section import Impact, Section
+from contbreather.orbits.margins import IMAGE, Forced, FreeModes, Motion, points_of
+from contbreather.orbits.section import Section
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[float, float, float]  # a value and its first two derivatives
@@ -45,27 +44,20 @@ class SiteMotion:
     """The motion of an orbit over a section, by its representation, and which sites decide on its
     clearance."""
 
-    def __init__(self, representation: Any) -> None:
+    def __init__(self, representation: Any, forcing: Any = None, lattice: Any = None) -> None:
         self.representation, self.on = representation, representation.conditions
         self.section: Section = representation.section
-        self.forcing, self.lattice = self.on.forcing, self.on.lattice
+        # where springs hold the sites a closed form has its own
+        self.forcing = self.on.forcing if forcing is None else forcing
+        self.lattice = self.on.lattice if lattice is None else lattice
         self.k, self.sign, self.hit = float(self.on.k), self.section.sign, self.section.hit
         self.length, self.period = self.section.length, self.section.period
-
-    @property
-    def fine(self) -> int:
-        """Points to half a period of the forcing."""
-        return max(FINE, 16 * int(self.forcing.highest))
-
-    @cached_property
-    def start(self) -> float:
-        """Time of the first impact of a section."""
-        return float(self.impacts[0].time)
-
-    @cached_property
-    def impacts(self) -> tuple[Impact, ...]:
-        """Of a period, those of a section first."""
-        return self.section.course(self.representation.impacts, 1 if self.sign > 0 else 2)
+        self.endless = self.lattice.sites is None  # with a far field
+        self.fine = max(FINE, 16 * int(self.forcing.highest))  # points to half a period of it
+        # of a period, those of a section first
+        sections = 1 if self.sign > 0 else 2
+        self.impacts = self.section.course(representation.impacts, sections)
+        self.start = float(self.impacts[0].time)  # of a section
 
     @cached_property
     def idle(self) -> Sequence[int]:
@@ -79,11 +71,6 @@ class SiteMotion:
 
     def walls(self, site: int) -> Wall:
         return USUAL
-
-    @property
-    def endless(self) -> bool:
-        """Whether there is a far field."""
-        return self.lattice.sites is None
 
     @property
     def far(self) -> float:
@@ -101,19 +88,17 @@ class SiteMotion:
     def influence(self, site: int, other: int | None = None) -> float:
         """How strongly a site feels the impacts, or how much it moves otherwise than another does,
         to first order in the coupling."""
-        largest = max(abs(impact.impulse) for impact in self.impacts)
         order = self._order(site, site if other is None else other)
-        return float(0.5 * largest * self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+        return self._strongest * float(self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+
+    @cached_property
+    def _strongest(self) -> float:
+        return 0.5 * max(abs(impact.impulse) for impact in self.impacts)
 
     def _order(self, site: int, other: int) -> float:
         """The power of the coupling in which a site first moves otherwise than another, or, given
         twice, than without impacts."""
         raise NotImplementedError
-
-    def at(self, site: int, t: float) -> Terms:
-        """Displacement, velocity and acceleration of a site."""
-        terms: Terms = self.representation.at(site, t)
-        return terms
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
@@ -140,12 +125,7 @@ class SiteMotion:
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         """Offset and walls of each site."""
-        return _between_usual_walls(len(sites))
-
-
-@lru_cache(maxsize=64)
-def _between_usual_walls(count: int) -> FloatArray:
-    return np.full((count, 3), (0.0, *USUAL))
+        return np.array([(0.0, *self.walls(n)) for n in sites])
 
 
 @lru_cache(maxsize=64)
@@ -184,9 +164,16 @@ class ChainMotion(SiteMotion):
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
     def _order(self, site: int, other: int) -> float:
-        far = [[self.lattice.distance(n - busy) for busy in self.hit] for n in (site, other)]
-        unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
-        return min(unlike if site != other else far[0], default=math.inf)
+        return _bonds(self.lattice, self.hit, site, other)
+
+
+@lru_cache(maxsize=4096)
+def _bonds(lattice: UniformLattice, hit: tuple[int, ...], site: int, other: int) -> float:
+    """How far away the impacts are that one of two sites feels before the other, or that the one
+    site feels first."""
+    far = [[lattice.distance(n - busy) for busy in hit] for n in (site, other)]
+    unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
+    return min(unlike if site != other else far[0], default=math.inf)
 
 
 @lru_cache(maxsize=64)
@@ -202,21 +189,9 @@ def _around(lattice: UniformLattice, hit: tuple[int, ...], everywhere: bool) -> 
 class ClosedFormMotion(ChainMotion):
     """A symmetric breather, of which site 0 impacts."""
 
-    def __init__(self, representation: Any) -> None:
-        super().__init__(representation)
-        # where springs hold the sites, what the closed form has for its forcing and its lattice
-        self.forcing, self.lattice = representation.forcing, representation.lattice
-
     def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
         responses = _odd_responses(self.lattice, self.on.gamma, sites)
         return _alike(self.forcing), responses, _NO_MODES
-
-
-def time_from_middle(breather: Any, t: float) -> tuple[float, float]:
-    """Time from the middle of the flight, and its sign."""
-    flights = math.floor((t - breather.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
-    sign = -1.0 if flights % 2 else 1.0
-    return t - breather.phi - (flights + 0.5) * math.pi, sign
 
 
 @lru_cache(maxsize=64)
@@ -249,7 +224,7 @@ class GreenMotion(ChainMotion):
         return _alike(self.forcing), to_impacts, _NO_MODES
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
-        places = super()._places(sites).copy()
+        places = super()._places(sites)
         places[:, 0] = self.representation.offset(sites)
         return places
 
@@ -321,9 +296,6 @@ class ModalMotion(SiteMotion):
         series = np.array([forced.harmonics(site) for site in sites], dtype=float)
         m, A, B = (np.ascontiguousarray(part) for part in np.moveaxis(series, 2, 0))
         return Forced(m[0], A, B, math.inf)
-
-    def _places(self, sites: Sequence[int]) -> FloatArray:
-        return np.array([(0.0, *self.walls(n)) for n in sites])
 
 
 @lru_cache(maxsize=64)

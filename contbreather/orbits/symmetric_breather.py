@@ -24,14 +24,13 @@ from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
 from contbreather.orbits.closure import EPS, Closure, sprung
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ClosedFormMotion, Terms, time_from_middle
+from contbreather.orbits.site_motion import ClosedFormMotion, Terms
 from contbreather.parameters import parameter
 
 if TYPE_CHECKING:
     from contbreather.stability.half_period import HalfMap
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 HALF = Section(((0, 1),), sign=-1)
 
@@ -136,27 +135,21 @@ class SymmetricBreather:
 
         Behind a fold an odd number of multipliers of QS is below -1: no lower breather is stable.
         """
+        return "upper" if self.determinant >= 0.0 else "lower"
+
+    @property
+    def determinant(self) -> float:
+        """That of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
         f = self.forcing
-        turn = self.chi * f.d2f(self.phi) + self.q * f.df(self.phi)  # det of (11), over -a
-        return "upper" if turn >= 0.0 else "lower"
-
-    @property
-    def w_minus(self) -> float:
-        """Velocity of site 0 just before it hits the wall at +1: ``2 p/(1 + k)``."""
-        return 2.0 * self.p / (1.0 + self.k)  # (1 + k) times it is the jump 2p
-
-    @property
-    def acceleration(self) -> float:
-        """Acceleration of site 0 just before (and after) that impact: ``a f''(phi) - p eta``."""
-        return float(self._saltation[0])
+        return self.a * (self.chi * f.d2f(self.phi) + self.q * f.df(self.phi))
 
     @property
     def accelerations(self) -> FloatArray:
-        return np.array([self.acceleration])
+        return np.array([self._saltation[0]])
 
     @property
     def b(self) -> float:
-        """Off-diagonal entry of the saltation matrix (19): ``(1 + k) acceleration/w_minus``."""
+        """Off-diagonal entry of the saltation matrix (19)."""
         return float(self._saltation[1])
 
     @property
@@ -173,7 +166,7 @@ class SymmetricBreather:
     def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
         """Eq. (12) in closed form, and its derivatives."""
         n, t = np.broadcast_arrays(n, t)
-        y, sign = self._phase(t)
+        y, sign = self._phases(t)
         # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
         first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
         response = np.asarray(FreeFlight(first, ()).at(y)[order])
@@ -187,7 +180,7 @@ class SymmetricBreather:
 
     def at(self, site: int, t: float) -> Terms:
         """Displacement, velocity and acceleration of a site at one time."""
-        (y, sign), (f, df, d2f) = time_from_middle(self, t), self.forcing.motion(t)
+        (y, sign), (f, df, d2f) = self.phase(t), self.forcing.motion(t)
         (u, v, w), a, p = self.flight(site).at(y), self.a, sign * self.p
         return a * f + p * u, a * df + p * v, a * d2f + p * w
 
@@ -196,8 +189,14 @@ class SymmetricBreather:
         sites, time = np.arange(self.lattice.sites or 0), np.array(t)
         return self.profile(sites, time, 0), self.profile(sites, time, 1)
 
-    def _phase(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def phase(self, t: float) -> tuple[float, float]:
         """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
+        flights = math.floor((t - self.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
+        sign = -1.0 if flights % 2 else 1.0
+        return t - self.phi - (flights + 0.5) * math.pi, sign
+
+    def _phases(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same of many times; one within rounding of an impact is in the flight after it."""
         since = t - self.phi
         flights = np.floor(since / math.pi)
         s = since - flights * math.pi  # time since the last impact, in [0, pi)
@@ -210,7 +209,7 @@ class SymmetricBreather:
     @property
     def motion(self) -> ClosedFormMotion:
         """What its clearance from the walls is measured on."""
-        return ClosedFormMotion(self)
+        return ClosedFormMotion(self, self.forcing, self.lattice)
 
     # ----------------------------------------------------------------------------- stability
 

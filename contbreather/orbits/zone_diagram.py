@@ -19,7 +19,7 @@ from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.closed_form import symmetric_roots
-from contbreather.orbits.exact_modes import ExactModes, Resonance, family_of
+from contbreather.orbits.exact_modes import ExactModes, Resonance
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
 from contbreather.parameters import window_of
@@ -168,14 +168,14 @@ class Zones(Columns, HtmlRepr):
         counts = [
             breather.map.unstable(self.threshold)
             for breather in self.breathers(x, y)
-            if family_of(breather) in self.families
+            if breather.representation.family in self.families
         ]
         return min(counts, default=None)  # stable where any breather is
 
     def lower(self, x: float, y: float) -> float | None:
         """The largest p of the lower breathers at a place of the plane, None where there is none;
         they may be there without the upper one."""
-        momenta = [b.p for b in self.breathers(x, y) if family_of(b) == "lower"]
+        momenta = [b.p for b in self.breathers(x, y) if b.representation.family == "lower"]
         return max(momenta, default=None)
 
     def breathers(self, x: float, y: float) -> tuple[Orbit, ...]:

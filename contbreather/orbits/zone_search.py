@@ -8,11 +8,12 @@ boundary, to the ends of the region where breathers exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,18 @@ from numpy.typing import NDArray
 from contbreather.continuation.boundary import boundary
 from contbreather.continuation.branch import Branch, refined
 from contbreather.continuation.checkpoint import Checkpoint
+from contbreather.continuation.curve import Curve
+from contbreather.continuation.interpolant import tangent_at
+from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.point import CodimensionTwo, Event, Point
+from contbreather.continuation.points import Points
 from contbreather.continuation.problem import Problem
+from contbreather.continuation.samples import measure_many
 from contbreather.continuation.settings import Steps
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
-from contbreather.orbits.breathers_along import Row, RowPiece, rows
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
-from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
 from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots, is_meeting
@@ -37,6 +41,8 @@ from contbreather.progress import Counter
 
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
+Marked = NDArray[np.bool_]  # which of the steps between neighbours
+Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a curve that is known
 
 # the comb of values on which branches are traced
 COMBS = {
@@ -229,7 +235,7 @@ class Search:
         """Those that are admissible; where folds end the diagram the ones before the fold."""
         values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
         breathers = admissible_roots(values, **self.model)
-        return [b for b in breathers if self.past_folds or family_of(b) == "upper"]
+        return [b for b in breathers if self.past_folds or b.representation.family == "upper"]
 
     def _follow(self, point: Point, shown: Counter) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it
@@ -250,7 +256,12 @@ class Search:
             curves.append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
             curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
-            waiting += [(end, branch) for end in branch.special if _leads_on(end)]
+            # what crosses a fold would go on behind it: beside the fold it is found on a branch
+            waiting += [
+                (end, branch)
+                for end in branch.special
+                if is_meeting(end) and (end.kind in ("GR-GR", JOINT) or _followed(end) == "LP")
+            ]
 
 
 def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
@@ -258,12 +269,6 @@ def _first_of(starts: Sequence[float], piece: RowPiece) -> tuple[int, float]:
     reached = (i for i, y in enumerate(starts) if piece.low <= y <= piece.high)
     first = next(reached, len(starts) - 1)
     return first, -float(piece.z[abs(piece.z[:, 2] - starts[first]).argmin(), 0])
-
-
-def _leads_on(point: Point) -> bool:
-    """Whether what a curve meets is followed from there: not what crosses a fold, for that would go
-    on behind it; beside the fold it is found on a branch."""
-    return is_meeting(point) and (point.kind in ("GR-GR", JOINT) or _followed(point) == "LP")
 
 
 def _followed(point: Point) -> str:
@@ -314,3 +319,197 @@ def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float)
         along = np.sum(gap * chord, axis=-1) / np.sum(chord * chord, axis=-1)
         gap -= np.clip(along, 0, 1)[:, None] * chord
     return bool(np.linalg.norm(gap, axis=-1).min() < near)
+
+
+# --- rows of a zone diagram -----------------------------------------------------------------------
+
+# Given phi, (11) is linear in 1/a and p/a: nobody has to walk along a row of the diagram to see
+# what happens on it, and whether that is on curves that are known.
+
+POINTS = 48  # of a row, evenly along it
+FIRST = 1e-6  # of its phases, the first step of the grid on which its length is measured
+CLOSER = 17  # places at which a step is looked at closely
+ROUNDS = 5  # of that, after which a zero is sharp to rounding
+AHEAD = 1e-6  # of phi, which is next to an event
+ROUNDED = 1e-12  # phases that differ by less are one
+
+
+class Zero(NamedTuple):
+    """Where a test changes sign."""
+
+    event: Event
+    z: Array
+    known: bool
+
+
+class RowPiece(NamedTuple):
+    """Admissible breathers that follow each other on a row."""
+
+    low: float  # its amplitudes, and those of the events that end it, are between these
+    high: float
+    z: Array  # p, phi, a of breathers and events, in order
+    new: Sequence[Point] | None  # events that are not known, by rising a; None: it has to be walked
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Breathers from the largest amplitude, or a fold, to the next fold, and one beyond a fold.
+
+    Attributes
+    ----------
+    curve : Curve
+        With free amplitude.
+    events : sequence of Event
+    z : ndarray
+        p, phi, a of each.
+    tests : ndarray
+        A row for each event.
+    counts : sequence
+        Beside them, None of events without one.
+    """
+
+    curve: Curve
+    events: Sequence[Event]
+    z: Array
+    tests: Array
+    counts: Sequence[Any]
+
+    @classmethod
+    def of(cls, curve: Curve, events: Sequence[Event], phi: Array) -> Row | None:
+        """The breathers with these phases; None unless all tests say many at once."""
+        z, none = _at(curve, phi), np.zeros(phi.size)
+        points = Points(curve, z, np.zeros_like(z), none, none)
+        asked = [answer for event in events if (answer := measure_many(event, points))]
+        tests = np.array([test for test, _ in asked])
+        if len(asked) < len(events) or not np.isfinite(tests).all():
+            return None
+        return cls(curve, events, z, tests, [count for _, count in asked])
+
+    def pieces(self, least: float, known: Known) -> Iterator[RowPiece]:
+        """All admissible breathers of at least an amplitude, the smallest first."""
+        domain = [event.ends_domain for event in self.events]
+        inside = (self.tests[domain] > 0.0).all(axis=0) & (self.z[:, 2] >= least)
+        changes = np.flatnonzero(np.diff(inside, prepend=False, append=False))
+        for first, end in changes.reshape(-1, 2)[::-1].tolist():
+            # what ends a piece is in the steps to its neighbours
+            steps = slice(max(first - 1, 0), min(end, inside.size - 1))
+            resolved = self._is_resolved(steps)
+            found = self._zeros(steps, known) if resolved else ()
+            zeros = [zero for zero in found if zero.z[2] >= least]
+            z = np.vstack([self.z[first:end], *(zero.z for zero in zeros)])
+            z = z[np.argsort(z[:, 1])]
+            a = self.z[steps.start : steps.stop + 1, 2]
+            new = self._new(zeros, self.z[(first + end) // 2, 1]) if resolved else None
+            # the zero of a fold is the breather at the fold, but for rounding
+            yield RowPiece(a.min(), a.max(), z[np.diff(z[:, 1], prepend=-np.inf) > ROUNDED], new)
+
+    def _is_resolved(self, steps: slice) -> bool:
+        """Whether no event can be on these steps but those that change a sign."""
+        for event, test, count in zip(self.events, self.tests, self.counts, strict=True):
+            if _dips(test)[steps].any():
+                return False
+            # at a zero a count changes by one; where it says more the test is looked at closely
+            passed = _changes(test) if count is None else np.rint(abs(np.diff(count)))
+            jumps = _changes(test) != passed
+            for step in np.flatnonzero(jumps[steps]) + steps.start:
+                _, closer = self._closely(event, self.z[step : step + 2, 1])
+                if (_changes(closer) | _dips(closer)).any():
+                    return False
+        return True
+
+    def _zeros(self, steps: slice, known: Known) -> Iterator[Zero]:
+        for i, step in zip(*np.nonzero(_changes(self.tests)[:, steps]), strict=True):
+            event, ends = self.events[i], slice(steps.start + step, steps.start + step + 2)
+            phi, test = self.z[ends, 1], self.tests[i, ends]
+            for rounds in range(ROUNDS + 1):
+                # where the line through two values of the test vanishes
+                middle = phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi)
+                (z,) = _at(self.curve, middle)
+                is_known = known(event, z)
+                if is_known or rounds == ROUNDS:
+                    break
+                phi, test = self._closely(event, phi)
+                change = int(_changes(test).argmax())
+                phi, test = phi[change : change + 2], test[change : change + 2]
+            yield Zero(event, z, is_known)
+
+    def _closely(self, event: Event, ends: Array) -> tuple[Array, Array]:
+        """Phases between two, and a test there."""
+        phi = np.linspace(ends[0], ends[1], CLOSER)
+        row = Row.of(self.curve, (event,), phi)
+        assert row is not None  # as all tests say many on the whole row
+        return phi, row.tests[0]
+
+    def _new(self, zeros: Sequence[Zero], inside: float) -> list[Point] | None:
+        """What is not known of the events on a piece, up to what ends it on both sides of a phase
+        inside; None where one is not what its kind says."""
+        ends = [zero.z[1] for zero in zeros if zero.event.ends]
+        low = max((phi for phi in ends if phi < inside), default=-math.inf)
+        high = min((phi for phi in ends if phi >= inside), default=math.inf)
+        new, number = [], defaultdict[str, int](int)
+        for event, z, known in sorted(zeros, key=lambda zero: zero.z[2]):
+            number[event.kind] += 1
+            room = 0.0 if event.ends else AHEAD  # at a fold a curve would go on behind it
+            if not known and low + room <= z[1] <= high - room:
+                point = _special(self.curve, event, z)
+                if point is None:
+                    return None
+                new.append(replace(point, label=f"{point.kind}{number[event.kind]}"))
+        return new
+
+
+def _special(curve: Curve, event: Event, z: Array) -> Point | None:
+    """An event as a point of a walk to larger amplitudes, once it has been verified."""
+    try:
+        # a rises against phi
+        tangent, _ = tangent_at(curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0])
+        point = Point(curve, z, tangent, kind=event.kind, event=event)
+        detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
+        point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)
+        verdict = event.examine(point) if event.examine else {}
+    except OUT_OF_DOMAIN:
+        return None
+    if isinstance(verdict, str):
+        return None if verdict else point
+    kind = verdict.get("kind", event.kind)
+    return replace(point, kind=kind, detail={**detail, **verdict})
+
+
+def _at(curve: Curve, phi: Array) -> Array:
+    z: Array = curve.problem.closure.at_phases(phi, curve.fixed)
+    return z
+
+
+def _changes(test: Array) -> Marked:
+    changes: Marked = np.diff(test > 0.0)
+    return changes
+
+
+def _dips(test: Array) -> Marked:
+    """Steps within which a test may come to zero and back: on both sides a line through two values
+    leads there."""
+    falls = np.append(True, test[1:] * (2.0 * test[1:] - test[:-1]) < 0.0)
+    rises = np.append(test[:-1] * (2.0 * test[:-1] - test[1:]) < 0.0, True)
+    return ~_changes(test) & falls[:-1] & rises[1:]
+
+
+def rows(problem: Any, events: Sequence[Event], least: float, largest: float) -> list[Row] | None:
+    """One for each fold, between two amplitudes; None unless all tests say many at once."""
+    curve, closed = Curve(problem, ("a",)), []
+    for low, high in problem.closure.upper_phases(curve.fixed, largest):
+        # where a is large it changes fast with phi
+        z = _at(curve, low + (high - low) * np.append(0.0, np.geomspace(FIRST, 1.0, 400)))
+        z = z[z[:, 0] > 0.0]
+        z = z[: np.count_nonzero(z[:, 2] >= least) + 1]  # a falls along it
+        if len(z) < 2:
+            continue
+        length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
+        phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
+        before, after = 2.0 * phi[[0, -1]] - phi[[1, -2]]  # a step beyond both ends
+        if _at(curve, np.array([before]))[0, 2] < z[0, 2]:  # the first is a fold, too
+            phi = np.append(before, phi)
+        row = Row.of(curve, events, np.append(phi, after))
+        if row is None:
+            return None
+        closed.append(row)
+    return closed

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from contbreather.checks import whole
 from contbreather.continuation.trace import trace
+from contbreather.orbits.asymmetric_breather import asymmetric_problem
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.green_function import ACROSS
-from contbreather.orbits.green_problem import asymmetric_problem
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.orbit_events import pitchfork
 from contbreather.paper.lifetimes import delocalised, gone, life, lives, lives_in_words

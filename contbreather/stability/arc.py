@@ -196,6 +196,27 @@ def arc_table() -> Array:
     return np.concatenate([tables().ravel(), moments])
 
 
+def values_at_ends(
+    k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0
+) -> tuple[Any, ...]:
+    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
+    # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
+    half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
+    pitchfork, fold = half_c2 * psi + held, half_c2 * eta
+    return (
+        b - pitchfork,
+        abs(b) + abs(pitchfork),
+        d * d + 0.5 * chi * (b + fold),
+        d * d + 0.5 * chi * (abs(b) + fold),
+    )
+
+
+def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]:
+    """`values_at_ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
+    held = 0.5 * (1.0 - k) ** 2 / lattice.tau(gamma) if lattice.spring else 0.0
+    return values_at_ends(k, b, lattice.psi(gamma), lattice.eta(gamma), lattice.chi(gamma), held)
+
+
 class NeimarkSacker(NamedTuple):
     """One Neimark-Sacker point at given gamma and k: its angle/pi and the b it needs."""
 
@@ -395,7 +416,7 @@ def over_reflects(gamma: float, k: float, b: float, spring: float = 0.0) -> bool
     arc = grid(gamma, spring)
     lowest = float(np.min(_margin(arc, k, b)[1:] / arc.nu[1:]))
     if spring == 0.0:  # the limit nu -> 0, the minimum as a rule
-        beta0 = b - 0.5 * (1.0 + k) ** 2 * InfiniteChain().psi(gamma)
+        beta0, *_ = ends_of(gamma, k, b, InfiniteChain())
         lowest = min(lowest, slope_at_zero(gamma) * beta0 + 0.25 * (1.0 - k) ** 2)
     return lowest < -ROUNDING * (1.0 + abs(b))
 

@@ -37,7 +37,7 @@ from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
 from contbreather.stability.band_pairs import EXACT, ORDERS, POWERS
-from contbreather.stability.saltation import check_finite
+from contbreather.stability.saltation import check_finite, check_lattice
 
 Array = NDArray[Any]  # real on the real axis, complex off it
 
@@ -205,10 +205,7 @@ class RingModes(NamedTuple):
 
 def checked_chain(gamma: float, lattice: object) -> tuple[float, int | None, float]:
     """The coupling, None or the sites of a ring, and what holds every site to the ground."""
-    if not isinstance(lattice, (InfiniteChain, Ring)):
-        raise BadInput(
-            f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
-        )
+    lattice = check_lattice(lattice)
     return check_gamma(gamma, lattice.spring), lattice.sites, lattice.spring
 
 

@@ -33,7 +33,16 @@ from contbreather.checks import real
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.stability.arc import NOISE, curve, resolved_arc, sample, wave_frequency, window
+from contbreather.stability.arc import (
+    NOISE,
+    curve,
+    ends_of,
+    resolved_arc,
+    sample,
+    values_at_ends,
+    wave_frequency,
+    window,
+)
 from contbreather.stability.characteristic import NEAR, D, D_slope, checked_chain, near_slope
 from contbreather.stability.ring_multipliers import even_multipliers
 from contbreather.stability.saltation import check_kb
@@ -103,27 +112,6 @@ def _crossings(F: Array, noise: float) -> int:
     left = start.real + t * (end.real - start.real) < 0.0
     up = np.where(above[i + 1], 1, -1)
     return int(np.sum(up[left]))
-
-
-def values_at_ends(
-    k: Any, b: Any, psi: Any, eta: Any, chi: Any, held: float = 0.0
-) -> tuple[Any, ...]:
-    """beta0, which has the sign of -D(1), and D(-1), each with the size of its terms."""
-    # D(-1) = d^2 + chi (b + c^2 eta/2)/2: there G12 = chi/2
-    half_c2, d = 0.5 * (1.0 + k) ** 2, 0.5 * (1.0 - k)
-    pitchfork, fold = half_c2 * psi + held, half_c2 * eta
-    return (
-        b - pitchfork,
-        abs(b) + abs(pitchfork),
-        d * d + 0.5 * chi * (b + fold),
-        d * d + 0.5 * chi * (abs(b) + fold),
-    )
-
-
-def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]:
-    """`values_at_ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
-    held = 0.5 * (1.0 - k) ** 2 / lattice.tau(gamma) if lattice.spring else 0.0
-    return values_at_ends(k, b, lattice.psi(gamma), lattice.eta(gamma), lattice.chi(gamma), held)
 
 
 def _cleared(gamma: float, k: float, b: float, chain: InfiniteChain) -> tuple[float, ...]:

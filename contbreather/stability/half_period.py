@@ -14,21 +14,22 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import (
     OverReflection,
+    ends_of,
     on_arc,
     over_reflection,
     over_reflects,
     window,
 )
-from contbreather.stability.characteristic import D, D_gradient, Gradient, checked_chain
+from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.counting import (
     Count,
     closest_approach,
     count_on_chain,
-    ends_of,
     unstable_count,
     unstable_multipliers,
 )
 from contbreather.stability.ring_multipliers import even_multipliers, half_multipliers
+from contbreather.stability.saltation import check_lattice
 from contbreather.stability.zeros import farthest, outermost
 
 Array = NDArray[Any]
@@ -53,7 +54,7 @@ class HalfMap:
     lattice: Any = InfiniteChain()
 
     def __post_init__(self) -> None:
-        checked_chain(0.0, self.lattice)
+        check_lattice(self.lattice)
 
     @property
     def period(self) -> float:

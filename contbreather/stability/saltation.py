@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import number, real, shown
 from contbreather.errors import BadInput
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.parameters import parameter
 
 
@@ -19,6 +20,15 @@ class Saltation(NamedTuple):
     site: int
     time: float
     b: float
+
+
+def check_lattice(lattice: object) -> InfiniteChain | Ring:
+    """Refuse what has no half map."""
+    if isinstance(lattice, InfiniteChain | Ring):
+        return lattice
+    raise BadInput(
+        f"lattice = {lattice!r}: stability is known for InfiniteChain() and Ring(sites)."
+    )
 
 
 def check_finite(k: float, b: float, what: str = "b") -> None:

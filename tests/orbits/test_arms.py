@@ -15,10 +15,11 @@ from contbreather.continuation.switching import switch
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring
 from contbreather.orbits import neimark_sacker, period_doubling, pitchfork, symmetric
+from contbreather.orbits.asymmetric_breather import AsymmetricEquations, divided
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting, started_on_arm
-from contbreather.orbits.green_equations import AsymmetricEquations, OrbitEquations, divided
+from contbreather.orbits.green_equations import OrbitEquations
 from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section

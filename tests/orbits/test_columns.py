@@ -13,7 +13,7 @@ import contbreather as cb
 from contbreather.continuation import Problem
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric, shooting
-from contbreather.orbits.green_problem import impact_problem
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_at
 from contbreather.stability.half_period import HalfMap
 

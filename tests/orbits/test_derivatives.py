@@ -23,7 +23,7 @@ from contbreather.orbits import pitchfork
 from contbreather.orbits.closure import Closure
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.grazing import other_contacts
-from contbreather.orbits.green_problem import impact_problem
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import orbit_of
 from contbreather.orbits.section import Section
 from tests.stability.by_hand import slope

@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
+from contbreather.orbits.asymmetric_breather import symmetric_again
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
-from contbreather.orbits.green_problem import symmetric_again
 from contbreather.orbits.orbit import orbit_at
 from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
 

@@ -15,7 +15,7 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import centre_margin
 from contbreather.orbits.clearance import highest_neighbour, least_margin, neighbour_peak
 from contbreather.orbits.constructors import asymmetric
-from contbreather.orbits.grazing import closest_other, other_contacts
+from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
 
@@ -127,12 +127,12 @@ def test_margins_are_the_same_bits_compiled_or_not(orbit: Orbit, request) -> Non
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("orbit", ORBITS, ids=repr)
-def test_the_closest_of_other_contacts_has_the_least_margin(orbit: Orbit, mirrored: bool) -> None:
+def test_margins_of_other_contacts_are_between_minus_one_and_one(
+    orbit: Orbit, mirrored: bool
+) -> None:
     for site in list(orbit.motion.idle)[:3]:
         time, _ = neighbour_peak(orbit, site)
         others = other_contacts(orbit.motion, site, time, mirrored=mirrored)
-        closest = closest_other(orbit.motion, site, time, mirrored=mirrored)
-        assert closest.margin == pytest.approx(min(gap.margin for gap in others), abs=1.1e-13)
         assert all(-1.0 < gap.margin <= 1.0 for gap in others)
 
 

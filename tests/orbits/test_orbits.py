@@ -18,7 +18,7 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.exact_modes import ExactModes
 from contbreather.orbits.green_equations import OrbitEquations
-from contbreather.orbits.green_problem import impact_problem
+from contbreather.orbits.green_function import impact_problem
 from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import SAME, images_of, shifted, simpler_than
@@ -164,7 +164,7 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
                 if isinstance(orbit.representation, ExactModes):
                     one = orbit.representation.at(hit.site, same)[:2]
                     assert one == pytest.approx((wall, hit.after), abs=1e-11 + rounded)
-                one = orbit.motion.at(hit.site, t + 1e-9)
+                one = orbit.representation.at(hit.site, t + 1e-9)
                 assert one == pytest.approx((wall, hit.after, hit.acceleration), abs=1e-6)
             before = np.array([t - 1e-7, t - 1e-8])
             assert orbit.velocity(hit.site, before) == pytest.approx(hit.before, abs=1e-5)

@@ -14,7 +14,6 @@ import shapely
 
 import contbreather as cb
 from contbreather.orbits.closure import smallest_amplitude
-from contbreather.orbits.exact_modes import family_of
 from contbreather.orbits.regions import regions
 from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import neimark_sacker, unstable_count
@@ -323,7 +322,7 @@ def test_a_pair_that_leaves_at_a_fold_is_followed_before_it_alone(
     lines = diagram.curves["NS"]
     assert len(lines) == curves
     inner = [point.solution for line in lines for point in line[5:-5:10]]
-    assert {family_of(orbit) for orbit in inner} == {"upper"}
+    assert {orbit.representation.family for orbit in inner} == {"upper"}
 
 
 def test_a_curve_knows_the_point_that_it_set_out_from_as_one_of_a_branch_does() -> None:

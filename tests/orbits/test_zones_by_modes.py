@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.exact_modes import family_of
 
 WINDOW = {"gamma": (0.03, 0.032), "a": (0.72, 0.95)}
 
@@ -93,4 +92,4 @@ def test_pitchforks_without_coupling_are_refused_where_idle_sites_rest_anywhere(
 def test_upper_breathers_of_a_ring_are_the_same_by_modes() -> None:
     for lattice, spring in ((cb.Ring(6), None), (cb.Ring(6), 0.0)):
         found = cb.orbits.symmetric_roots(0.5, 0.1, 0.6, lattice=lattice, spring=spring)
-        assert [family_of(orbit) for orbit in found] == ["upper", "lower"]
+        assert [orbit.representation.family for orbit in found] == ["upper", "lower"]

@@ -80,7 +80,8 @@ def test_real_multipliers_beyond_a_place_are_counted(name: str, place: float) ->
     assert reduced(MAPS[name]).beyond(place) == beyond(MAPS[name].coupled, place)
 
 
-# rings with two real multipliers on one side, 0.04 and 0.02 apart
+# rings with two real multipliers on one side, 0.04, 0.02 and 0.00001 apart: b is tuned so that the
+# last two all but meet, far closer to each other than the places that are looked at first
 TWINS = {
     "next to the circle": (
         132,
@@ -93,6 +94,12 @@ TWINS = {
         0.081,
         0.586,
         (Saltation(0, 6.474, 1.012), Saltation(32, 10.127, 5.37)),
+    ),
+    "about to meet": (
+        61,
+        0.081,
+        0.586,
+        (Saltation(0, 6.474, 1.841105), Saltation(32, 10.127, 5.37)),
     ),
 }
 
