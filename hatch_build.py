@@ -11,7 +11,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -21,25 +20,25 @@ FOLDER = "contbreather/_objects"
 
 
 class CompileHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Objects beside their source: in the wheel, or, if the source is installed, in its tree."""
+    """Objects beside their source: in the tree, as Python started in it imports that, and, unless
+    the tree itself is what is installed, in the wheel."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if self.target_name != "wheel":
             return
         beside = Path(self.root, FOLDER)
         shutil.rmtree(beside, ignore_errors=True)  # what is there is of older texts
-        self.folder = beside if version == "editable" else Path(tempfile.mkdtemp())
-        compile_into(Path(self.root), self.folder)
+        try:
+            compile_into(Path(self.root), beside)
+        except OSError as error:
+            self.app.display_warning(f"contbreather is installed without compiled loops: {error}")
+            return
         if version != "editable":
-            build_data["force_include"][str(self.folder)] = FOLDER
-            if any(self.folder.glob("*.o")):
+            build_data["artifacts"].append(FOLDER)
+            if any(beside.glob("*.o")):
                 build_data["pure_python"], build_data["infer_tag"] = False, True
-        for reason in self.folder.glob("reason.txt"):
+        for reason in beside.glob("reason.txt"):
             self.app.display_warning(f"contbreather is installed without {reason.read_text()}")
-
-    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        if self.target_name == "wheel" and version != "editable":
-            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def compile_into(root: Path, folder: Path) -> None:

@@ -348,7 +348,7 @@ def test_of_a_checkout_the_objects_are_in_its_tree_and_only_those_of_its_text(
     pytest.importorskip("hatchling")
     line = (
         "import sys, hatch_build; hook = hatch_build.CompileHook(sys.argv[1], {}, *3 * [None], "
-        "'wheel'); hook.initialize('editable', {}); hook.finalize('editable', {}, '')"
+        "'wheel'); hook.initialize('editable', {})"
     )
     path = os.pathsep.join(filter(None, [str(scratch), os.environ.get("PYTHONPATH")]))
     python("-c", line, str(scratch), PYTHONPATH=path, CONTBREATHER_COMPILE="1")

@@ -69,6 +69,10 @@ class Verdict(HtmlRepr):
         """None where nothing can be said."""
         return None if math.isnan(self.unstable) else self.unstable == 0
 
+    def __bool__(self) -> bool:
+        """Whether it is stable, for all that can be said."""
+        return bool(self.stable)
+
     def blank(self) -> Verdict:
         """The verdict where there is none: an impact vanishes, and its saltation has a pole."""
         return replace(self, unstable=math.nan, certain=False)

@@ -32,6 +32,8 @@ def test_the_papers_rule_is_about_multipliers_over_the_whole_period(sites, gamma
 def test_the_infinite_chain_has_a_sharp_line_that_does_not_depend_on_sites():
     below, above = (stability(g, 0.8, b_of(0.2, g, 0.8)) for g in (0.0969709, 0.0969710))
     assert below.stable
+    assert bool(below)
+    assert not above
     assert below.over_reflecting
     assert above.unstable == 2
     assert above.multipliers.size == 2
