@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import contbreather as cb
-from contbreather.continuation import with_more_points
+from contbreather.continuation import refined
 from contbreather.plotting import new_figure, save_figure
 from contbreather.plotting.canvas import style
 
@@ -90,7 +90,7 @@ def picture(folder: Path) -> Path:
     figure, (left, right) = new_figure(2)
     cb.plot(*henon_curves().values(), x="alpha", y="beta", ax=left)
     left.set(xlabel="$\\alpha$", ylabel="$\\beta$")
-    for branch in (with_more_points(branch, 60) for branch in logistic_cascade()):
+    for branch in (refined(branch, 60) for branch in logistic_cascade()):
         cycles = np.array([point.solution.points[:, 0] for point in branch])
         right.plot(branch["r"], cycles, "-", color="C0", lw=1)
     right.set(xlabel="$r$", ylabel="points of the cycle")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.continuation import with_more_points
+from contbreather.continuation import refined
 from contbreather.continuation.switching import switch
 from contbreather.orbits.constructors import shooting
 from contbreather.plotting import new_figure, save_figure
@@ -57,7 +57,7 @@ def main(folder: Path = Path()) -> list[Path]:
     with style():
         cb.plotting.plot_diagram(arms_on_a_ring(), x="a", y="asymmetry", ax=above)
     above.set(ylabel="$t_2 - t_1 - \\pi$", xticks=np.arange(0.7, 0.91, 0.05))
-    for i, branch in enumerate(with_more_points(branch, 60) for branch in cascade()):
+    for i, branch in enumerate(refined(branch, 60) for branch in cascade()):
         # half the momentum of every impact on the wall at +1
         p = [
             [0.5 * (hit.before - hit.after) for hit in point.solution.hits if hit.wall > 0]

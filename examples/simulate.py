@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.continuation import with_more_points
+from contbreather.continuation import refined
 from contbreather.plotting import new_figure, plot_basin, plot_sweep, save_figure
 from contbreather.simulation import Axis, Basin, Sweep, attraction, periodic, sweep, there_and_back
 
@@ -33,7 +33,7 @@ def around_the_fold() -> tuple[Sweep, cb.Branch]:
     branch = cb.trace(orbit, "a", towards="down", within=within, progress=False)
     print(f"the branch ends in a fold at a = {branch.first('LP')['a']:.6f}")
     print(f"the sweep loses the breather at a = {loop.lost():.3f} and never finds it again")
-    return loop, with_more_points(branch, 30)
+    return loop, refined(branch, 30)
 
 
 def momenta(branch: cb.Branch) -> list[float]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.continuation import with_more_points
+from contbreather.continuation import refined
 from contbreather.plotting import new_figure, save_figure
 from contbreather.simulation import periodic
 
@@ -44,7 +44,7 @@ def main(folder: Path = Path(), hardnesses: tuple[int, ...] = (6,), points: int 
     height = [point.solution.displacement(0, 0.0) for point in exact]
     above.plot(exact["a"], height, "k:", linewidth=0.9, label="exact, infinite chain")
     for name, branch in found.items():
-        fine, style = with_more_points(branch, points), "--" if name == "rigid" else "-"
+        fine, style = refined(branch, points), "--" if name == "rigid" else "-"
         above.plot(fine["a"], np.asarray(fine["u"])[:, 0], style, linewidth=0.9, label=name)
     above.set(xlabel="$a$", ylabel="$u_0(0)$")
     above.legend(frameon=False, fontsize="x-small")
@@ -55,7 +55,7 @@ def main(folder: Path = Path(), hardnesses: tuple[int, ...] = (6,), points: int 
     )  # fmt: skip
     print(f"the fold goes from a = {line[0]['a']:.6f} at m = {line[0]['m']:.0f}", end=" ")
     print(f"to {line[-1]['a']:.6f} at m = {line[-1]['m']:.0f}")
-    line = with_more_points(line, points)
+    line = refined(line, points)
     below.plot(line["m"], line["a"], linewidth=0.9)
     below.axhline(found["rigid"].first("LP")["a"], color="black", linewidth=0.8, linestyle="--")
     below.set(xlabel="$m$", ylabel="$a$ of the fold")

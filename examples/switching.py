@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.continuation import with_columns, with_more_points
+from contbreather.continuation import refined, with_columns
 from contbreather.plotting import new_figure, save_figure
 from contbreather.plotting.canvas import style
 
@@ -58,7 +58,7 @@ def doubling(folder: Path) -> Path:
         print(f"{name}: PD meets GR at gamma = {meeting['gamma']:.12f}, a = {meeting['a']:.12f}")
     figure, (axes,) = new_figure()
     for kind, line in chain.items():
-        fine = with_more_points(line, 30)
+        fine = refined(line, 30)
         axes.plot(fine["gamma"], fine["a"], color=COLOURS[kind], label=f"{kind}, infinite chain")
     for kind, line in ring.items():
         label = "ring of 20" if kind == "PF" else None
