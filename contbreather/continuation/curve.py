@@ -236,11 +236,12 @@ class Curve:
         """What was made of one of the latest z, or is made of it now: all events ask about the same
         point in turn."""
         recent, key = self._known[what], z.tobytes()
-        if key not in recent:
-            recent[key] = make(z)
-            if len(recent) > _LATEST:
-                del recent[next(iter(recent))]
-        return recent[key]
+        value = recent.get(key)
+        if value is None:
+            value = recent[key] = make(z)
+        for oldest in [*recent][:-_LATEST]:  # another thread may be at it as well
+            recent.pop(oldest, None)
+        return value
 
     def jacobian(self, z: Array) -> Matrix:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
