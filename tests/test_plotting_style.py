@@ -180,7 +180,8 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     series = TimeSeries(6, panels, "", ()).draw().axes
     return {
         "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
-        "simulated": draw(run).axes[0],
+        "sites": plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,
+        "simulated": draw(run, 4).axes[0],
         "moduli": replace(figure4(), sites=40).draw().axes[2],
         "against": series[0],
         "traces": series[1],
@@ -198,7 +199,7 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
 
 NAMES = (
     "branch", "diagram", "zones", "multipliers", "motion", "section", "localisation", "sweep",
-    "basin", "orbit", "simulated", "moduli", "against", "traces",
+    "basin", "orbit", "sites", "simulated", "moduli", "against", "traces",
 )  # fmt: skip
 
 
