@@ -33,7 +33,7 @@ class Front(ModuleType):
                 raise
             known = ", ".join(self._homes)
             message = f"module {self.__name__!r} has no attribute {name!r}; it has {known}"
-            raise AttributeError(message, name=name, obj=self) from None
+            raise AttributeError(message) from None
         self.__dict__[name] = value = getattr(module, name) if home else module
         return value
 
