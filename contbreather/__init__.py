@@ -20,6 +20,9 @@ from .fronts import front
 if TYPE_CHECKING:
     from . import certified as certified
     from . import continuation as continuation
+    from . import errors as errors
+    from . import explorer as explorer
+    from . import flows as flows
     from . import lattice as lattice
     from . import orbits as orbits
     from . import paper as paper
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from . import simulation as simulation
     from . import stability as stability
     from . import studies as studies
+    from . import workers as workers
     from .continuation import Branch as Branch
     from .continuation import Event as Event
     from .continuation import Problem as Problem

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import contbreather as cb
 from contbreather.cli.simulate import draw
@@ -169,6 +170,7 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     branch = cb.trace(cb.symmetric(**HERE), "a", within={"a": (0.05, 0.9)})
     arms = cb.switch(branch.first("PF"), within={"a": (0.05, 0.9)})
     state = cb.symmetric(**HERE).state(6)
+    large = cb.symmetric(**HERE).state(24)
     loop = sweep(state, "a", there_and_back([0.2, 0.19, 0.18]), periods=4, **HERE, damping=0.01)
     outcome = np.array([[-1, 0, 1], [2, 3, 4]], np.int8)
     plane = Axis("u", 0, [-0.5, 0.0, 0.5]), Axis("v", 0, [0.0, 1.0])
@@ -180,7 +182,8 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     series = TimeSeries(6, panels, "", ()).draw().axes
     return {
         "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
-        "simulated": draw(run).axes[0],
+        "sites": plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,
+        "simulated": draw(cb.simulate(large, **HERE, periods=30), 12).axes[0],
         "moduli": replace(figure4(), sites=40).draw().axes[2],
         "against": series[0],
         "traces": series[1],
@@ -198,7 +201,7 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
 
 NAMES = (
     "branch", "diagram", "zones", "multipliers", "motion", "section", "localisation", "sweep",
-    "basin", "orbit", "simulated", "moduli", "against", "traces",
+    "basin", "orbit", "sites", "simulated", "moduli", "against", "traces",
 )  # fmt: skip
 
 
@@ -226,6 +229,9 @@ def test_lines_dots_and_words_have_sizes_that_print(pictures, name: str) -> None
         own, box = legend.get_window_extent(), ax.bbox  # it stands in or over its own axes
         assert box.x0 - 0.03 * box.width <= own.x0 <= own.x1 <= box.x1 + 0.03 * box.width
         assert own.y0 <= box.y1 + 0.1 * box.height
+        name = ax.get_title(loc="left") or None
+        titles = [word for word in ax.findobj(Text) if word.get_text() == name]
+        assert not any(word.get_window_extent().overlaps(own) for word in titles)
         assert legend.get_frame().get_alpha() is None or legend.get_frame().get_alpha() <= 1.0
 
 

@@ -238,6 +238,7 @@ def _stacked(by_name: Mapping[str, Any]) -> Table:
 
 
 def _drawn(by_name: Mapping[str, Any], axes: Axes) -> Any:
+    from contbreather.cli.simulate import draw
     from contbreather.continuation.diagram import Diagram
 
     values = list(by_name.values())
@@ -245,7 +246,10 @@ def _drawn(by_name: Mapping[str, Any], axes: Axes) -> Any:
         return cb.plotting.plot_zones(values)[0]
     if len(values) == 1 and isinstance(values[0], Diagram):
         return cb.plotting.plot_diagram(values[0])
+    if len(values) == 1 and isinstance(values[0], cb.plotting.runs.RUNS):
+        hits = getattr(values[0], "impacts", {"site": ()})["site"]
+        return draw(values[0], int(hits[0]) if len(hits) else 0)  # a breather's site hits first
     branches = [value for value in values if isinstance(value, cb.Branch)]
     if not branches:
-        raise BadInput("--output: only branches, diagrams and zones are drawn here; name one")
+        raise BadInput("--output: only branches, diagrams, zones and runs are drawn; name one")
     return axes.plot(*branches)

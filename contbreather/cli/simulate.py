@@ -299,7 +299,8 @@ def draw(run: cb.simulation.SimulationRun | SmoothRun, site: int = 0) -> Figure:
         plotting.plot_section(run, site=site, skip=run.periods // 2, ax=section)
         plotting.plot_localisation(run, ax=where)
         for ax, letter, title in zip(panels, "abc", titles, strict=False):
-            ax.set_title(f"({letter}) {title}", loc="left", pad=3)
+            over = 17 if ax.get_legend() else 3  # points
+            ax.set_title(f"({letter}) {title}", loc="left", pad=over)
     return figure
 
 

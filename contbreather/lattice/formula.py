@@ -227,13 +227,13 @@ def _expanded(
 
 @lru_cache(maxsize=16)
 def _times(size: int) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """A grid over the period, the probes, and these three periods before; what turns a spectrum to
+    """A grid over the period, the probes, and these seven periods before; what turns a spectrum to
     t = 0; and all waves at the probes."""
     # between the multiples of pi/2, where jumps and poles are most of the time
     grid = 2.0 * np.pi * (np.fft.fftfreq(size) + 0.5 / size)
     m = np.arange(size // 2 + 1)
     waves = np.exp(1j * np.multiply.outer(m, PROBES))
-    return np.r_[grid, PROBES, PROBES - 6.0 * np.pi], np.exp(-1j * np.pi / size * m), waves
+    return np.r_[grid, PROBES, PROBES - 14.0 * np.pi], np.exp(-1j * np.pi / size * m), waves
 
 
 def _chopped(spectra: ComplexArray, values: FloatArray) -> tuple[ComplexArray, Any]:
@@ -259,17 +259,19 @@ def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resol
     if not size <= LARGEST:
         raise BadInput(f"{subject} is not a finite real number at every t{at}.")
     # what is not resolved may be so steep that the rounding of times shows
-    if np.linalg.norm(even) > (1e-12 if resolved else 1e-6) * np.linalg.norm(spectrum):
+    lopsided = np.linalg.norm(even) > (1e-12 if resolved else 1e-6) * np.linalg.norm(spectrum)
+    periodic = abs(row[-12:-6] - row[-6:]).max() <= (1e-9 if resolved else 1e-6) * size
+    if lopsided and periodic:
         raise BadInput(
             f"{subject} is not antisymmetric: over a period it has the even harmonic "
             f"{2 * even.argmax()}; the breather needs F(t + pi) = -F(t), odd harmonics only."
         )
-    if not resolved:
+    if not (resolved or lopsided):
         raise BadInput(
             f"{subject} is not resolved by {FINEST // 4} harmonics (a jump, a kink, a pole, too "
             "steep a flank?); give the harmonics you mean with Fourier."
         )
-    if abs(row[-12:-6] - row[-6:]).max() > 1e-9 * size:
+    if not periodic:
         raise BadInput(f"{subject} is not 2 pi periodic.")
 
 

@@ -229,7 +229,10 @@ def checked_impacts(impacts: Sequence[Any]) -> Sequenced:
         )
     for site, wall in pairs:
         if not _whole(site):
-            raise refuse(f"impact ({site!r}, {wall!r}): sites are whole numbers.")
+            raise refuse(
+                f"site {site!r}: sites are whole numbers; site (i, j) of a grid has the number "
+                "i columns + j, a node of a graph its place among the nodes."
+            )
         if isinstance(wall, bool) or wall not in (1, -1):
             raise refuse(f"impact ({site!r}, {wall!r}): walls are +1 and -1.")
     return tuple((int(site), int(wall)) for site, wall in pairs)

@@ -25,9 +25,10 @@ COLUMN = 8.5  # cm, one column of a journal
 PAGE = 17.5  # both columns
 CM = 1.0 / 2.54
 LAYOUT: Literal["constrained"] = "constrained"
-ABOVE: dict[str, Any] = {  # a legend in one row, over the right end of the axes
+ABOVE: dict[str, Any] = {  # a legend over the right end of the axes
     "frameon": False, "loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "handlelength": 1.3,
 }  # fmt: skip
+MOST_ROWS = 4  # of a legend above the axes
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey by their brightness
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -191,6 +192,16 @@ def drawing(
         drawn = Drawn(ax)
         yield drawn, ax
         drawn.finish()
+
+
+def legend_above(axes: Any, **more: Any) -> None:
+    """Over the right end of the axes, in as few rows as fit; of very many lines the first."""
+    handles, names = axes.get_legend_handles_labels()
+    for columns in range(len(names), 0, -1):
+        most = MOST_ROWS * columns
+        legend = axes.legend(handles[:most], names[:most], ncols=columns, **ABOVE, **more)
+        if legend.get_window_extent().width <= axes.bbox.width:
+            break
 
 
 def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Path:

@@ -17,7 +17,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.flows.orbit import Cycle, CycleProblem
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.canvas import ABOVE, CYCLE, GREY, Drawn, drawing, symbol
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, legend_above, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,7 +98,7 @@ def plot_orbit(
             axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
-        axes.legend(ncols=len(chosen), **ABOVE)
+        legend_above(axes)
     return drawn
 
 
@@ -214,7 +214,7 @@ def draw_states(
         if x == TIME:
             axes.margins(x=0.0)
         if len(chosen) > 1:
-            axes.legend(ncols=len(chosen), **ABOVE)
+            legend_above(axes)
     return drawn
 
 

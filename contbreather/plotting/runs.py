@@ -13,7 +13,6 @@ from contbreather.checks import check_kind, one_of, row, whole
 from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.plotting.canvas import (
-    ABOVE,
     BLUE,
     CYCLE,
     GREY,
@@ -22,6 +21,7 @@ from contbreather.plotting.canvas import (
     VERMILLION,
     Drawn,
     drawing,
+    legend_above,
     symbol,
 )
 from contbreather.plotting.orbits import draw_states
@@ -131,7 +131,7 @@ def plot_motion(
                 axes.plot(t, u, "-", linewidth=1.0, **look)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
-        axes.legend(ncols=len(record.sites), fontsize=_size(axes), **ABOVE)
+        legend_above(axes, fontsize=_size(axes))
     return drawn
 
 

@@ -82,6 +82,8 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             (((-4, 1),), "no such site on the ring of 4"),
             (((0.5, 1),), "sites are whole numbers"),
             (((True, 1),), "sites are whole numbers"),
+            ((((2, 2), 1),), r"site \(2, 2\): .* of a grid has the number i columns \+ j"),
+            ((("a", 1),), r"site 'a': .* a node of a graph its place among the nodes"),
             (((0, 2),), r"impact \(0, 2\): walls are \+1 and -1"),
             (((0, True),), r"impact \(0, True\): walls are \+1 and -1"),
             (ONE, r"hits the wall at \+1 only"),
