@@ -141,7 +141,10 @@ class Points(Sequence[Point]):
             chosen = range(len(self))[key]
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
             z, tangent, arclength, residual = (row[key] for row in _ROW(self))
-            return Points(self.curve, z, tangent, arclength, residual, marked)
+            piece = Points(self.curve, z, tangent, arclength, residual, marked)
+            kept = self.__dict__.get("_columns", {})
+            piece.__dict__["_columns"] = {name: column[key] for name, column in kept.items()}
+            return piece
         i = range(len(self))[key]
         cache: dict[int, Point] = self._asked  # type: ignore[attr-defined]
         if i not in cache:

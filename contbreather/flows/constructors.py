@@ -99,7 +99,7 @@ def cycle(
     Raises
     ------
     BadInput
-        Where functions do not fit the states, or names clash.
+        Where functions do not fit the states, names clash, or there is a period of no forcing.
     NotConverged
         Where no periodic orbit is found: the simulation runs to an equilibrium, does not return,
         or Newton's iteration fails.
@@ -141,7 +141,6 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
-    if forcing is not None:
         refuse_period(parts, flights, params)
     refuse_false_period(parts, flights, forcing, params)
     equations = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))

@@ -201,6 +201,7 @@ def test_columns_are_asked_for_once_unless_they_raise() -> None:
     assert len(asked) == count == len(branch) + 3
     assert (branch["height"] == expected).all()
     assert (branch.columns()["height"] == expected).all()
+    assert (branch[1:]["height"] == expected[1:]).all()
     assert len(asked) == count
     assert "_columns" not in branch.points.__getstate__()
 
