@@ -268,7 +268,7 @@ class Branch(Columns, HtmlRepr):
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
         end = _ended(self.stop, self.reason)
         if self.began is not None and self.began.failed:
-            end += f"; the other way it {_ended(self.began, self.began_reason)}"
+            end += f"; the other way: {_ended(self.began, self.began_reason)}"
         moved = f"; the start was moved by {self.moved:.2g}" if self.moved else ""
         hint = f"; {self.curve.hint}" if self.curve.hint else ""
         return f"{head}: {len(self)} points; {end}{moved}{hint}"

@@ -43,6 +43,10 @@ class Points(Sequence[Point]):
     def __post_init__(self) -> None:
         object.__setattr__(self, "_asked", dict(self.made))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the columns that were kept."""
+        return {name: value for name, value in self.__dict__.items() if name != "_columns"}
+
     @staticmethod
     def of(points: Iterable[Point]) -> Points:
         """Points one by one as rows."""
@@ -79,7 +83,14 @@ class Points(Sequence[Point]):
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
     def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
-        """Recorded columns, asked point by point: what several of them look at is made once."""
+        """Recorded columns; those of numbers are kept."""
+        kept: dict[str, NDArray[Any]] = self.__dict__.setdefault("_columns", {})
+        made = self._recorded(*(name for name in names if name not in kept))
+        kept.update((name, column) for name, column in made.items() if not column.dtype.hasobject)
+        return {name: kept[name].copy() if name in kept else made[name] for name in names}
+
+    def _recorded(self, *names: str) -> dict[str, NDArray[Any]]:
+        """The same, asked point by point: what several of them look at is made once."""
         columns = {name: self._at_once(name) for name in names}
         slow = [name for name, column in columns.items() if column is None]
         cells = [[point[name] for name in slow] for point in self] if slow else ()
@@ -130,7 +141,10 @@ class Points(Sequence[Point]):
             chosen = range(len(self))[key]
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
             z, tangent, arclength, residual = (row[key] for row in _ROW(self))
-            return Points(self.curve, z, tangent, arclength, residual, marked)
+            piece = Points(self.curve, z, tangent, arclength, residual, marked)
+            kept = self.__dict__.get("_columns", {})
+            piece.__dict__["_columns"] = {name: column[key] for name, column in kept.items()}
+            return piece
         i = range(len(self))[key]
         cache: dict[int, Point] = self._asked  # type: ignore[attr-defined]
         if i not in cache:

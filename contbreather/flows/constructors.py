@@ -23,7 +23,7 @@ from .filippov import Filippov
 from .flow import Flow, Function, Params, value_at, values
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .orbit import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
-from .time_dependence import period_at, refuse_false_period, refuse_time
+from .time_dependence import period_at, refuse_false_period, refuse_period, refuse_time
 from .walls import lowest, sliding
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
@@ -36,6 +36,7 @@ _AT_REST = 1e-6  # a speed, or an extent, this small against its size is none
 _WAIT = 100.0  # how long a return is waited for at first, where no time to settle was given
 _LONGER = (1, 3, 9, 27)  # and then
 _DOUBLINGS = 5  # of the intervals of a mesh that does not resolve a simulation
+_ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration went astray beside
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
 _BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
@@ -98,7 +99,7 @@ def cycle(
     Raises
     ------
     BadInput
-        Where functions do not fit the states, or names clash.
+        Where functions do not fit the states, names clash, or there is a period of no forcing.
     NotConverged
         Where no periodic orbit is found: the simulation runs to an equilibrium, does not return,
         or Newton's iteration fails.
@@ -140,6 +141,7 @@ def cycle(
     if forcing is not None:
         whole = sum(flight.duration for flight in flights)
         turns = max(1, round(whole / period_at(forcing, params)))
+        refuse_period(parts, flights, params)
     refuse_false_period(parts, flights, forcing, params)
     equations = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None and isinstance(flows, Filippov):
@@ -163,6 +165,12 @@ def named_state(
         raise BadInput(f"{twice} are named twice, among states and parameters")
     if not start:
         raise BadInput("the start has no states: name and value of each were expected")
+    for name, value in dict[str, Any](start).items():
+        if isinstance(value, np.ndarray | list | tuple):
+            raise BadInput(
+                f"{name} = {shown(value)}: the states of a flow are numbers, one name each, "
+                f"{name}0, {name}1, ..."
+            )
     by_name = {
         name: number(name, value, -math.inf, math.inf, "a value")
         for name, value in (*start.items(), *params.items())
@@ -425,12 +433,31 @@ def _solved(
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"; {count} intervals do not resolve it, let it settle (settle=)"
+                _refuse_family(getattr(error, "last", None), error)
+                _refuse_family(problem_at(equations, params), error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}{finer if coarse else ''}",
                     residual=getattr(error, "residual", math.nan),
                 ) from error
         halved = [flight.halved() for flight in equations.start]
         equations = replace(equations, start=_adapted(halved))
+
+
+def _refuse_family(problem: Problem | None, error: Exception) -> None:
+    """Newton's iteration does not end at an orbit with others beside it."""
+    if problem is None:
+        return
+    with suppress(Undefined):
+        orbit, left = cycle_of(problem), problem.evaluate(problem.x, problem.params)
+        solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
+        if solved and abs(orbit.others - 1).min(initial=math.inf) <= _ALMOST:
+            second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
+            raise NotConverged(
+                f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
+                "1: it is one of a family, as where energy is conserved (add damping and forcing), "
+                "or at a bifurcation (take other parameters)",
+                residual=float(abs(left).max()),
+            ) from error
 
 
 def _refuse_passed(orbit: Cycle) -> None:

@@ -19,6 +19,7 @@ _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching li
 _SAME = 1e-6  # relative to the size of a function: a period of seven digits is one
 _FLOOR = 1e-4  # of the size of the states: a function that is smaller may be made of rounding
 _MOVED = 0.01  # how far parameters are moved, relative
+_NO_TIME = object()  # nothing can be computed from it
 _MOMENTS = np.array([0.0, 0.7, 1.9])  # at which a field without a period is compared
 
 
@@ -49,6 +50,31 @@ def refuse_false_period(
                 f"{what} is not periodic in t with the period {period_at(period, p):g}: give that "
                 "of the forcing, a number or a function, as period=lambda p: 2*np.pi/p['w']"
             )
+
+
+def refuse_period(flows: Sequence[Flow], flights: Sequence[TrajectorySegment], p: Params) -> None:
+    """Refuse a period where nothing asks for the time along an orbit, kicks by a clock aside."""
+    kicked = any(isinstance(flow.until, Clock) or (flow.reset and not flow.until) for flow in flows)
+    moved = {name: value + _MOVED * (abs(value) or 1.0) for name, value in p.items()}
+    if not kicked and not any(
+        _asks_time(function, x, at)
+        for flow, flight in zip(flows, flights, strict=True)
+        for function in flow.functions.values()
+        for x in flight.at((np.arange(_LOOKS) + 0.5) / _LOOKS).T
+        for at in (p, moved)  # what a parameter switches off may be switched on by the next
+    ):
+        raise BadInput(
+            "the system does not depend on time, its period is unknown: leave `period=` out"
+        )
+
+
+def _asks_time(function: Function, x: Array, p: Params) -> bool:
+    """Whether a function does anything with its time, which is none here."""
+    try:
+        getattr(function, "py_func", function)(_NO_TIME, x, p)
+    except Exception:  # noqa: BLE001 - what is done with it may raise anything
+        return True
+    return False
 
 
 def _unlike(

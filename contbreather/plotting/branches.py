@@ -256,6 +256,8 @@ def pieces(
 ) -> Iterator[tuple[str, Array, Array]]:
     """The stretches of a branch that are drawn alike: how, and both columns."""
     styles = _styles(branch) if styles is None else styles
+    for name in (x, y):
+        column_of(branch, name)  # once for all: slices have the columns that were computed
     cuts = [0, *(1 + np.flatnonzero(styles[1:] != styles[:-1])), len(branch) - 1]
     for start, end in pairwise(cuts):
         curve = _curve(branch[start : end + 1], x, y)

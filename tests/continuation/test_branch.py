@@ -175,6 +175,37 @@ def test_a_branch_in_trouble_says_why() -> None:
     assert not Stop.BOUND.failed
 
 
+def test_both_ends_in_trouble_are_said() -> None:
+    whole = trace_case(LINE)
+    for stop in (Stop.RIM, Stop.NO_CONVERGENCE):
+        one = replace(whole, stop=stop, began=stop, began_reason="f at t = 0 raised")
+        assert f"; the other way: {stop.value}: f at t = 0 raised" in one.describe()
+
+
+def test_columns_are_asked_for_once_unless_they_raise() -> None:
+    asked = []
+
+    def height(point):
+        asked.append(point)
+        if len(asked) == 3:
+            raise RuntimeError
+        return float(point["x"])
+
+    problem = replace(LINE.problem, record={"height": height})
+    branch = trace(problem, "mu", within={"mu": (0, 1)}, events=())
+    with pytest.raises(RuntimeError):
+        branch["height"]
+    column, count = branch["height"], len(asked)
+    expected = column.copy()
+    column[:] = 7.0
+    assert len(asked) == count == len(branch) + 3
+    assert (branch["height"] == expected).all()
+    assert (branch.columns()["height"] == expected).all()
+    assert (branch[1:]["height"] == expected[1:]).all()
+    assert len(asked) == count
+    assert "_columns" not in branch.points.__getstate__()
+
+
 def test_arrays_and_complex_records_do_not_spoil_the_table() -> None:
     problem = replace(
         BRUSSELATOR.problem,

@@ -448,6 +448,10 @@ def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
          {"period": lambda p: TAU / p["w"]}),
         ("has no states", van_der_pol, {}, {"mu": 1.0}, {}),
         ("positive time", van_der_pol, {"x": 1.0, "v": 0.0}, {"mu": 1.0}, {"period": -1.0}),
+        ("numbers, one name each, u0, u1, ...", van_der_pol, {"u": np.zeros(6)}, {"mu": 1.0}, {}),
+        ("a second multiplier is 1: .* where energy is conserved",
+         lambda t, x, p: [x[1], -x[0] - x[0] ** 3], {"x": 1.0, "v": 0.0}, {}, {}),
+        ("a second multiplier is 1", lambda t, x, p: [x[1], -x[0]], {"x": 1.0, "v": 0.0}, {}, {}),
     ],
 )  # fmt: skip
 def test_what_is_no_cycle_is_refused_with_a_sentence(words, f, start, params, how) -> None:

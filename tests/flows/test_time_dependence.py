@@ -104,6 +104,30 @@ def without_mirror() -> cb.Problem:
     return cb.cycle(flow, {"x": 0.9, "v": -1.0}, {}, period=TAU / 3, settle=40)
 
 
+def guessed(period) -> cb.Problem:
+    """Of what does not depend on the time."""
+    return cb.cycle(
+        lambda t, x, p: [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]],
+        {"x": 2.0, "y": 0.0}, {"mu": 1.0}, period=period,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("flow", "params"),
+    [
+        (duffing, {"w": 1.0, "F": 0.0}),
+        (lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + 1 + 1e-9 * (t % TAU < 1e-3)], {}),
+        (lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + (np.cos(t) if p["F"] else 0.0)], {"F": 0.0}),
+        (cb.Flow(lambda t, x, p: [x[1], -0.2 * x[1] - x[0]],
+                 reset=lambda t, x, p: [x[0], x[1] + 0.1]), {}),
+    ],
+    ids=["no amplitude", "a short pulse", "switched off", "kicked"],
+)  # fmt: skip
+def test_a_forcing_that_is_hardly_seen_may_have_a_period(flow, params) -> None:
+    problem = cb.cycle(flow, REST, params, period=TAU, settle=20)
+    assert problem.start["period"] == pytest.approx(TAU)
+
+
 def true_or_false() -> cb.Problem:
     flow = cb.Flow(duffing, until=lambda t, x, p: x[0] < 1)
     return cb.cycle(flow, REST, {"w": 1.0, "F": 0.5}, period=TAU, settle=5)
@@ -126,6 +150,8 @@ def never_met() -> cb.Problem:
         # of the origin, whose velocity is zero at all times
         (lambda: cb.equilibrium(lambda t, x, p: [x[1], -x[0] * np.cos(t)], REST, {}),
          "f depends on t"),
+        *((lambda period=period: guessed(period), "does not depend on time, its period is unknown")
+          for period in (5.0, 6.5, 6.66)),
         (true_or_false, r"until is True at t = 0.*; a number was expected, positive"),
         (never_met, r"was not met within \d{3,4}(\.\d+)? from t = 0"),
     ],
