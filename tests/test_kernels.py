@@ -326,7 +326,10 @@ def test_a_wheel_has_objects_beside_their_source_and_says_where_it_fits(
     assert name.startswith("contbreather/_objects/meetings.cpython-")
     assert f"cp{sys.version_info[0]}{sys.version_info[1]}" in wheel.name
     assert not wheel.name.endswith("any.whl")
-    assert not (scratch / "contbreather" / "_objects").exists()
+    # and in the tree, which Python started there imports
+    beside = scratch / "contbreather" / "_objects"
+    assert [path.name for path in beside.iterdir()] == [Path(name).name]
+    shutil.rmtree(beside)
     shutil.unpack_archive(wheel, tmp_path / "site", "zip")
     own = {"PYTHONPATH": str(tmp_path / "site"), "XDG_CACHE_HOME": str(tmp_path / "cache")}
     assert python("-c", LATER, "", **own).startswith("True True")
@@ -337,6 +340,7 @@ def test_a_wheel_without_objects_is_for_all_and_says_why(scratch: Path, tmp_path
     assert wheel.name.endswith("-py3-none-any.whl")
     told = zipfile.ZipFile(wheel).read("contbreather/_objects/reason.txt")
     assert b"by CONTBREATHER_COMPILE=0" in told
+    shutil.rmtree(scratch / "contbreather" / "_objects")
 
 
 def test_of_a_checkout_the_objects_are_in_its_tree_and_only_those_of_its_text(
