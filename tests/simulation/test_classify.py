@@ -213,6 +213,13 @@ def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
     assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
 
 
+@pytest.mark.parametrize(("settle", "periods"), [(500, 400), (1000, 1000)])
+def test_bands_of_chaos_seen_for_a_shorter_time_are_never_called_a_torus_or_locked(settle, periods):
+    for a, _ in BANDS:
+        found = classify(([-0.31], [-0.16]), a=a, gamma=0.0, k=0.7, settle=settle, periods=periods)
+        assert found.kind in (Kind.CHAOTIC, Kind.UNDECIDED), str(found)
+
+
 @pytest.mark.parametrize(("a", "q"), [(0.93, 2), (0.985, 4), (0.991, 8)])
 def test_locked_motions_of_the_cascade_close_with_multipliers_inside_the_circle(a, q):
     """gamma = 0, k = 0.8: doublings at 0.92551, 0.97997 and 0.98963 after the pitchfork."""

@@ -122,6 +122,36 @@ def test_elastic_walls_without_forcing_keep_the_energy():
     assert np.ptp(energy(0.2, *run.strobe)) < 1e-11
 
 
+def test_elastic_motion_run_backwards_returns():
+    """cos t is even: reversed velocities retrace the motion, all its impacts included."""
+    rng = np.random.default_rng(8)
+    u, v = rng.uniform(-0.9, 0.9, 6), rng.normal(size=6)
+    conditions = {"a": 0.3, "gamma": 0.1, "k": 1.0, "periods": 2}
+    there = simulate((u, v), **conditions)
+    back = simulate((there.final.u, -there.final.v), **conditions)
+    assert len(there.impacts) == len(back.impacts) > 5
+    assert np.allclose(back.final.u, u, rtol=0, atol=1e-9)
+    assert np.allclose(back.final.v, -v, rtol=0, atol=1e-9)
+
+
+def test_ring_in_unison_is_one_oscillator():
+    one = simulate(([0.3], [1.1]), a=0.7, gamma=0.2, k=0.7, periods=5)
+    many = simulate((np.full(30, 0.3), np.full(30, 1.1)), a=0.7, gamma=0.2, k=0.7, periods=5)
+    assert len(many.impacts) == 30 * len(one.impacts)
+    assert np.allclose(many.final.u, one.final.u[0], rtol=0, atol=1e-12)
+
+
+def test_chatter_is_the_geometric_series_of_its_impacts():
+    """Each impact of a chatter is k times the one before; resolved to the end and not cut short."""
+    run = simulate(([0.2], [0.3]), a=1.5, gamma=0.1, k=0.1, periods=30)
+    rest = run.rests[run.rests["begins"]][-1]
+    chatter = run.impacts[run.impacts["time"] <= rest["time"]][-4:]
+    assert np.allclose(chatter["before"][1:] / chatter["before"][:-1], 0.1, rtol=2e-3)
+    push = -1.5 * math.cos(rest["phase"]) * rest["wall"]
+    flights = np.diff(chatter["time"])
+    assert np.allclose(flights, 2 * np.abs(chatter["after"][:-1]) / push, rtol=1e-2)
+
+
 def test_mirror_images_hit_at_the_same_time_and_stay_mirror_images():
     rng = np.random.default_rng(3)
     half_u, half_v = rng.uniform(-0.9, 0.9, 5), rng.normal(size=5)
