@@ -97,7 +97,7 @@ def chord(
     while True:
         step, singular = correction(factors, roughly(z), row)
         for i, past in enumerate(steps):
-            dual = past if metric is None else past * metric
+            dual = past * metric
             along = dual.dot(step) / dual.dot(past)
             # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
             step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]

@@ -97,3 +97,20 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
         slope = free_flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
         scale = lattice.dchi(gamma) + 1.0
         assert abs(slope.at(-math.pi / 2)[0] - float(exact)) < 5e-15 * scale
+
+
+@pytest.mark.parametrize("gamma", [0.01, 0.1, 0.2499])
+@pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(9), Ring(60)])
+def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, lattice):
+    def at(g, n):
+        return free_flight(float(lattice.first_harmonic(g, n)), lattice.powers(g, n))
+
+    h = 1e-4 * min(gamma, 0.25 - gamma)
+    scale = lattice.dchi(gamma) + 1.0
+    for n in (0, 1, 4):
+        slope = free_flight(float(lattice.dfirst_harmonic(gamma, n)), lattice.dpowers(gamma, n))
+        more, less = at(gamma + h, n), at(gamma - h, n)
+        for y in (-1.0, 0.7):
+            for i in range(3):
+                step = (more.at(y)[i] - less.at(y)[i]) / (2 * h)
+                assert slope.at(y)[i] == pytest.approx(step, abs=1e-6 * scale)

@@ -202,3 +202,9 @@ def test_what_impacts_do_to_each_other_is_told_by_kernels_alike(
         wanted = np.array(one.at(float(abs(times[i] - times[j]))))
         wanted[1::2] *= (i != j) * (1.0 if i > j else -1.0)
         assert found[:, i, j] == pytest.approx(wanted, rel=1e-12, abs=1e-13)
+
+
+def test_velocity_of_the_pushed_site_jumps_by_one():
+    h = periodic_green(CHAIN, 0.2, 0)
+    assert h.at(0.0)[1] == pytest.approx(0.5, abs=1e-14)
+    assert h.at(2 * math.pi - 1e-9)[1] == pytest.approx(-0.5, abs=1e-8)

@@ -26,6 +26,7 @@ from contbreather.simulation import (
     open_recording,
     periodic,
     record,
+    rotation,
     simulate,
     simulate_smooth,
     sweep,
@@ -263,3 +264,13 @@ def test_a_ring_may_be_coupled_below_a_quarter_only_other_lattices_at_will():
     with pytest.raises(BadInput, match="gamma"):
         simulate(state, a=0.1, gamma=0.3, k=0.8, periods=1)
     assert simulate(state, a=0.1, gamma=3.0, k=0.8, periods=1, lattice=cb.OpenChain(3)).periods == 1
+
+
+def test_rotation_of_a_torus_on_an_open_chain():
+    """Far from any impact the modes turn: the slowest one of them with its own frequency."""
+    lattice, gamma = cb.OpenChain(2), 0.2
+    run = simulate(
+        ([0.1, -0.1], [0.0, 0.0]), a=0.0, gamma=gamma, k=0.5, lattice=lattice, periods=500
+    )
+    turns = math.sqrt(2 * gamma)
+    assert rotation(*run.strobe).number == pytest.approx(min(turns, 1 - turns), abs=1e-9)

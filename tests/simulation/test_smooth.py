@@ -272,3 +272,13 @@ def test_a_solver_that_cannot_go_on_names_itself_and_what_else_there_is() -> Non
     for solver, name in ((Explicit(), "dop853"), (Implicit(), "Radau")):
         with pytest.raises(NotConverged, match=rf"{name} cannot go on at t = .*Switching"):
             solver.states(lambda t, y: y * y, None, 0.0, np.array([1.0]), np.array([2.0]))
+
+
+def test_branch_in_gamma_and_lam_stays_near_the_exact_one():
+    start = breather(10, a=0.3, gamma=0.05, k=0.8, m=60, damping=0.0)
+    for name, window in (("gamma", (0.03, 0.06)), ("lam", (0.12, 0.16))):
+        branch = trace(start, name, within={name: window}, steps=Steps(largest=0.02))
+        for point in (branch[0], branch[-1]):
+            k = restitution_of(point["lam"])
+            exact = symmetric(0.3, point["gamma"], k).displacement(0, 0.0)
+            assert point["u"][0] == pytest.approx(exact, abs=0.02)
