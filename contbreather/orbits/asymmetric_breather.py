@@ -25,7 +25,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.periodic_green import periodic_green, sinc, wave_slope
+from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit import Orbit
@@ -107,9 +107,10 @@ class AsymmetricEquations:
             means = 0.5 * (at.f1 + at.f2), 0.5 * (at.df1 + at.df2)
             return np.array((*means, at.ratio, -0.5 * (at.f2 - at.f1)))
         if name == "gamma":
-            slope = wave_slope(self.lattice, at.gamma, 0)
-            h = slope.about(at.delta)[0] - slope.about(math.pi)[0]
-            pull = slope.slope_ratio(at.delta)[0]
+            slope = periodic_green(self.lattice, at.gamma, (0,), by="gamma")
+            h, own = slope.at([math.pi - at.delta, 0.0])[0]
+            pull = slope_ratio(slope, at.delta)[0]
+            h -= own
             return np.array((2.0 * at.p * h, 0.0, 4.0 * at.p * pull, 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * at.p / (1.0 + at.k) ** 2, 0.0, 0.0))
@@ -156,10 +157,10 @@ class _Place:
         self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
         self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
         # times off mid period: delta since the impact on the other wall, pi since the site's own
-        answer = periodic_green(lattice, self.gamma, 0)
-        value, self.h_slope, _, _ = answer.about(self.delta)
-        self.h = value - answer.about(math.pi)[0]
-        self.pull, self.pull_slope = answer.slope_ratio(self.delta)
+        answer = periodic_green(lattice, self.gamma, (0,))
+        (value, own), (slope, _) = answer.at([math.pi - self.delta, 0.0])[:2].tolist()
+        self.h, self.h_slope = value - own, -slope
+        self.pull, self.pull_slope = slope_ratio(answer, self.delta)
         self.ratio, self.ratio_middle, self.ratio_across = divided(f, self.t1, self.s2)
 
 
