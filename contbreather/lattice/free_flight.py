@@ -73,10 +73,12 @@ class Responses(NamedTuple):
     def at(self, since: ArrayLike, rows: ArrayLike = 0) -> FloatArray:
         """Value and first three derivatives at any times since an impact, at the impact itself
         those just after it, for rows of the table; shape ``(4, ...)``."""
-        since, rows = np.broadcast_arrays(np.asarray(since, dtype=float), rows)
-        out = np.empty((4, since.size))
-        RESPONSES(self, since.ravel(), rows.ravel(), out)
-        return out.reshape(4, *since.shape)
+        shape = np.broadcast(since, rows).shape
+        times, which = np.empty(shape), np.empty(shape, dtype=np.int64)
+        times[...], which[...] = since, rows
+        out = np.empty((4, times.size))
+        RESPONSES(self, times.ravel(), which.ravel(), out)
+        return out.reshape(4, *shape)
 
 
 @inlined

@@ -123,10 +123,15 @@ def half_period_green(
     """
     first_harmonic, powers = (getattr(lattice, name) for name in _PARTS[by])
     table = np.zeros((len(sites), POWERS + 2))
-    # an impulse of -2p: of what is per unit p it is -1/2
-    np.matmul(powers(gamma, sites), -0.5 * response_weights()[::-1].T, out=table[:, :POWERS])
+    np.matmul(powers(gamma, sites), _per_impulse(), out=table[:, :POWERS])
     table[:, POWERS] = 2.0 / math.pi * first_harmonic(gamma, np.array(sites))  # of sin y
     return _without_modes(np.arange(len(sites))[:, None], table, 1, half=True)
+
+
+@lru_cache(maxsize=1)
+def _per_impulse() -> FloatArray:
+    """An impulse is -2p: of what is per unit p it makes -1/2; the highest power first."""
+    return -0.5 * response_weights()[::-1].T
 
 
 def _without_modes(which: Any, table: FloatArray, periods: int, *, half: bool) -> Responses:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,8 +132,14 @@ class AsymmetricEquations:
             ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
         return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
 
-    def _at(self, x: FloatArray, params: Params) -> _Place:
-        return _Place(self.forcing, self.lattice, x, params)
+    def _at(self, x: FloatArray, params: Params) -> Any:
+        return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
+
+
+@lru_cache(maxsize=16)
+def _place(of: AsymmetricEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
+    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+    return _Place(of.forcing, of.lattice, np.frombuffer(unknowns), dict(params))
 
 
 class _Place:

@@ -178,7 +178,7 @@ def points_of(fine: int, length: float) -> int:
 # --- of an orbit ----------------------------------------------------------------------------------
 
 
-_NO_VECTOR, _NO_MATRIX = np.empty(0), np.empty((0, 0))
+_NO_VECTOR, _NO_MATRIX, _FIRST = np.empty(0), np.empty((0, 0)), np.zeros(1, dtype=np.int64)
 _NO_MODES = FreeModes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
 
 
@@ -277,7 +277,9 @@ class SiteMotion:
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         """Offset and walls of each site."""
-        return np.column_stack([self.offset(sites), [self.walls(n) for n in sites]])
+        places = np.empty((len(sites), 3))
+        places[:, OFFSET], places[:, LOW:] = self.offset(sites), [self.walls(n) for n in sites]
+        return places
 
 
 @lru_cache(maxsize=64)
@@ -296,14 +298,21 @@ class ChainMotion(SiteMotion):
 
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
         n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
-        sites, times, out = n.ravel(), t.ravel(), np.empty((3, t.size))
+        sites, times, out = n.flatten(), t.flatten(), np.empty((3, t.size))
         for first in range(0, t.size, MANY):
             part = slice(first, first + MANY)
             those, which = np.unique(sites[part], return_inverse=True)
-            some = np.empty((3, which.size))
-            STATES(self._of(tuple(those.tolist())), which, times[part], some)
-            out[:, part] = some
+            out[:, part] = self._states(tuple(those.tolist()), which, times[part])
         return out.reshape(3, *t.shape)
+
+    def at(self, site: int, t: float) -> Terms:  # the same, sooner
+        (u,), (v,), (w,) = self._states((site,), _FIRST, np.array([t])).tolist()
+        return u, v, w
+
+    def _states(self, sites: tuple[int, ...], which: Any, times: FloatArray) -> FloatArray:
+        out = np.empty((3, times.size))
+        STATES(self._of(sites), which, times, out)
+        return out
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None

@@ -203,7 +203,7 @@ def test_slopes_of_a_watched_site_are_the_derivatives(itinerary: Itinerary) -> N
         rows = section_of(itinerary, x, DAMPED).slopes_at(site, time, names)
 
         def motion(x: np.ndarray, time=time, site=site, **params: float) -> np.ndarray:
-            return np.array(section_of(itinerary, x, DAMPED, **params).at(site, time))
+            return np.array(section_of(itinerary, x, DAMPED, **params).states(site, time))
 
         columns = [slope(lambda h, e=e: motion(x + h * e), 1e-5) for e in np.eye(x.size)]
         columns += [slope(lambda h, n=n: motion(x, **{n: here[n] + h}), 1e-5) for n in names]
