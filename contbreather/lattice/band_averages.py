@@ -237,7 +237,7 @@ class UniformLattice:
         """Derivative of `first_harmonic` with respect to gamma."""
         m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
         r, rho, sign, lap = self._laps(4.0 * self.check(gamma) / rest)
-        turn, profile = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0), rho**m
+        turn, profile = m * rho ** abs(m - 1), rho**m  # 0 for m = 0
         if size:
             profile = profile + sign * rho ** (size - m)
             turn += sign * (size - m) * rho ** (size - m - 1)

@@ -205,13 +205,13 @@ def other_contacts(
     says nothing; 1 where rounding decides that sign. On a finite lattice sites may be as near and
     still differ by a higher power of the coupling: by what is found that many bonds away.
     """
-    idle = [*orbit.idle]
-    size, near = orbit.influence(site), set(orbit.beside)
+    idle, near = [*orbit.idle], set(orbit.beside)
     if site not in orbit.hit:
         idle += [] if site in idle else [site]
         # margins are told apart by the larger of two influences: of those that feel the impacts
         # less the least is enough
-        near |= {site, *(n for n in idle if orbit.influence(n) > size)}
+        size, *sizes = orbit.influences((site, *idle))
+        near |= {site, *(n for n, felt in zip(idle, sizes, strict=True) if felt > size)}
     measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
@@ -222,9 +222,9 @@ def other_contacts(
         period = orbit.period
         own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
         gaps = own + gaps
+    sizes = orbit.influences((gap.site for gap in gaps), site)
     told = []
-    for gap in gaps:
-        size = orbit.influence(site, gap.site)
+    for gap, size in zip(gaps, sizes, strict=True):
         margin = 1.0 if size < TELLING else gap.margin / (abs(gap.margin) + size)
         told.append(gap._replace(margin=margin))
     return told

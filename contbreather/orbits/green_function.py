@@ -309,8 +309,9 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
 
 
 def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
-    u, v, w = orbit.motion.at(site, t)
-    return u + float(share @ orbit.offsets - orbit.motion.offset(site)), v, w
+    motion = orbit.representation.motion
+    u, v, w = motion.at(site, t)
+    return u + float(share @ orbit.offsets - motion.offset(site)), v, w
 
 
 def _offset_share(orbit: Orbit, site: int) -> FloatArray:

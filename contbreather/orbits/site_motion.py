@@ -14,7 +14,7 @@ of that amplitude, so the first two such sites and the far field bound all the o
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -227,19 +227,17 @@ class SiteMotion:
         """When it is closest to a wall."""
         return self.start
 
-    def influence(self, site: int, other: int | None = None) -> float:
-        """How strongly a site feels the impacts, or how much it moves otherwise than another does,
+    def influences(self, sites: Iterable[int], other: int | None = None) -> list[float]:
+        """How strongly sites feel the impacts, or how much they move otherwise than another does,
         to first order in the coupling."""
-        order = self._order(site, site if other is None else other)
-        return self._strongest * float(self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+        strongest = 0.5 * max(abs(impact.impulse) for impact in self.impacts)
+        # |xi| of (A3) is gamma to first order
+        orders = self._orders(tuple(sites), other)
+        return [strongest * float(self.on.gamma**order) for order in orders]
 
-    @cached_property
-    def _strongest(self) -> float:
-        return 0.5 * max(abs(impact.impulse) for impact in self.impacts)
-
-    def _order(self, site: int, other: int) -> float:
-        """The power of the coupling in which a site first moves otherwise than another, or, given
-        twice, than without impacts."""
+    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
+        """The power of the coupling in which each site first moves otherwise than another, or,
+        without one, than without impacts."""
         raise NotImplementedError
 
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
@@ -271,15 +269,9 @@ class SiteMotion:
             float(self.on.a), self.k, *section, *parts, impacts, *counts, self._places(sites)
         )
 
-    def offset(self, n: ArrayLike) -> FloatArray:
-        """Static displacement of sites."""
-        return np.zeros(np.shape(n))
-
     def _places(self, sites: Sequence[int]) -> FloatArray:
         """Offset and walls of each site."""
-        places = np.empty((len(sites), 3))
-        places[:, OFFSET], places[:, LOW:] = self.offset(sites), [self.walls(n) for n in sites]
-        return places
+        return np.array([(0.0, *self.walls(n)) for n in sites])
 
 
 @lru_cache(maxsize=64)
@@ -353,15 +345,19 @@ class ChainMotion(SiteMotion):
             slopes[name] = slopes.get(name, 0.0) + driven
         return slopes
 
+    def _places(self, sites: Sequence[int]) -> FloatArray:
+        places = np.empty((len(sites), 3))
+        places[:, LOW:] = USUAL
+        places[:, OFFSET] = self.offset(sites) if any(self.representation.offsets) else 0.0
+        return places
+
     def offset(self, n: ArrayLike) -> FloatArray:
-        """Straight lines between the impacting sites, level beyond.
+        """Static displacement of sites: straight lines between the impacting ones, level beyond.
 
         At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
         """
         sites, places = np.asarray(n, dtype=float), list(self.hit)
         values, ring = list(self.representation.offsets), self.lattice.sites
-        if not any(values):
-            return np.zeros(sites.shape)
         if self.on.gamma == 0.0:
             return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
         if ring is None or len(places) == 1:
@@ -390,17 +386,25 @@ class ChainMotion(SiteMotion):
             return self.start
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
-    def _order(self, site: int, other: int) -> float:
-        return _bonds(self.lattice, self.hit, site, other)
+    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
+        return _bonds(self.lattice, self.hit, sites, other)
 
 
-@lru_cache(maxsize=4096)
-def _bonds(lattice: UniformLattice, hit: tuple[int, ...], site: int, other: int) -> float:
+@lru_cache(maxsize=256)
+def _bonds(
+    lattice: UniformLattice, hit: tuple[int, ...], sites: tuple[int, ...], other: int | None
+) -> list[float]:
     """How far away the impacts are that one of two sites feels before the other, or that the one
     site feels first."""
-    far = [[lattice.distance(n - busy) for busy in hit] for n in (site, other)]
-    unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
-    return min(unlike if site != other else far[0], default=math.inf)
+
+    def order(site: int) -> float:
+        own = [lattice.distance(site - busy) for busy in hit]
+        if other is None or other == site:
+            return min(own)
+        pairs = zip(own, (lattice.distance(other - busy) for busy in hit), strict=True)
+        return min((min(pair) for pair in pairs if len({*pair}) == 2), default=math.inf)
+
+    return [order(site) for site in sites]
 
 
 @lru_cache(maxsize=64)
@@ -435,13 +439,17 @@ class ModalMotion(SiteMotion):
         sites = self.lattice.idle(self.hit).tolist()
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
-    def _order(self, site: int, other: int) -> float:
-        if self.walls(site) != self.walls(other):
-            return 0.0
+    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
         walks = _walks(self.lattice, self.hit)
-        apart = walks[:, site, 1:] if site == other else walks[:, site] - walks[:, other]
-        unlike = (abs(apart) > _ALIKE).any(axis=1)
-        return float(unlike.argmax()) if unlike.any() else math.inf
+
+        def order(site: int) -> float:
+            if other is not None and self.walls(site) != self.walls(other):
+                return 0.0
+            alone = other is None or site == other
+            unlike = abs(walks[:, site, 1:] if alone else walks[:, site] - walks[:, other]) > _ALIKE
+            return float(unlike.any(axis=1).argmax()) if unlike.any() else math.inf
+
+        return [order(site) for site in sites]
 
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
         states: FloatArray = self.representation.states(n, t)
