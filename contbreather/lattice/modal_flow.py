@@ -185,8 +185,7 @@ class Driven:
     def at(self, site: int, t: float) -> tuple[float, float, float]:
         """Displacement, velocity and acceleration of one site."""
         if self.alike:
-            f = self.forcing
-            return f.f(t), f.df(t), f.d2f(t)
+            return self.forcing.motion(t)
         return self._spectrum.at(site, t)
 
     def harmonics(self, site: int) -> Harmonics:

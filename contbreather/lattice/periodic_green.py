@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
-from contbreather.lattice.chain import Ring
 from contbreather.lattice.free_flight import POWERS, TERMS, Responses, response_weights
 from contbreather.lattice.zeta import bernoulli
 
@@ -219,11 +218,6 @@ def sinc(y: float) -> tuple[float, float]:
 
 
 # --- a ring with modes beyond its first harmonic --------------------------------------------
-
-
-def is_resonant(lattice: UniformLattice, gamma: float, periods: int) -> bool:
-    """Whether a harmonic of an orbit of n periods lies inside the band (rings only)."""
-    return isinstance(lattice, Ring) and 4.0 * periods * periods * gamma >= 1.0
 
 
 def _mode_by_mode(

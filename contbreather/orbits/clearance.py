@@ -164,11 +164,8 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     (True, 0.667948289045)
     """
     measured = measured_margins(orbit, orbit.idle, orbit.beside)
-    far, centre = (
-        Clearance(orbit.far, None, orbit.far_time()),
-        smallest_margins(of_flights(orbit, measured)),
-    )
-    idle = of_idle(orbit, measured)
+    far = Clearance(orbit.far, None, orbit.far_time())
+    centre, idle = smallest_margins(of_flights(orbit, measured)), of_idle(orbit, measured)
     neighbours = smallest_margins(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
     # those that there are; an impact that vanishes before what comes with it
@@ -183,11 +180,8 @@ def clearance(orbit: SiteMotion) -> Admissibility:
         reason=_reason(orbit, worst),
         site=worst.site,
         time=worst.time,
-        places={
-            name: (smallest_margins.site, smallest_margins.time)
-            for name, smallest_margins in places.items()
-        },
-        **{name: smallest_margins.margin for name, smallest_margins in places.items()},
+        places={name: (least.site, least.time) for name, least in places.items()},
+        **{name: least.margin for name, least in places.items()},
     )
 
 

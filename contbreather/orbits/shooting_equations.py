@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
@@ -224,26 +224,6 @@ class SectionFlight:
         (impact,), a = self.impacts, self.conditions.a
         place = self.conditions.walls.position(impact.site, impact.wall)
         return 2.0 * (place - a * self.forced.at(impact.site, impact.time)[0]) / abs(impact.impulse)
-
-    def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
-        """Displacements, velocities and accelerations, one after the other, of sites at times,
-        broadcast against each other."""
-        n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
-        sites, i = np.unique(n.ravel(), return_inverse=True)
-        times, j = np.unique(t.ravel(), return_inverse=True)
-        q, r = self.modes(times)
-        free, basis = np.stack([q, r, self.pulled(q, r)]), self.basis
-        every = np.array_equal(sites, np.arange(self.conditions.lattice.sites))
-        paths = basis.to_sites(free) if every else free @ basis.at(sites).T
-        for order in range(3):
-            forced = self.conditions.a * self.forced.everywhere(times, order)
-            paths[order] += forced if forced.shape[-1] == 1 else forced[:, sites]
-        return np.asarray(paths[:, j, i]).reshape(3, *t.shape)
-
-    def displacements(self, times: FloatArray) -> FloatArray:
-        """Displacements of all sites at many times, shape (times, sites)."""
-        free = self.basis.to_sites(self.modes(times)[0])
-        return free + self.conditions.a * self.forced.everywhere(times, 0)
 
     def modes(self, times: FloatArray) -> FloatArray:
         """Free part of displacements and velocities of the modes at times, shape (2, times, K)."""

@@ -25,9 +25,9 @@ from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, in
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
-from contbreather.lattice.free_flight import LATE, SLACK, Responses, response_since
+from contbreather.lattice.free_flight import LATE, RESPONSES, SLACK, Responses, response_since
 from contbreather.lattice.modal_flow import mode_solutions
-from contbreather.lattice.periodic_green import half_period_green, is_resonant, periodic_green
+from contbreather.lattice.periodic_green import half_period_green, periodic_green
 from contbreather.orbits.section import Section
 
 FloatArray = NDArray[np.float64]
@@ -212,7 +212,8 @@ class SiteMotion:
         return {n for site in self.hit for n in self.lattice.beside(site)}
 
     def walls(self, site: int) -> Wall:
-        return USUAL
+        pair: Wall = self.on.walls.at(site)
+        return pair
 
     @property
     def far(self) -> float:
@@ -329,8 +330,9 @@ class ChainMotion(SiteMotion):
         impulses = np.array([impact.impulse for impact in impacts])
 
         def answers(by: str) -> FloatArray:
-            responses = self._responses((site,), by)
-            return responses.at(since, responses.which[0])
+            out, responses = np.empty((4, since.size)), self._responses((site,), by)
+            RESPONSES(responses, since, responses.which[0], out)
+            return out
 
         h, forced = answers(""), np.array(f.motion(t))
         slopes = {"a": forced[:2], "k": np.zeros(2), "t": a * forced[1:] + h[1:3] @ impulses}
@@ -366,7 +368,8 @@ class ChainMotion(SiteMotion):
 
     @cached_property
     def idle(self) -> Sequence[int]:
-        resonant = is_resonant(self.lattice, self.on.gamma, self.section.turns)
+        # of a ring with modes at or above the lowest harmonic of the orbit all
+        resonant = not self.endless and 4.0 * self.section.turns**2 * self.on.gamma >= 1.0
         return _around(self.lattice, self.hit, resonant)
 
     @property
@@ -430,10 +433,6 @@ def _highest(forcing: Forcing, sign: float) -> float:
 class ModalMotion(SiteMotion):
     """A shot orbit of any finite lattice."""
 
-    def walls(self, site: int) -> Wall:
-        pair: Wall = self.on.walls.at(site)
-        return pair
-
     @cached_property
     def idle(self) -> Sequence[int]:
         sites = self.lattice.idle(self.hit).tolist()
@@ -452,8 +451,24 @@ class ModalMotion(SiteMotion):
         return [order(site) for site in sites]
 
     def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
-        states: FloatArray = self.representation.states(n, t)
-        return states
+        n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
+        sites, i = np.unique(n.ravel(), return_inverse=True)
+        times, j = np.unique(t.ravel(), return_inverse=True)
+        flight, basis = self.representation, self.representation.basis
+        q, r = flight.modes(times)
+        free = np.stack([q, r, flight.pulled(q, r)])
+        every = np.array_equal(sites, np.arange(self.lattice.sites))  # sooner, by transforms
+        paths = basis.to_sites(free) if every else free @ basis.at(sites).T
+        for order in range(3):
+            forced = self.on.a * flight.forced.everywhere(times, order)
+            paths[order] += forced if forced.shape[-1] == 1 else forced[:, sites]
+        return np.asarray(paths[:, j, i]).reshape(3, *t.shape)
+
+    def displacements(self, times: FloatArray) -> FloatArray:
+        """Of all sites at many times, shape (times, sites)."""
+        flight = self.representation
+        free = flight.basis.to_sites(flight.modes(times)[0])
+        return np.asarray(free + self.on.a * flight.forced.everywhere(times, 0))
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
@@ -461,7 +476,7 @@ class ModalMotion(SiteMotion):
         flight, candidates = self.representation, np.array(idle, dtype=int)
         size = points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
-        profiles = flight.displacements(times)[:, candidates].T
+        profiles = self.displacements(times)[:, candidates].T
         if candidates.size:
             low, high = self._places(candidates.tolist())[:, 1:].T[:, :, None]
             gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
