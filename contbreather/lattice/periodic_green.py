@@ -38,7 +38,6 @@ EVEN_POWERS = 16  # of y: pi^32/32! < 1e-19
 LOW = 0.5  # modes of a resonant ring below this, in units of 1/n, go by the polynomial
 APART = 1e-9  # a mode this close to a harmonic is in resonance with it
 
-
 # what the answers are made of, or their slopes: `first_harmonic` and `powers` of a lattice
 _PARTS = {
     "": ("first_harmonic", "powers"),
@@ -129,7 +128,8 @@ def half_period_green(
 
 @lru_cache(maxsize=1)
 def _per_impulse() -> FloatArray:
-    """An impulse is -2p: of what is per unit p it makes -1/2; the highest power first."""
+    """`response_weights`, which are per unit p, of a unit impulse, which is -2p; the highest power
+    first."""
     return -0.5 * response_weights()[::-1].T
 
 

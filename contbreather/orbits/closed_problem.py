@@ -322,7 +322,7 @@ def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
 
 
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
-    """Of displacement and velocity; the impulse is -2p, at phi."""
+    """Of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
     slopes = orbit.motion.slopes(site, t, curve.free)
     slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
     return np.array([slopes[name] for name in (*_names(curve), "t")]).T

@@ -332,7 +332,7 @@ def _offset_share(orbit: Orbit, site: int) -> FloatArray:
 def _motion_slopes(
     site: int, share: FloatArray, curve: Curve, orbit: Orbit, t: float
 ) -> FloatArray:
-    """Of displacement and velocity."""
+    """Of displacement and velocity, in the time at last."""
     slopes = orbit.representation.motion.slopes(site, t, curve.free)
     # of two impacts J = -2p and 2p
     slopes["p"] = 2.0 * sum(np.sign(J) * slopes[f"J{i}"] for i, J in enumerate(orbit.impulses, 1))
