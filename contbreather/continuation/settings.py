@@ -163,18 +163,27 @@ def active_events(
     wanted = None if listed is None else tuple(event.of(problem) for event in listed)
     if flag("inadmissible", inadmissible):
         problem = _lifted(problem)
+    walls: tuple[Event, ...] = ()
     if wanted is None:
-        return _recording(problem, problem.events), problem.events
-    kinds = list(map(attrgetter("kind"), wanted))
-    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
+        wanted = problem.events
+    else:
+        kinds = list(map(attrgetter("kind"), wanted))
+        walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
+        for event in wanted:
+            if isinstance(event, EventWithRule):
+                # what its columns are about stands in the label
+                plain = problem.label.removesuffix(_LIFTED)
+                about = f" ({event.about})" if event.about else ""
+                label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
+                problem = replace(problem, record={**problem.record, **event.record}, label=label)
+    brought = dict[str, Callable[[Point], float]]()
     for event in wanted:
-        if isinstance(event, EventWithRule):
-            # what its columns are about stands in the label
-            plain = problem.label.removesuffix(_LIFTED)
-            about = f" ({event.about})" if event.about else ""
-            label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
-            problem = replace(problem, record={**problem.record, **event.record}, label=label)
-    return _recording(problem, wanted), (*wanted, *walls)
+        brought |= event.columns(problem)
+    taken = {*problem.names, *problem.record}
+    brought = {name: column for name, column in brought.items() if name not in taken}
+    if brought:
+        problem = replace(problem, record={**problem.record, **brought})
+    return problem, (*wanted, *walls)
 
 
 def walls_are_lifted(problem: Problem) -> bool:
@@ -212,14 +221,3 @@ def _lifted(problem: Problem) -> Problem:
 
 def _margin(walls: tuple[Event, ...], point: Point) -> float:
     return min(float(wall.value(point)) for wall in walls)
-
-
-def _recording(problem: Problem, events: Iterable[Event]) -> Problem:
-    """The problem with the columns that go with its events, as far as it has none of the name."""
-    brought = dict[str, Callable[[Point], float]]()
-    for event in events:
-        brought |= event.columns(problem)
-    if brought:
-        taken = {*problem.names, *problem.record}
-        brought = {name: column for name, column in brought.items() if name not in taken}
-    return replace(problem, record={**problem.record, **brought}) if brought else problem

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from ..checks import one_of
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
-from .curve import Curve
-from .interpolant import LEVEL, closest_tangent, tangent_at
+from .curve import LEVEL, Curve
+from .interpolant import closest_tangent
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
 from .point import Point
@@ -120,7 +120,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         if z is None:
             return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
-        tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
+        tangent, _ = curve.tangent_at(z, np.eye(1, z.size, z.size - 1)[0])
         solution = curve.newton(z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
@@ -186,19 +186,19 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
                 return closest_tangent(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
-    tangent, side = tangent_at(curve, z, along)
+    tangent, side = curve.tangent_at(z, along)
     if abs(tangent[-1]) > _STEEP:
         return tangent, side
     level = abs(tangent[-1]) <= LEVEL
     # across the parameter that determinant is the less certain the less it changes
-    return tangent_at(curve, z, _inward(curve, bounds, tangent) if level else tangent)
+    return curve.tangent_at(z, _inward(curve, bounds, tangent) if level else tangent)
 
 
 def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     """A tangent turned away from the first bound that the curve starts at and does not go along."""
     for bound in bounds:
         for side, end, off in bound.ends:
-            slope = side * bound.slope(curve.start, tangent)
+            slope = side * float(bound.row(curve.start) @ tangent)
             if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
                 return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
@@ -231,11 +231,6 @@ class Bound:
         # d|u| = u . du / |u|
         row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
         return row
-
-    def slope(self, z: Array, tangent: Array) -> float:
-        """The derivative of the value along a tangent."""
-        along = tangent[self.slot]
-        return float(along if isinstance(self.slot, int) else along @ z[self.slot] / self.value(z))
 
     def with_value(self, z: Array, value: float) -> Array:
         """z with exactly this value."""

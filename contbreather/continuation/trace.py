@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import one_of
-from ..errors import BadInput, partial_result
-from ..progress import Counter, line_of
+from ..errors import BadInput
+from ..progress import Counter
 from .branch import Branch, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
@@ -146,8 +146,7 @@ def trace(
         branch = _so_far(walks)
         return branch and replace(branch, settings=settings, origin=origin)
 
-    line = line_of(progress, partial(Counter, free=free))
-    with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
+    with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
         finer: Finer | None = start, along
         while finer is not None:
             start, along = finer
@@ -257,10 +256,12 @@ class ContinuationIterator:
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
             kept.look(isinstance(piece, list) and any(map(attrgetter("kind"), piece)), so_far)
+            if not unresolved(piece[-1]):
+                continue
             finer = look(piece[-1])
             if finer is not None:
                 return finer
-            if not self.unresolved and unresolved(piece[-1]):
+            if not self.unresolved:
                 first = next(filter(unresolved, piece))
                 why = {"reason": unresolved(first)}
                 self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
@@ -288,9 +289,8 @@ class ContinuationIterator:
                     #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
                     # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
                     # adapt:    s so that the tangent turns by 0.15, in 4 iterations
-                    self.stepper.fill(self.point, self.steps.most - self.count)
                     # test: what no event has a candidate on is recorded as it is
-                    clear = self._without_candidates()
+                    clear = self._without_candidates() if self.stepper.rules else ()
                     if not clear:
                         # or one step more: at an edge, a branch point, the start
                         step = self.stepper.next(self.point, self.count)
@@ -324,8 +324,11 @@ class ContinuationIterator:
     # --- test ---
 
     def _without_candidates(self) -> Sequence[Point]:
-        """The next steps of the buffer, as far as no event has anything to look for on them."""
-        buffer, start = self.stepper, self.stepper.used
+        """The next of the steps that are taken many at once, as far as no event has anything to
+        look for on them."""
+        buffer = self.stepper
+        buffer.fill(self.point, self.steps.most - self.count)
+        start = buffer.used
         most = min(start + _TOGETHER, len(buffer.points))
         if self.count and not self.events and buffer.points:
             buffer.used, self.point = len(buffer.points), buffer.points[-1]
