@@ -10,10 +10,15 @@ from importlib import import_module
 from typing import Any, Self
 
 from .checks import flag
-from .display import in_notebook
 
 PATIENCE = 1.0  # seconds before anything is shown
 INTERVAL = 0.1
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a kernel, whose output is a page rather than a terminal."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 class _Terminal:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import one_of
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import LEVEL, Curve
@@ -56,28 +55,23 @@ class StartOnCurve:
     bounds: list[Bound]
     directed: bool
 
-    def turned(self) -> StartOnCurve:
-        """The other way, on a curve that learns by itself."""
-        back = replace(self.point, curve=copy(self.point.curve), tangent=-self.point.direction)
-        return replace(self, point=back, side=-self.side)
-
 
 @np.errstate(**QUIET)
-def start_on_curve(
+def starts_on_curve(
     problem: Problem,
     free: str,
     within: Within | None,
     towards: str,
     along: ArrayLike | None,
     tolerance: float,
-) -> StartOnCurve:
-    """A start moved onto its curve, in the direction that was asked for."""
+) -> list[StartOnCurve]:
+    """A start moved onto its curve, in the direction that was asked for; for 'both' downwards, and
+    then upwards."""
     if along is None:
-        one_of("towards", towards, ("up", "down"))
         curve, residual = corrected_start(problem, free, tolerance)
         bounds = bounds_of(curve, within)
         tangent, side = first_tangent(curve, bounds)
-        if towards == "down":
+        if towards != "up":
             tangent, side = -tangent, -side
     else:
         curve, residual, tangent = directed_start(problem, free, along)
@@ -86,7 +80,11 @@ def start_on_curve(
     off = curve.length(curve.start - Curve(problem, curve.free).start)
     detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
-    return StartOnCurve(point, side, bounds, along is not None)
+    first = StartOnCurve(point, side, bounds, along is not None)
+    if towards != "both" or first.directed:
+        return [first]
+    back = replace(point, curve=copy(curve), tangent=-tangent)  # on a curve that learns by itself
+    return [first, replace(first, point=back, side=-side)]
 
 
 def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:

@@ -30,7 +30,7 @@ from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .starts import QUIET, StartOnCurve, start_on_curve
+from .starts import QUIET, StartOnCurve, starts_on_curve
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
@@ -139,7 +139,6 @@ def trace(
         start = start.base_point
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
-    sides = ("down", "up") if towards == "both" and along is None else (towards,)
     walks: list[ContinuationIterator] = []
 
     def so_far() -> Branch | None:
@@ -152,10 +151,10 @@ def trace(
             start, along = finer
             walks.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
-            first = start_on_curve(problem, free, within, sides[0], along, steps.tolerance)
-            first.point.curve.asked = events
             look = partial(start.finer, along=along)
-            ways = [first, first.turned()] if len(sides) == 2 else [first]
+            ways = starts_on_curve(problem, free, within, towards, along, steps.tolerance)
+            for way in ways:
+                way.point.curve.asked = events
             for one_way in [ContinuationIterator(way, wanted, steps) for way in ways]:
                 walks.append(one_way)
                 finer = one_way.follow(shown, kept, so_far, look)
@@ -206,11 +205,12 @@ def iterate(
     >>> [round(point["mu"], 3) for point in itertools.islice(iterate(line, "mu"), 2)]
     [0.0, 0.007]
     """
+    one_of("towards", towards, ("up", "down"))
     problem, wanted = active_events(
         having(problem_in(start), free), events, inadmissible=inadmissible
     )
     chosen = steps_of(steps)
-    way = start_on_curve(problem, free, within, towards, along, chosen.tolerance)
+    (way,) = starts_on_curve(problem, free, within, towards, along, chosen.tolerance)
     return ContinuationIterator(way, wanted, chosen).run()
 
 
