@@ -62,7 +62,8 @@ class StepInterpolant:
         if u in self._known:
             return self._known[u]
         curve, compiled, (guess, slope) = self.curve, self.curve.compiled, self.guess(u)
-        answer = compiled and compiled.corrected(guess, self._across, slope, self.tolerance)
+        chord, how = self.last.z - self.first.z, (slope, self.tolerance)
+        answer = compiled and compiled.corrected(guess, curve.normalised(chord), *how)
         if answer:
             z, tangent, residual, _ = answer
         else:
@@ -75,10 +76,6 @@ class StepInterpolant:
             tangent, _ = curve.tangent_at(z, slope)
         self._known[u] = self._point(u, z, tangent, residual)
         return self._known[u]
-
-    @cached_property
-    def _across(self) -> Array:
-        return self.curve.normalised(self.last.z - self.first.z)
 
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere

@@ -95,7 +95,7 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     found at the same parameter, the nearest one with another value of it is.
     """
     curve = Curve(problem, (free,))
-    bounds_of(curve, None)  # outside of the domain there is nothing to solve
+    domain = bounds_of(curve, None)  # outside of it there is nothing to solve
     curve.check()
     value = curve.equations(curve.start)
     if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
@@ -103,14 +103,14 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     try:
         problem, solution = problem.solve(tolerance=tolerance)
     except NotConverged:
-        nearest = _nearest(curve, tolerance)
+        nearest = _nearest(curve, domain, tolerance)
         if nearest is None:
             raise
         return nearest
     return Curve(problem, (free,)), solution.residual
 
 
-def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
+def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[Curve, float] | None:
     """The curve started at a solution near by, by the least correction in unknowns and parameter:
     just beyond a fold there is none at the same parameter."""
     try:
@@ -124,8 +124,7 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         return None
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
     off = curve.length(solution.z - curve.start)
-    domain = ((_size(moved[name]), *bounds) for name, bounds in curve.problem.domain.items())
-    inside = all(low <= value <= high for value, low, high in domain)
+    inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
     if not solution.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
         return None
     return Curve(moved.problem, curve.free), solution.residual
@@ -240,10 +239,6 @@ class Bound:
         return z
 
 
-def _size(value: ArrayLike) -> float:
-    return float(np.linalg.norm(value)) if np.ndim(value) else float(value)  # type: ignore[arg-type]
-
-
 def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
@@ -259,7 +254,8 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
         low, high = wanted.get(name, (-math.inf, math.inf))
         domain = domains.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
-        value = problem.start.get(name, problem.params.get(name))
+        value: Any = problem.start.get(name, problem.params.get(name))
+        size = float(np.linalg.norm(value)) if np.ndim(value) else float(value)
         if not low < high:
             raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
         what = f"|{name}|" if np.ndim(value) else name
@@ -268,8 +264,8 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
                 f"{name!r} is an array: its window is one of its norm, which is never negative; "
                 f"got ({low:g}, {high:g})"
             )
-        if not low <= _size(value) <= high:
-            raise BadInput(f"the start has {what}={_size(value):g}, outside ({low:g}, {high:g})")
+        if not low <= size <= high:
+            raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if name in curve.slots:
             bounds.append(Bound(name, curve.slots[name], low, high))
     return bounds

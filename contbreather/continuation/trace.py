@@ -281,8 +281,9 @@ class ContinuationIterator:
 
     def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
-        end = End(Stop.MOST)
-        while self.count < self.steps.most:
+        stop: Stop | None = None
+        reason, limit = "", None
+        while stop is None and self.count < self.steps.most:
             try:
                 with np.errstate(**QUIET):
                     # predict:  z + s t + s^2/2 dt/ds
@@ -297,7 +298,7 @@ class ContinuationIterator:
                         # locate
                         line, stop = self._line_up(step)
             except StepFailed as failed:
-                end = End(failed.stop, failed.reason)
+                stop, reason = failed.stop, failed.reason
                 break
             # record
             if clear:
@@ -305,21 +306,19 @@ class ContinuationIterator:
                 limit = self.growth.end(points.z, points.tangent)
                 yield points[: limit[0] + 1] if limit else points
             else:
+                self.point, self.count = line[-1] if stop else step.point, self.count + 1
                 yield line
-                if stop is not None:
-                    self.end = End(stop, self._edge(line[-1], stop), tuple(self.doubtful))
-                    return
-                self.point, self.count = step.point, self.count + 1
-                limit = self.growth.end(self.point.z[None], self.point.direction[None])
+                if stop is None:
+                    limit = self.growth.end(self.point.z[None], self.point.direction[None])
             if limit:
-                self.end = End(Stop.INFINITY, limit[1], tuple(self.doubtful))
-                return
-        reason = end.reason or self._edge(self.point, end.stop)
+                stop, reason = Stop.INFINITY, limit[1]
+        stop = stop or Stop.MOST
+        reason = reason or self._edge(self.point, stop)
         if self.count == 0:
-            if self.way.directed and end.stop is Stop.NO_CONVERGENCE:
+            if self.way.directed and stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
-        self.end = End(end.stop, reason, tuple(self.doubtful))
+        self.end = End(stop, reason, tuple(self.doubtful))
 
     # --- test ---
 
