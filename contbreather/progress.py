@@ -138,9 +138,9 @@ class Counter(_Progress):
     latest = "no points yet", None
 
     def advance(self, point: Any, count: int = 1) -> None:
-        """Count points, and show the last of them if enough time has passed."""
+        """Count points, and show the last of them."""
         self.count += count
-        if self.due:
+        if self.wanted:
             hint = f"; {point.curve.hint}" if point.curve.hint else ""
             free = point.curve.free[0]
             self.show(f"{self.title}{self.count} points, {free} = {point[free]:.6g}{hint}")

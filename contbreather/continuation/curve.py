@@ -466,37 +466,14 @@ class Curve:
         if wrong is None:
             return ""
         if is_sparse(matrix):
-            return self._wrong_in_row(wrong[0], z, matrix, direction)
+            pattern = self.problem.sparsity
+            given = None if pattern is None else pattern.matrix[[wrong[0]]].indices
+            return derivatives.wrong_in_row(self.residual, z, matrix, wrong[0], direction, given)
         wanted, doubt, _ = derivatives.estimate(self.residual, z, self.scales)
         entry = derivatives.misfit(matrix, wanted, doubt)
         if entry is None:
             return ""
         return f"its entry {entry} is {matrix[entry]:.8g}, differences give {wanted[entry]:.8g}"
-
-    def _wrong_in_row(self, row: int, z: Array, matrix: Matrix, direction: Array) -> str:
-        """The wrong entry of one row of a sparse derivative, by halving the columns that hold it;
-        of a pattern the entry that it misses."""
-        columns = np.arange(z.size)
-        if self.problem.sparsity is not None:
-            pattern = self.problem.sparsity.matrix[[row]].indices
-            columns = np.setdiff1d(columns[: self.size], pattern)
-        small = 1e-6 * abs(matrix[[row]]).max()
-        # log2(n) differences in place of n, which a large problem has many of
-        while columns.size > 1:
-            half = columns[: (columns.size + 1) // 2]
-            among = np.isin(np.arange(z.size), half)
-            slope, wanted = self._slopes(row, z, matrix, np.where(among, direction, 0.0))
-            columns = half if abs(slope - wanted) > small else columns[half.size :]
-        entry = (row, int(columns[0]))
-        slope, wanted = self._slopes(row, z, matrix, np.eye(1, z.size, entry[1])[0])
-        if self.problem.sparsity is not None:
-            return f"it misses entry {entry}, which is {wanted:.8g} by differences"
-        return f"its entry {entry} is {slope:.8g}, differences give {wanted:.8g}"
-
-    def _slopes(self, row: int, z: Array, matrix: Matrix, way: Array) -> tuple[float, float]:
-        """The change of one equation along a direction as it was given, and by differences."""
-        wanted = derivatives.differences(lambda t: self.residual(z + t[0] * way), np.zeros(1))
-        return float((matrix @ way)[row]), float(wanted[row, 0])
 
     def reconsider(self, *places: Array) -> str:
         """Choose anew how derivatives are taken, now for these places; what is wrong with given

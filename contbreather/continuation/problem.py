@@ -153,8 +153,8 @@ class Problem:
         return None
 
     def finer(self, point: Any, along: Any) -> tuple[Problem, Any] | None:
-        """Where a point shows that these unknowns do not resolve a solution, the problem from its
-        present start in more of them, and a direction in these: its branch is walked anew."""
+        """At a point that is `unresolved` in these unknowns, the problem from its present start in
+        more of them, and a direction in these: its branch is walked anew."""
         return None
 
     def unresolved(self, point: Any) -> str:
