@@ -1,5 +1,7 @@
-"""Derivatives of a residual that came without: complex steps where they hold, else differences;
-and what of derivatives that were given these contradict."""
+"""Derivatives of a residual that came without: complex steps where they hold, else differences.
+
+Differences tell as well what is wrong with derivatives that were given.
+"""
 
 from __future__ import annotations
 

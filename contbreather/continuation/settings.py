@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
-from operator import attrgetter
 
 from ..checks import flag, real, shown
 from ..errors import BadInput
@@ -160,22 +159,19 @@ def active_events(
     solutions mean nothing; only `inadmissible` lifts these.
     """
     listed = all_of(events)
-    wanted = None if listed is None else tuple(event.of(problem) for event in listed)
+    asked = tuple(event.of(problem) for event in listed or ())
     if flag("inadmissible", inadmissible):
         problem = _lifted(problem)
-    walls: tuple[Event, ...] = ()
-    if wanted is None:
-        wanted = problem.events
-    else:
-        kinds = list(map(attrgetter("kind"), wanted))
-        walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
-        for event in wanted:
-            if isinstance(event, EventWithRule):
-                # what its columns are about stands in the label
-                plain = problem.label.removesuffix(_LIFTED)
-                about = f" ({event.about})" if event.about else ""
-                label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
-                problem = replace(problem, record={**problem.record, **event.record}, label=label)
+    for event in asked:
+        if isinstance(event, EventWithRule):
+            # what its columns are about stands in the label
+            plain = problem.label.removesuffix(_LIFTED)
+            about = f" ({event.about})" if event.about else ""
+            label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
+            problem = replace(problem, record={**problem.record, **event.record}, label=label)
+    kinds = [event.kind for event in asked]
+    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
+    wanted, walls = (problem.events, ()) if listed is None else (asked, walls)
     brought = dict[str, Callable[[Point], float]]()
     for event in wanted:
         brought |= event.columns(problem)

@@ -83,10 +83,10 @@ class Stepper:
         self.longest, self.tiny = 0.0, 0
         self.points: Sequence[Point] = ()
         self.used = 0
+        able = self.curve.compiled is not None
+        able = able and all(isinstance(bound.slot, int) for bound in self.bounds)
         # at the level of debugging each step has a line of its own
-        many = self.curve.compiled is not None and not LOG.isEnabledFor(logging.DEBUG)
-        many = many and all(isinstance(bound.slot, int) for bound in self.bounds)
-        self.rules = self._rules() if many else None
+        self.rules = self._rules() if able and not LOG.isEnabledFor(logging.DEBUG) else None
 
     # --- many at once ---
 
