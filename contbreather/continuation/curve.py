@@ -413,8 +413,9 @@ class Curve:
             self._scheme = derivatives.choose(function, z, scales)
         return self._scheme(function, z, columns)
 
-    def check(self) -> None:
-        """Refuse wrong shapes and wrong derivatives before anything is built on them."""
+    def check(self) -> Array:
+        """The equations at the start; wrong shapes and wrong derivatives are refused before
+        anything is built on them."""
         problem, z, n = self.problem, self.start, self.size
         try:
             value = self.equations(z)
@@ -437,6 +438,7 @@ class Curve:
         wrong = self.misfit(z)
         if wrong:
             raise BadInput(wrong)
+        return value
 
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""

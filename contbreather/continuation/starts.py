@@ -96,8 +96,7 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     """
     curve = Curve(problem, (free,))
     domain = bounds_of(curve, None)  # outside of it there is nothing to solve
-    curve.check()
-    value = curve.equations(curve.start)
+    value = curve.check()
     if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
         return curve, float(abs(value).max())
     try:
