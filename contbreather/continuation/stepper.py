@@ -200,9 +200,10 @@ class Stepper:
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
-        # z + s t + s^2/2 dt/ds
+        # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
         guess, landing = self._within(point.z, predicted, LEVEL * size)
+        # correct
         if landing is None:
             row = curve.metric * point.direction
             rough, tolerance = curve.problem.roughly is not None, self.steps.tolerance
@@ -212,6 +213,7 @@ class Stepper:
             z, landing = self._within(point.z, solution.z, along)
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
+        # examine: one smooth piece of curve, without a branch point that is not known
         here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
         end = _EXAMINED(curve, here, size, z)
         if end.status != TAKEN:
@@ -231,6 +233,7 @@ class Stepper:
             "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
             end.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
+        # adapt
         factor = next_size(solution.iterations, end.turn, self.steps.growth)
         stop = None if landing is None else Stop.BOUND
         return Step(last, size * factor, end.side, branch_point, stop)
