@@ -22,10 +22,10 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import measured_margins
+from contbreather.orbits.closure import ClosureTerms, saltation_of
 from contbreather.orbits.orbit import VANISHED, Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
-from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
 from contbreather.stability.half_period import HalfMap
@@ -147,7 +147,8 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     # b of (19) is infinite at p = 0, where an impact vanishes: those rows are not used
     with np.errstate(all="ignore"):
         # entries of (19), which with gamma and k say all about multipliers
-        b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.averages(gamma, "eta"))[1]
+        eta = on.lattice.averages(gamma, "eta")
+        b = saltation_of(ClosureTerms(p, k, eta, w=a * on.forcing.d2f(phi)))
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)
 
@@ -171,9 +172,10 @@ class BreathersAlong:
     def map(self) -> HalfMap:
         """Theirs, with an array for b."""
         on = self.first.representation
-        # (19): b = (1 + k)^2 [a f''(phi) - p eta]/(2p), eta of the coupling alone
-        curvature, eta = on.forcing.d2f(self.phi), on.lattice.eta(on.gamma)
-        return replace(self.first.map, b=saltation(self.a, on.k, self.p, curvature, eta)[1])
+        terms = ClosureTerms(
+            self.p, on.k, on.lattice.eta(on.gamma), w=self.a * on.forcing.d2f(self.phi)
+        )
+        return replace(self.first.map, b=saltation_of(terms))
 
     def margins(self) -> FloatArray:
         """The least margin of each, as `clearance.least_margin` has it of one."""
