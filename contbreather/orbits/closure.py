@@ -168,16 +168,21 @@ class Closure:
 
     def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
-        return np.column_stack([self.sensitivity(x, params, name) for name in ("p", "phi")])
+        return np.transpose(self._slopes(x, params, "p", "phi"))
 
     def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
-        """Derivatives with respect to an unknown or the parameter ``name``, shape (2,)."""
-        if name not in ("p", "phi", *self.params):
+        """Derivatives with respect to the parameter ``name``, shape (2,)."""
+        if name not in self.params:
             raise BadInput(
                 f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
             )
+        return self._slopes(x, params, name)[0]
+
+    def _slopes(self, x: FloatArray, params: Mapping[str, float], *names: str) -> FloatArray:
         at = self._at(x, params)
-        return np.array(closure_derivative(terms_at(at, "chi"), terms_derivative(at, name, "chi")))
+        t = terms_at(at, "chi")
+        slopes = [closure_derivative(t, terms_derivative(at, name, "chi")) for name in names]
+        return np.array(slopes)
 
     def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Solutions with given phases, a free: a row p, phi, a for each."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +23,19 @@ from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import measured_margins
 from contbreather.orbits.closure import ClosureTerms, saltation_of
-from contbreather.orbits.orbit import VANISHED, Orbit, orbit_at
+from contbreather.orbits.impact_sequence import VANISHED
+from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
 from contbreather.stability.half_period import HalfMap
+from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 At = Callable[[FloatArray, Params], Representation]
+Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +45,7 @@ class OrbitProblem(Problem):
     Parameters
     ----------
     kind : str
-        By which files make it again, see `orbit.read_by`.
+        By which files make it again, see `read_by`.
     motion_at : callable
         The representation with given unknowns and parameters.
     conditions, section
@@ -106,6 +109,32 @@ class OrbitProblem(Problem):
                 "finite lattice, a ring of 100 sites for instance."
             )
         return self
+
+
+def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
+    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
+    parameters are a representation by `of`, and that is a problem."""
+
+    def entered(problem: Make) -> Make:
+        serialised(kind)(partial(_from_dict, of, problem))
+        return problem
+
+    return entered
+
+
+def _from_dict(
+    of: Callable[..., Representation],
+    problem: Callable[..., Problem],
+    *,
+    conditions: Conditions,
+    section: Mapping[str, Any],
+    threshold: float,
+    start: Mapping[str, Any],
+    params: Params,
+) -> Problem:
+    # a dict keeps its order, which is that of the unknowns
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
 
 
 def ring_label(lattice: Any, threshold: float) -> str:
