@@ -42,7 +42,7 @@ from contbreather.progress import Counter
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
 Marked = NDArray[np.bool_]  # which of the steps between neighbours
-Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a curve that is known
+Known = Callable[[str, Place], bool]  # whether a known curve of a kind passes a place
 
 # the comb of values on which branches are traced
 COMBS = {
@@ -126,8 +126,8 @@ class Search:
         passed: list[Branch | Mapping[str, Array]] = []
         closed = self._rows(x)
         if closed is not None:
-            known, least = partial(self._is_known, x), self.within[free][0]
-            pieces = [piece for row in closed for piece in row.pieces(least, known)]
+            least = self.within[free][0]
+            pieces = [piece for row in closed for piece in row.pieces(least, self._passes)]
             pieces.sort(key=partial(_first_of, starts))
             for piece in pieces:
                 if piece.new is not None:
@@ -160,10 +160,6 @@ class Search:
             return []
         problem = self._problem(breather)
         return rows(problem, self.events or (), self.within["a"][0], largest)
-
-    def _is_known(self, x: float, event: Event, z: Array) -> bool:
-        place = dict(zip(("p", "phi", "a"), z.tolist(), strict=True)) | {self.pair[0]: x}
-        return self._passes(event.kind, place)
 
     def _passes(self, kind: str, place: Place, but: Branch | None = None) -> bool:
         """Whether a curve of this kind does."""
@@ -201,7 +197,7 @@ class Search:
             values = {self.name: self.value, self.pair[0]: x, free: y}
             for breather in admissible_roots(values, **self.model):
                 if not self.past_folds and breather.representation.family != "upper":
-                    continue
+                    continue  # beyond the fold that ends the diagram
                 problem, phi = self._problem(breather), breather.phi
                 place = {free: y, "p": breather.p, "phi": phi, "t1": phi}
                 if any(_on_curve(b, place, (free,), PASSED) for b in passed):
@@ -417,7 +413,7 @@ class Row:
                 # where the line through two values of the test vanishes
                 middle = phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi)
                 (z,) = _at(self.curve, middle)
-                is_known = known(event, z)
+                is_known = known(event.kind, Point(self.curve, z))
                 if is_known or rounds == ROUNDS:
                     break
                 phi, test = self._closely(event, phi)
@@ -468,13 +464,11 @@ def _special(curve: Curve, event: Event, z: Array) -> Point | None:
 
 
 def _at(curve: Curve, phi: Array) -> Array:
-    z: Array = curve.problem.closure.at_phases(phi, curve.fixed)
-    return z
+    return np.asarray(curve.problem.closure.at_phases(phi, curve.fixed))
 
 
 def _changes(test: Array) -> Marked:
-    changes: Marked = np.diff(test > 0.0)
-    return changes
+    return np.asarray(np.diff(test > 0.0))
 
 
 def _dips(test: Array) -> Marked:
