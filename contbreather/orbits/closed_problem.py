@@ -84,8 +84,6 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
-        jacobian=closure.jacobian,
-        sensitivity=closure.sensitivity,
         events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=domain,
@@ -104,6 +102,9 @@ class SymmetricProblem(OrbitProblem):
     def serialised(self) -> Mapping[str, Any]:
         form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
+
+    def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
+        return self.closure.derivatives(x, params, free)
 
     def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
         """The equations with these parameters free, as functions that can be compiled; None with
@@ -186,7 +187,7 @@ class Scalar(NamedTuple):
     value: Callable[[ClosureTerms], Any]
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
     terms: Callable[[SymmetricBreather], ClosureTerms]
-    terms_in: Callable[[SymmetricBreather, str], ClosureTerms]
+    terms_in: Callable[[SymmetricBreather, ClosureTerms, str], ClosureTerms]
     evaluate: Any  # both in compiled steps, beside (11)
     derive: Any
 
@@ -196,7 +197,7 @@ class Scalar(NamedTuple):
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         breather = _breather(curve, z)
         t = self.terms(breather)
-        row = [self.derivative_in(t, self.terms_in(breather, name)) for name in _names(curve)]
+        row = [self.derivative_in(t, self.terms_in(breather, t, name)) for name in _names(curve)]
         return np.array([row])
 
     def loops(self, closure: Loops, n: int) -> Loops:
@@ -214,9 +215,9 @@ def _turning(breather: SymmetricBreather, edge: float | None = None) -> ClosureT
     return terms._replace(mean=terms.mean + held)
 
 
-def _turning_derivative(breather: SymmetricBreather, name: str) -> ClosureTerms:
+def _turning_derivative(breather: SymmetricBreather, t: ClosureTerms, name: str) -> ClosureTerms:
     lattice: Any = breather.lattice
-    slope = terms_derivative(breather, name, "sigma")
+    slope = terms_derivative(breather, t, name, "sigma")
     if not lattice.spring or name not in ("gamma", "k"):
         return slope
     gamma, q, by_q = breather.gamma, breather.q, -2.0 / (1.0 + breather.k) ** 2
@@ -253,7 +254,7 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": F.d_spring}
     t, columns = terms_at(orbit.representation, "eta"), []
     for name in _names(curve):
-        by_b = saltation_derivative(t, terms_derivative(orbit.representation, name, "eta"))
+        by_b = saltation_derivative(t, terms_derivative(orbit.representation, t, name, "eta"))
         columns.append(F.d_b * by_b + direct.get(name, 0.0))
     # F is complex: its real and its imaginary part are the two equations of a pair
     row = np.array([*columns, F.d_nu])

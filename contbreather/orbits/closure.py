@@ -77,21 +77,17 @@ def pitchfork_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
     return d.w - 2.0 * (d.p * t.mean + t.p * d.mean)
 
 
-def impact_acceleration(t: ClosureTerms) -> Any:
-    """Of site 0 at its impact: ``u'' = a f'' + v''``, eq. (5)."""
-    return t.w - t.p * t.mean
-
-
 def saltation_of(t: ClosureTerms) -> Any:
-    """b of the saltation (19): ``(1 + k) u''/u'``, with u' = 2 p/(1 + k) before the impact."""
+    """b of the saltation (19): ``(1 + k) u''/u'`` with ``u'' = a f'' + v''``, eq. (5), and ``u' = 2
+    p/(1 + k)`` before the impact."""
     c = 1.0 + t.k
-    return 0.5 * c * c * impact_acceleration(t) / t.p
+    return 0.5 * c * c * (t.w - t.p * t.mean) / t.p
 
 
 def saltation_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
     c = 1.0 + t.k
     # p and the acceleration do not depend on k by themselves
-    by_k = c * impact_acceleration(t) / t.p * d.k
+    by_k = c * (t.w - t.p * t.mean) / t.p * d.k
     return by_k + 0.5 * c * c * (d.w - t.w * d.p / t.p - t.p * d.mean) / t.p
 
 
@@ -113,17 +109,16 @@ def terms_at(at: Any, mean: str) -> ClosureTerms:
     return ClosureTerms(at.p, at.k, getattr(at.lattice, mean)(at.gamma), *drive)
 
 
-def terms_derivative(at: Any, name: str, mean: str) -> ClosureTerms:
-    """The derivative of `terms_at` in p, phi, or a parameter."""
-    f, phi = at.forcing, at.phi
+def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureTerms:
+    """The derivative of `terms_at`, which are t, in p, phi, or a parameter."""
     if name in ("p", "k"):
         return ClosureTerms(**{name: 1.0})
     if name == "phi":
-        return ClosureTerms(0.0, 0.0, 0.0, at.a * f.df(phi), at.a * f.d2f(phi), at.a * f.d3f(phi))
+        return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * at.forcing.d3f(at.phi))
     if name == "gamma":
         return ClosureTerms(mean=getattr(at.lattice, f"d{mean}")(at.gamma))
     by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
-    return ClosureTerms(0.0, 0.0, by_spring, *driven(at, phi, name))
+    return ClosureTerms(0.0, 0.0, by_spring, *driven(at, at.phi, name))
 
 
 def driven(at: Any, t: float, name: str) -> tuple[float, ...]:
@@ -168,21 +163,24 @@ class Closure:
 
     def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
-        return np.transpose(self._slopes(x, params, "p", "phi"))
+        return self.derivatives(x, params, ())
 
     def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``, shape (2,)."""
-        if name not in self.params:
-            raise BadInput(
-                f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
-            )
-        return self._slopes(x, params, name)[0]
+        return self.derivatives(x, params, (name,))[:, 2]
 
-    def _slopes(self, x: FloatArray, params: Mapping[str, float], *names: str) -> FloatArray:
+    def derivatives(
+        self, x: FloatArray, params: Mapping[str, float], names: tuple[str, ...]
+    ) -> FloatArray:
+        """Both beside each other."""
+        if unknown := [name for name in names if name not in self.params]:
+            raise BadInput(
+                f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
+            )
         at = self._at(x, params)
-        t = terms_at(at, "chi")
-        slopes = [closure_derivative(t, terms_derivative(at, name, "chi")) for name in names]
-        return np.array(slopes)
+        t, columns = terms_at(at, "chi"), ("p", "phi", *names)
+        slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]
+        return np.array(slopes).T
 
     def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Solutions with given phases, a free: a row p, phi, a for each."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -197,9 +197,9 @@ class BreathersAlong:
     p: FloatArray
     phi: FloatArray
 
-    @property
+    @cached_property
     def map(self) -> HalfMap:
-        """Theirs, with an array for b."""
+        """Theirs, with an array for b; all events ask."""
         on = self.first.representation
         terms = ClosureTerms(
             self.p, on.k, on.lattice.eta(on.gamma), w=self.a * on.forcing.d2f(self.phi)

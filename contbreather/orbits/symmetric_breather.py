@@ -27,7 +27,6 @@ from contbreather.orbits.closure import (
     ClosureTerms,
     closure_equations,
     fold_scalar,
-    impact_acceleration,
     saltation_of,
     sprung,
     terms_at,
@@ -144,17 +143,14 @@ class SymmetricBreather:
 
     @property
     def accelerations(self) -> FloatArray:
-        return np.array([impact_acceleration(self._at_impact)])
+        t = terms_at(self, "eta")
+        return np.array([t.w - t.p * t.mean])  # u'' = a f'' + v'', eq. (5)
 
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19)."""
-        return float(saltation_of(self._at_impact))
-
-    @property
-    def _at_impact(self) -> ClosureTerms:
-        w = self.a * self.forcing.d2f(self.phi)
-        return ClosureTerms(self.p, self.k, self.lattice.eta(self.gamma), w=w)
+        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.eta(self.gamma)
+        return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
 
     # ------------------------------------------------------------------------------- profile
 
