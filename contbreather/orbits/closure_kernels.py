@@ -161,10 +161,9 @@ def closure_slopes(z: Any, data: Any, out: Any) -> int:
     if unpack(z, data) != 0:
         return 1
     drive(data, z[1])
-    width = 2 + int(data[UNKNOWNS]) + int(data[FREED])
+    t, width = terms(z, data, CHI), 2 + int(data[UNKNOWNS]) + int(data[FREED])
     for i in range(width):
-        slopes = closure_derivative(terms(z, data, CHI), terms_slope(z, data, CHI, i))
-        out[i], out[width + i] = slopes
+        out[i], out[width + i] = closure_derivative(t, terms_slope(z, data, CHI, i))
     return 0
 
 
@@ -180,10 +179,9 @@ def fold_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
     if closure_slopes(z, data, out) != 0:
         return 1
-    width = 2 + int(data[FREED])
+    t, width = terms(z, data, CHI), 2 + int(data[FREED])
     for i in range(width):
-        slope = fold_derivative(terms(z, data, CHI), terms_slope(z, data, CHI, i))
-        out[2 * width + i] = slope
+        out[2 * width + i] = fold_derivative(t, terms_slope(z, data, CHI, i))
     return 0
 
 
@@ -199,10 +197,9 @@ def pitchfork_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
     if closure_slopes(z, data, out) != 0:
         return 1
-    width = 2 + int(data[FREED])
+    t, width = terms(z, data, SIGMA), 2 + int(data[FREED])
     for i in range(width):
-        slope = pitchfork_derivative(terms(z, data, SIGMA), terms_slope(z, data, SIGMA, i))
-        out[2 * width + i] = slope
+        out[2 * width + i] = pitchfork_derivative(t, terms_slope(z, data, SIGMA, i))
     return 0
 
 
@@ -244,8 +241,9 @@ def pair_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
     if closure_slopes(z, data, out) != 0 or looked(z, data) != 0:
         return 1
+    t = terms(z, data, ETA)
     for i in range(5):
-        by_b = saltation_derivative(terms(z, data, ETA), terms_slope(z, data, ETA, i))
+        by_b = saltation_derivative(t, terms_slope(z, data, ETA, i))
         place = int(data[PLACES + 2 * (i - 3)]) if i > 2 else 0
         # F itself changes with the angle, the coupling and k
         own = ANSWER + (2 if i == 2 else 4 if place == GAMMA else 6 if place == K else 0)
