@@ -22,6 +22,7 @@ from hypothesis import HealthCheck, settings
 
 from contbreather import kernels
 from contbreather.cli import main
+from contbreather.workers import THREADS
 
 from .apart import copied
 
@@ -38,8 +39,11 @@ def pytest_configure(config: pytest.Config) -> None:
     """A shell that starts the tests in the background has them ignore Ctrl-C, children included.
 
     Loops that were edited since the installation are compiled before the first test, and nothing
-    is behind it.
+    is behind it. Each worker of xdist has a core: a second thread of its linear algebra would only
+    wait for that of another, which more than doubles what dense matrices take.
     """
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
