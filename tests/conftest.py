@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+import contbreather as cb
 from contbreather import kernels
 from contbreather.cli import main
 from contbreather.workers import THREADS
@@ -103,6 +104,18 @@ def close_figures() -> Iterator[None]:
     pyplot = sys.modules.get("matplotlib.pyplot")
     if pyplot is not None:
         pyplot.close("all")
+
+
+@pytest.fixture(scope="session")
+def in_a() -> cb.Branch:
+    """A branch with a fold, a pitchfork and a wall, to look at."""
+    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 0.99)})
+
+
+@pytest.fixture(scope="session")
+def diagram() -> cb.orbits.Zones:
+    """The zones of the paper's figure 2 (a), to look at."""
+    return cb.zones(k=0.8)
 
 
 @pytest.fixture

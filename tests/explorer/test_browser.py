@@ -25,7 +25,7 @@ FLAGS = [
 ]  # fmt: skip
 
 
-# The explorer, but that it computes no diagrams ahead whenever a test is slow: nobody waits for them.
+# The explorer, which computes no diagrams ahead whenever a test is slow: nobody waits for them.
 AT_REST = """
 import sys
 from contbreather.__main__ import main
