@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather.checks import kind_of, number, one_of, whole
-from contbreather.display import in_notebook
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
+from contbreather.progress import in_notebook
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -34,6 +34,7 @@ MOST_ROWS = 4  # of a legend above the axes
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#777777"
 CYCLE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+DASHES = ("-", "--", "-.")  # once around all colours the next lines are dashed
 
 # One marker for each kind of special point; kinds that are not listed get the last one.
 MARKERS = {
