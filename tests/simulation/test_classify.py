@@ -209,7 +209,7 @@ def test_bands_of_chaos_visited_in_turn_are_chaotic(a, exponent):
     assert found.kind is Kind.CHAOTIC, str(found)
     assert found.evidence["rotation"] == pytest.approx(0.5, abs=1e-6)
     assert found.evidence["exponent"] == pytest.approx(exponent, abs=2e-3)
-    later = simulate(found.run.final, a=a, gamma=0.0, k=0.7, periods=600).strobe.u[:, 0]
+    later = simulate(found.run.final, a=a, gamma=0.0, k=0.7, periods=4000).strobe.u[:, 0]
     assert min(np.abs(later[n:] - later[:-n])[-500:].max() for n in range(1, 65)) > 1e-4
 
 
