@@ -25,16 +25,6 @@ FLAGS = [
 ]  # fmt: skip
 
 
-# The explorer, which computes no diagrams ahead whenever a test is slow: nobody waits for them.
-AT_REST = """
-import sys
-from contbreather.__main__ import main
-from contbreather.explorer import session
-session.QUIET = 1e6
-sys.exit(main())
-"""
-
-
 def chromium() -> str:
     """Where it is, or why these tests are left out."""
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -48,8 +38,8 @@ def chromium() -> str:
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Of an explorer with a server of its own, which lasts as long as it is needed."""
     chromium()
-    folder = tmp_path_factory.mktemp("in")
-    with begun("-c", AT_REST, "explore", "--headless", cwd=folder, hung=10 * HUNG) as process:
+    explore, folder = ("-m", "contbreather", "explore", "--headless"), tmp_path_factory.mktemp("in")
+    with begun(*explore, cwd=folder, hung=10 * HUNG) as process:
         assert process.stdout is not None
         yield process.stdout.readline().split()[4]
         process.send_signal(signal.SIGINT)
