@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..checks import shown
 from ..continuation.newton import Array
 from ..errors import BadInput
-from .flow import Flow, Function, Params, check_function, rows_of, slopes
+from .flow import Flow, Function, Params, check_function, place, rows_of, slopes
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
@@ -145,8 +145,8 @@ class Filippov:
             return _PLUS if rise >= 0 else _TO_PLUS
         if rise > 0 > fall:
             raise BadInput(
-                f"at t = {t:g}, x = {shown(x.tolist())} both fields point away from the surface "
-                f"(dh/dt = {rise:.3g} above, {fall:.3g} below): start on one side of it"
+                f"{place(t, x)} both fields point away from the surface (dh/dt = {rise:.3g} above, "
+                f"{fall:.3g} below): start on one side of it"
             )
         if rise < 0 < fall:
             return _TO_PLUS  # L+ < 0 < L-: both fields point at the surface

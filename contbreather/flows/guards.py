@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import shown
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
-from .flow import Function, Params, values
+from .flow import Function, Params, place, values
 
 _NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
 # Chebyshev's points of degree 16; every other one is one of degree 8, and the polynomial through
@@ -47,7 +46,7 @@ class Watched:
             value = values(self.function, t, step(t), self.params)[0]
             if np.isnan(value).any():
                 at = float(t[np.isnan(value)][0])
-                raise Undefined(f"{self.name} is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
+                raise Undefined(f"{self.name} is NaN {place(at, step(at))}")
             return value
 
         if not self.armed:

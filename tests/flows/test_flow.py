@@ -162,7 +162,7 @@ def test_what_does_not_fit_is_refused_with_a_sentence(
 
 
 def test_a_field_that_raises_midway_says_where() -> None:
-    with pytest.raises(Undefined, match=r"at t = 1, x = \[-1.0\], p = .* raised ValueError"):
+    with pytest.raises(Undefined, match=r"raised ValueError: .*, at t = 1, x = \[-1.0\], p = "):
         values(lambda t, x, p: [math.sqrt(x[0])], np.array([0, 1]), np.array([[1.0, -1.0]]), {})
 
 
