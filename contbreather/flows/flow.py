@@ -29,6 +29,7 @@ _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
 _STRUCK = 1e-9  # of a period after a clock struck it waits for the next one
+_ROUNDING = 1e-14  # relative to the largest state
 _SAME = 1e-9  # relative; sums over all states at once round differently
 
 
@@ -397,8 +398,10 @@ def _scales(z: Array, n: int) -> Array:
     """Typical sizes of the rows: of n states and the time their spread, or 1 where they are
     constant, of parameters their own, or 1 where they vanish."""
     spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
+    least = _SAME * size
+    least[:n] += _ROUNDING * size[:n].max()  # what is rounding of other states says nothing
     spread[n + 1 :] = size[n + 1 :]
-    return np.where(spread > _SAME * size, spread, 1.0)
+    return np.where(spread > least, spread, 1.0)
 
 
 def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
