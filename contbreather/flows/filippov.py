@@ -10,6 +10,7 @@ and leaves it into h > 0 where L+ rises through zero, into h < 0 where L- falls 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -139,10 +140,9 @@ class Filippov:
     def _from_surface(self, t: float, x: Array, p: Params, arriving: int | None = None) -> int:
         """Through the surface, along it, or away from it."""
         rise, fall = (float(self._along(field, t, x, p)) for field in self._fields(t, x, p))
-        if arriving == _PLUS:
-            return _MINUS if fall <= 0 else _TO_PLUS
-        if arriving == _MINUS:
-            return _PLUS if rise >= 0 else _TO_PLUS
+        # what arrives points at the surface, where it grazes but for rounding
+        rise = -math.inf if arriving == _PLUS else rise
+        fall = math.inf if arriving == _MINUS else fall
         if rise > 0 > fall:
             raise BadInput(
                 f"{place(t, x)} both fields point away from the surface (dh/dt = {rise:.3g} above, "

@@ -387,6 +387,12 @@ def slopes(
     return np.ascontiguousarray(value[:, 0].real), slope
 
 
+def rate_of(function: Function, f: Function, t: float, x: Array, p: Params) -> float:
+    """How fast a function changes along a flow, dh/dt + grad h . f."""
+    slope = slopes(function, t, x[:, None], p)[1][0, :, 0]
+    return float(slope @ np.append(values(f, t, x[:, None], p), 1.0))
+
+
 def _joined(how: _Calling, p: Params, names: tuple[str, ...], z: NDArray[Any]) -> NDArray[Any]:
     """A function of rows of states, of times, and of named parameters, the same in all columns."""
     n = len(z) - 1 - len(names)

@@ -18,7 +18,7 @@ from ..continuation.newton import Array
 from ..errors import BadInput, NotConverged
 from ..tables import Sheet
 from .filippov import Filippov
-from .flow import Clock, Flow, Function, Params, at_state, place, slopes, values
+from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, values
 from .guards import Watched
 
 _LONGEST = 1e4  # how long a flow is waited for where no time is given
@@ -98,7 +98,8 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class GuardCrossing:
-    """Where a flow ended: its state before and after the reset, and how fast the guard fell."""
+    """Where a flow ended: its state before and after the reset, and how fast the guard changed:
+    negative, 0 at grazing."""
 
     time: float
     number: int
@@ -310,7 +311,8 @@ class _Walk:
             t, x = float(piece.t[-1]), piece.x[:, -1]
             if guard is None:
                 break
-            before, rate = x, self.rate(mode, guard, t, x)
+            before, flow = x, self.path.flows[mode]
+            rate = rate_of([*flow.guards.values()][guard], flow.f, t, x, self.params)
             mode, x = self.path.follow(mode, guard, t, x, self.params)
             events.append(GuardCrossing(t, piece.number, before, x, rate))
             _refuse_chatter(pieces)
@@ -375,13 +377,6 @@ class _Walk:
                 f"{self.steps} steps of {self.method} did not do, up to t = {solver.t:g}: for what "
                 "is stiff cb.integrate takes method='LSODA' or 'Radau'"
             )
-
-    def rate(self, mode: int, guard: int, t: float, x: Array) -> float:
-        """How fast the guard changes along the flow where it is zero: negative, 0 at grazing."""
-        at, flow = x[:, None], self.path.flows[mode]
-        _, slope = slopes([*flow.guards.values()][guard], t, at, self.params)
-        along = values(flow.f, t, at, self.params)[:, 0]
-        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])  # grad h . f + dh/dt
 
 
 def _refuse_chatter(pieces: Sequence[Piece]) -> None:

@@ -113,6 +113,9 @@ def test_small_and_large_units_are_differentiated_alike() -> None:
     wanted = 2e6 * np.pi * np.cos(2e6 * np.pi * t) * x[0]
     np.testing.assert_allclose(slope[0, 1], wanted, rtol=0, atol=1e-8 * abs(wanted).max())
     np.testing.assert_allclose(slope[0, 0], np.sin(2e6 * np.pi * t) + 2, rtol=1e-8)
+    rest = np.vstack([np.ones(9), 1e-16 * RNG.normal(size=9)])  # but for rounding
+    _, slope = slopes(lambda t, x, p: [abs(x[0]) + x[1]], t, rest, {})
+    np.testing.assert_allclose(slope[0, :2], 1.0, rtol=1e-9)
 
 
 def test_what_numba_compiled_is_called_as_it_was_written() -> None:
