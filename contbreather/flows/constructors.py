@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
 from .flow import Flow, Function, Params, value_at, values
-from .guards import first_fall
+from .guards import root
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .orbit import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import period_at, refuse_false_period, refuse_period, refuse_time
@@ -281,8 +280,7 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
     for back in range(1, _RETURNS + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
-        alike = ran.pieces[-1 - back].number == ran.pieces[-1].number
-        if not alike or event.after.shape != last.after.shape:
+        if (event.number, event.after.shape) != (last.number, last.after.shape):
             continue
         off = float(abs(last.after - event.after).max()) / size
         if length is not None:
@@ -340,10 +338,12 @@ def _returns(flow: Flow, ran: Trajectory, params: Params) -> list[tuple[float, f
     def behind(t: Array) -> Array:
         return np.asarray(speed @ (state - image(t)))
 
-    size = float(np.ptp(image(ran.t), axis=1).max()) or 1.0
-    # in the first step it is on its way out
-    falls = [first_fall(behind, a, b) for a, b in pairwise(ran.t[1:])]
-    times = [t for t in falls if math.isfinite(t)]
+    orbit = image(ran.t)
+    size = float(np.ptp(orbit, axis=1).max()) or 1.0
+    off = speed @ (state - orbit)
+    off[0] = 0.0  # in the first step it is on its way out
+    fallen = np.flatnonzero((off[:-1] > 0) & (off[1:] <= 0))
+    times = [root(behind, ran.t[j], ran.t[j + 1]) for j in fallen]
     return [(float(abs(image(np.array([t])) - state).max()) / size, t) for t in times]
 
 

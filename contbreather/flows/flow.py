@@ -296,13 +296,19 @@ def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
 def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
     """A function at one state, with what it raises told where."""
     try:
-        return np.atleast_1d(np.asarray(getattr(function, "py_func", function)(t, x, p)))
+        return np.array(function(t, x, p), ndmin=1)
     except Exception as error:
         if isinstance(error, OUT_OF_DOMAIN):
             what = f"{_name(function)} raised {type(error).__name__}: {error}"
             raise Undefined(f"{what}, {place(t, x, p)}") from error
         error.add_note(f"in {_name(function)} {place(t, x, p)}")
         raise
+
+
+def undecorated(function: Function) -> Function:
+    """A function as it was written where numba.njit decorated it."""
+    plain: Function = getattr(function, "py_func", function)
+    return plain
 
 
 def _name(function: Function) -> str:
@@ -321,7 +327,7 @@ def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) ->
 
 def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
     """Three states one by one and all at once: is that the same?"""
-    plain = getattr(function, "py_func", function)  # of what numba.njit decorated
+    plain = undecorated(function)
     t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
     with np.errstate(all="ignore"):
         try:

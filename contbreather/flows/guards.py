@@ -51,7 +51,7 @@ class Watched:
 
         if not self.armed:
             a = self._arm(guard, a, b, self._size(step, a, b))
-        return first_fall(guard, a, b) if self.armed else math.inf
+        return _first_fall(guard, a, b) if self.armed else math.inf
 
     def _size(self, step: Callable[[Any], Array], a: float, b: float) -> float:
         """That of the states which the guard knows, or how fast it changes."""
@@ -92,32 +92,32 @@ class Watched:
         return float(t[clear[0]]) if clear.size else b
 
 
-def first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> float:
+def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> float:
     """On as many points as it takes for the guard to be like a polynomial between them."""
     t = a + (b - a) * _PLACES
     g = guard(t)
     alike = _ALIKE * (g.max() - g.min()) + _EDGE * abs(g).max()  # constant but for rounding: is one
     if halvings and b > a and not (abs(_BETWEEN @ g[::2] - g[1::2]) <= alike).all():
         middle = 0.5 * (a + b)
-        first = first_fall(guard, a, middle, halvings - 1)
-        return first if math.isfinite(first) else first_fall(guard, middle, b, halvings - 1)
+        first = _first_fall(guard, a, middle, halvings - 1)
+        return first if math.isfinite(first) else _first_fall(guard, middle, b, halvings - 1)
     least = np.append(True, g[:-1] > g[1:]) & np.append(g[:-1] <= g[1:], True)
     fallen = np.append(False, (g[1:] <= 0) & (g[:-1] > 0))
     for i in np.flatnonzero(least | fallen).tolist():
         left, right = max(i - 1, 0), min(i + 1, t.size - 1)
         if fallen[i]:
-            return _root(guard, t[left], t[i])
+            return root(guard, t[left], t[i])
         # A minimum may lie beside the first or the last node; and of two nodes as far from one the
         # first is lower, or as low: rounding decides. So two nodes on each side tell its depth.
         around = g[max(i - 2, 0) : i + 3]
         if 0 < g[i] < _SHALLOW * (around.max() - g[i]):
             dip = _minimum(guard, t[left], t[right])
             if guard(np.array([dip]))[0] <= 0:
-                return _root(guard, t[left], dip)
+                return root(guard, t[left], dip)
     return math.inf
 
 
-def _root(guard: Guard, a: float, b: float) -> float:
+def root(guard: Guard, a: float, b: float) -> float:
     from scipy.optimize import brentq
 
     spacing = np.spacing(max(abs(a), abs(b)))  # no time lies in between

@@ -18,7 +18,7 @@ from ..continuation.newton import Array
 from ..errors import BadInput, NotConverged
 from ..tables import Sheet
 from .filippov import Filippov
-from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, values
+from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
 from .guards import Watched
 
 _LONGEST = 1e4  # how long a flow is waited for where no time is given
@@ -323,7 +323,7 @@ class _Walk:
         from scipy import integrate
 
         flow = self.path.flows[mode]
-        guards = flow.guards
+        guards, plain = flow.guards, undecorated(flow.f)
         # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
         clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
         struck = clocks[0].after(t0, self.params) if clocks else math.inf
@@ -332,7 +332,7 @@ class _Walk:
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
         solver = getattr(integrate, self.method)(
-            lambda t, x: at_state(flow.f, t, x, self.params), t0, x0, waited,
+            lambda t, x: at_state(plain, t, x, self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [

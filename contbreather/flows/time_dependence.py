@@ -12,7 +12,17 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
 from .collocation import TrajectorySegment
-from .flow import Clock, Flow, Function, Params, at_state, check_function, slopes, values
+from .flow import (
+    Clock,
+    Flow,
+    Function,
+    Params,
+    at_state,
+    check_function,
+    slopes,
+    undecorated,
+    values,
+)
 
 _LOOKS = 16  # states and times at which a function is compared
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
@@ -89,7 +99,7 @@ class _Unasked:
 def _asks_time(function: Function, x: Array, p: Params) -> bool:
     """Whether a function does anything with its time, which is none here."""
     try:
-        np.asarray(getattr(function, "py_func", function)(_Unasked(), x, p), dtype=float)
+        np.asarray(undecorated(function)(_Unasked(), x, p), dtype=float)
     except Exception:  # noqa: BLE001 - what is done with it may raise anything
         return True
     return False
