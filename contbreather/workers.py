@@ -14,12 +14,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
-from multiprocessing import current_process, get_context
+from multiprocessing import Pipe
 from queue import SimpleQueue
 from typing import Any
 
@@ -34,21 +34,10 @@ WORTH = 1.0  # seconds of work that are worth the start of other processes
 GLANCE = 0.2  # seconds of work from which the rest is estimated
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
-UNSENT = (
-    "this cannot be sent to another process: {}. Take functions from the top of a module, or "
-    "executor=1 to compute in this process"
-)
-UNKNOWN = (
-    "a fresh process does not have it: {}. Put functions of a notebook or a prompt into a module, "
-    "or take executor=1 to compute in this process"
-)
+UNSENT = "this cannot be sent to another process: {}. With executor=1 it stays in this one"
+UNKNOWN = "a fresh process does not have it: {}. With executor=1 it stays in this one"
 LOST = "the workers of the executor ended before its result, and did not come back for it"
 DIED = "the process that computed it ended before its result, and again when it was alone"
-NO_WORKERS = (
-    "the worker processes ended before their first result. Each begins by reading the script that "
-    "started them: put the call below `if __name__ == '__main__':` there, or "
-    "give an executor that computes in this process, concurrent.futures.ThreadPoolExecutor(1)"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +78,7 @@ def each(
     Parameters
     ----------
     work : callable
-        ``work(item)``; a function of a module, unless it is to stay in this process.
+        ``work(item)``.
     items : iterable
     executor : concurrent.futures.Executor or int, optional
         Who computes: an executor, or a number of processes, 1 for this one, at most as many as
@@ -113,8 +102,6 @@ def each(
     ------
     BadInput
         Where something cannot be sent to another process.
-    NotConverged
-        If no process could begin.
     Interrupted
         On Ctrl-C; its ``partial`` is a tuple of the results up to there.
 
@@ -268,10 +255,13 @@ def _several(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
 
 
 def _packed(work: Callable[[Any], Any], items: Sequence[Any]) -> bytes:
+    import cloudpickle
+
     try:
-        return pickle.dumps((work, items))
+        packed: bytes = cloudpickle.dumps((work, items))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise BadInput(UNSENT.format(error)) from error
+    return packed
 
 
 def _unpacked(packed: bytes) -> list[Any]:
@@ -310,33 +300,26 @@ def _losing() -> Iterator[None]:
 def processes(most: int) -> Iterator[Executor]:
     """Fresh processes, each with one thread, that end at once with the block, or with this process.
 
-    Forking a process with running BLAS or numba threads may hang. The end of a pipe tells workers
-    to leave, in the middle of what they do: an event shared with a killed process would block.
-    SIGTERM ends the block, too: left to the system it would end this process alone, and its workers
-    and semaphores would be for others to clean up, who complain.
-
-    Raises
-    ------
-    NotConverged
-        If none of them could begin.
+    Those of loky are sent what a script, a notebook or a prompt has defined, lambdas too, and do
+    not read the script. The end of a pipe tells them to leave, in the middle of what they do, when
+    this process is killed. SIGTERM ends the block, too: left to the system it would end this
+    process alone, and its semaphores would be for others to clean up, who complain.
     """
-    if getattr(current_process(), "_inheriting", False):
-        # a worker that reads its script, which calls without a guard: who started it will say so
-        raise SystemExit(1)
-    fresh = get_context("spawn")
-    ended, ending = fresh.Pipe(duplex=False)
-    ready: list[Future[int]] = []
-    workers = ProcessPoolExecutor(most, fresh, initializer=_begin, initargs=(ended,))
-    with _leaving_in_order(), workers as pool:
+    from loky import ProcessPoolExecutor
+
+    ended, ending = Pipe(duplex=False)
+    with _leaving_in_order():
+        pool = ProcessPoolExecutor(
+            most, initializer=_begin, initargs=(ended,), env=dict.fromkeys(THREADS, "1")
+        )
         try:
             with suppress(BrokenExecutor), _begun_quietly():
-                for _ in range(most):  # as many as there may be, now
-                    ready.append(pool.submit(os.getpid))
+                pool.submit(os.getpid)  # all of them start with the first that is wanted
             yield pool
         finally:
-            ending.close()
-        if not any(job.done() and job.exception() is None for job in ready):
-            raise NotConverged(NO_WORKERS)
+            with _unbroken():
+                ending.close()
+                pool.shutdown(kill_workers=True)
 
 
 @contextmanager
@@ -355,10 +338,8 @@ def _leaving_in_order() -> Iterator[None]:
 
 @contextmanager
 def _begun_quietly() -> Iterator[None]:
-    """What is started within has one thread, and leaves Ctrl-C, which reaches all processes of a
-    terminal, to the one that waits for it; nothing is half started when a signal comes."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
+    """What is started within leaves Ctrl-C, which reaches all processes of a terminal, to the one
+    that waits for it; nothing is half started when a signal comes."""
     masking = getattr(signal, "pthread_sigmask", None)  # not on Windows
     # the mask is for what is started; here another thread, as BLAS has, may still hear of them
     mask = masking and masking(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
@@ -368,10 +349,6 @@ def _begun_quietly() -> Iterator[None]:
     finally:
         if masking:
             masking(signal.SIG_SETMASK, mask)
-        for name, value in before.items():
-            os.environ.pop(name, None)
-            if value is not None:
-                os.environ[name] = value
 
 
 def _begin(ended: Any) -> None:

@@ -183,7 +183,7 @@ def workers_of(number: int) -> set[int]:
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):  # it has ended meanwhile
             parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if parent == number and "spawn_main" in (folder / "cmdline").read_text():
+            if parent == number and "popen_loky" in (folder / "cmdline").read_text():
                 found.add(int(folder.name))
     return found
 

@@ -20,7 +20,7 @@ from contbreather import progress
 from contbreather.errors import BadInput
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting import pictures, plot_orbit, style
-from contbreather.plotting.canvas import CYCLE, GREY
+from contbreather.plotting.canvas import CYCLE, DASHES, GREY
 from contbreather.simulation import (
     Axis,
     Outcome,
@@ -263,8 +263,8 @@ def test_an_orbit_is_drawn_between_its_walls_with_its_impacts_on_them(values) ->
 def test_the_style_is_a_file_that_matplotlib_finds() -> None:
     with style():
         here = {name: mpl.rcParams[name] for name in ("font.size", "pdf.fonttype")}
-        cycle = mpl.rcParams["axes.prop_cycle"].by_key()["color"]
-    assert tuple(cycle) == CYCLE
+        looks = [(look["color"], look["linestyle"]) for look in mpl.rcParams["axes.prop_cycle"]]
+    assert looks == [(colour, dashes) for dashes in DASHES for colour in CYCLE]
     import matplotlib.style
 
     with matplotlib.style.context("contbreather.plotting.journal"):

@@ -37,8 +37,7 @@ def trace_many(
         As of `trace`, for all of them.
     executor : concurrent.futures.Executor or int, optional
         Who computes: an executor, that of a cluster as well, or a number of processes, 1 for this
-        one. All cores unless given, where there is more than a second of work; in a script the call
-        then stands below ``if __name__ == "__main__":``.
+        one. All cores unless given, where there is more than a second of work.
     progress : bool, optional
         Show how many branches are done; by default at a terminal or in a notebook only.
 
@@ -51,7 +50,7 @@ def trace_many(
     Raises
     ------
     BadInput
-        If a start is none, or cannot be sent to another process (a lambda among its functions).
+        If a start is none, or cannot be sent to another process (an open file among what it needs).
     Interrupted
         On Ctrl-C; its ``partial`` is a tuple of the branches up to there.
 

@@ -34,6 +34,7 @@ MOST_ROWS = 4  # of a legend above the axes
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#777777"
 CYCLE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+DASHES = ("-", "--", "-.")  # once around all colours the next lines are dashed
 
 # One marker for each kind of special point; kinds that are not listed get the last one.
 MARKERS = {

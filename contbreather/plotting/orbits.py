@@ -17,7 +17,7 @@ from contbreather.errors import BadInput
 from contbreather.flows.integrate import Trajectory
 from contbreather.flows.orbit import Cycle, CycleProblem
 from contbreather.orbits.orbit import Orbit
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, legend_above, symbol
+from contbreather.plotting.canvas import CYCLE, DASHES, GREY, Drawn, drawing, legend_above, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -200,10 +200,11 @@ def draw_states(
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
     with drawing(ax) as (drawn, axes):
         for i, name in enumerate(chosen):
-            colour = CYCLE[i % len(CYCLE)]
+            around, i = divmod(i, len(CYCLE))
+            colour, dashes = CYCLE[i], DASHES[around % len(DASHES)]
             lines = [(_column(piece, names, x), _column(piece, names, name)) for piece in pieces]
             for j, line in enumerate(lines):
-                axes.plot(*line, "-", color=colour, label=None if j else symbol(name))
+                axes.plot(*line, dashes, color=colour, label=None if j else symbol(name))
             for piece, onward, line in zip(pieces, following, lines, strict=False):
                 if piece.ended:
                     last = line[0][-1], line[1][-1]

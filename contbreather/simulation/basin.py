@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
 from contbreather.display import HtmlRepr
-from contbreather.errors import BadInput, Interrupted, NotConverged
+from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
@@ -31,7 +31,7 @@ from contbreather.simulation.states import (
     within,
 )
 from contbreather.tables import Sheet
-from contbreather.workers import NO_WORKERS, Failed, each
+from contbreather.workers import Failed, each
 
 Array = NDArray[Any]
 
@@ -229,7 +229,7 @@ def attraction(
         rows = list(stop.partial or ())  # type: ignore[call-overload]
     else:
         if all(isinstance(row, Failed) for row in rows):
-            raise NotConverged(NO_WORKERS) from rows[0].error
+            raise rows[0].error
     done = [j for j, row in enumerate(rows) if not isinstance(row, Failed)]
     for j in done:
         outcome[j], distance[j] = rows[j]

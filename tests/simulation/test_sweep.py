@@ -240,9 +240,9 @@ def test_rows_done_before_the_workers_died_are_kept(basin):
     assert np.all(found.outcome[1:] == Outcome.PENDING)
 
 
-def test_workers_that_never_answer_are_an_error_that_says_what_to_do(basin):
+def test_workers_that_never_answer_are_an_error_that_says_so(basin):
     start, x, y, conditions = basin
-    with Dying(0) as pool, pytest.raises(NotConverged, match="__main__"):
+    with Dying(0) as pool, pytest.raises(NotConverged, match="workers of the executor ended"):
         attraction(start.state, x, y, **conditions, executor=pool)
 
 
