@@ -1,4 +1,4 @@
-"""What a notebook asks of a value, and whether there is a notebook.
+"""What a notebook asks of a value.
 
 Pictures are drawn on a higher floor, and values must not know it: they ask a painter, which the
 front desk hands in.
@@ -6,7 +6,6 @@ front desk hands in.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -26,9 +25,3 @@ class HtmlRepr:
 
     def _repr_html_(self) -> str | None:
         return None if HtmlRepr.painter is None else HtmlRepr.painter(self)
-
-
-def in_notebook() -> bool:
-    """Whether this runs in a kernel, whose output is a page rather than a terminal."""
-    ipython = sys.modules.get("IPython")
-    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")

@@ -5,17 +5,20 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
 from html import escape
 from importlib import import_module
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 from .checks import flag
-from .display import in_notebook
 
 PATIENCE = 1.0  # seconds before anything is shown
 INTERVAL = 0.1
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a kernel, whose output is a page rather than a terminal."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 class _Terminal:
@@ -61,17 +64,23 @@ class _Page:
 
 
 class _Progress:
-    """What both kinds share: `shown` True or False forces it on or off, None asks where it is."""
+    """What both kinds share: `shown` True or False forces it on or off, None asks where it is; the
+    line of an outer call goes on."""
 
-    def __init__(self, shown: bool | None, total: int | None = None, unit: str = "periods") -> None:
+    latest: tuple[str, int | None] = "", None
+
+    def __init__(
+        self, shown: bool | Self | None, total: int | None = None, unit: str = "periods"
+    ) -> None:
+        self.outer = shown if isinstance(shown, _Progress) else None
         self.page = in_notebook()
-        self.wanted = (
-            (self.page or sys.stderr.isatty()) if shown is None else flag("progress", shown)
-        )
+        if shown is None:
+            self.wanted = self.page or sys.stderr.isatty()
+        else:
+            self.wanted = self.outer is None and flag("progress", shown)
         self.after = time.monotonic() + PATIENCE
         self.total, self.unit = total, unit
         self.line: _Page | _Terminal | None = None
-        self.latest: tuple[str, int | None] = "", None
         self.lock = threading.Lock()
 
     def __enter__(self) -> Self:
@@ -79,7 +88,7 @@ class _Progress:
             self.first = threading.Timer(PATIENCE, self.draw)
             self.first.daemon = True
             self.first.start()
-        return self
+        return self.outer or self
 
     def __exit__(self, *_: object) -> None:
         if self.wanted:
@@ -109,18 +118,10 @@ class _Progress:
             self.line.show(*self.latest)
 
 
-S = TypeVar("S", bound=_Progress)
-
-
-def line_of(progress: bool | S | None, make: Callable[[bool | None], S]) -> nullcontext[S] | S:
-    """What shows the progress of an outer call already, or a line of its own."""
-    return nullcontext(progress) if isinstance(progress, _Progress) else make(progress)
-
-
 class Bar(_Progress):
     """Counts periods (or whatever the unit is) up to a known total."""
 
-    def __init__(self, shown: bool | None, total: int, unit: str = "periods") -> None:
+    def __init__(self, shown: bool | Self | None, total: int, unit: str = "periods") -> None:
         super().__init__(shown, total, unit)
         self.latest = f"0/{total} {unit}", 0
 
@@ -133,15 +134,13 @@ class Bar(_Progress):
 class Counter(_Progress):
     """A status line with the number of points of a walk and its free parameter."""
 
-    def __init__(self, shown: bool | None, free: str) -> None:
-        super().__init__(shown)
-        self.free, self.title, self.count = free, "", 0
-        self.latest = "no points yet", None
+    title, count = "", 0
+    latest = "no points yet", None
 
     def advance(self, point: Any, count: int = 1) -> None:
-        """Count points, and show the last of them if enough time has passed."""
+        """Count points, and show the last of them."""
         self.count += count
-        if self.due:
+        if self.wanted:
             hint = f"; {point.curve.hint}" if point.curve.hint else ""
-            at = f"{self.free} = {point[self.free]:.6g}"
-            self.show(f"{self.title}{self.count} points, {at}{hint}")
+            free = point.curve.free[0]
+            self.show(f"{self.title}{self.count} points, {free} = {point[free]:.6g}{hint}")

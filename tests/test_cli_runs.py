@@ -147,6 +147,8 @@ def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(
     assert name in cb.Run("kept.nc")
     status, out, _ = run("show kept.nc")
     assert (status, len(out) > 40) == (0, True)
+    if name == "zones2":
+        assert "Points on the curves at k = 0.7: " in run("show kept.nc zones2")[1]
 
 
 def test_columns_of_a_figure_are_those_that_are_asked_for(kept: Run, monkeypatch) -> None:

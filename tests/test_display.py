@@ -330,7 +330,7 @@ def test_a_walk_without_points_yet_says_so(monkeypatch) -> None:
     line = SimpleNamespace(show=lambda text, done: said.append(text), stop=lambda: None)
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     monkeypatch.setattr(progress, "_Terminal", lambda *_: line)
-    with progress.Counter(True, "a") as shown:
+    with progress.Counter(True) as shown:
         shown.first.join()
     assert set(said) == {"no points yet"}
 

@@ -142,8 +142,12 @@ def _described(result: Any) -> str:
 
 
 def _lines(result: Any) -> Iterator[object]:
+    from contbreather.cli.zones import zones_lines
+
     if isinstance(result, cb.Branch):
         yield from lines_of(result)
+    elif isinstance(result, cb.orbits.Zones):
+        yield from (f"{_described(result)}.", *zones_lines([result]))
     elif isinstance(result, cb.continuation.Point):
         yield f"{result!r}"
         for name, value in result.detail.items():

@@ -61,7 +61,7 @@ def zones(
         raise BadInput(f"{nothing} (see contbreather point); widen the window")
     into.leave(
         lambda: zones_entry(diagrams),
-        _lines(diagrams),
+        zones_lines(diagrams),
         lambda: curves_table(diagrams),
         lambda: cb.plotting.plot_zones(diagrams, within=options["within"])[0],
         cut=cut,
@@ -124,7 +124,7 @@ def _entry(diagram: cb.orbits.Zones) -> dict[str, Any]:
             "regions": regions}  # fmt: skip
 
 
-def _lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
+def zones_lines(planes: Sequence[cb.orbits.Zones]) -> Iterator[object]:
     """Where the curves meet, and how many points they have."""
     table = planes[0].table().further(*(row for plane in planes[1:] for row in plane.table().rows))
     yield table if table.rows else "No two curves meet there."

@@ -203,13 +203,31 @@ class Branch(Columns, HtmlRepr):
         check_kind(other, Branch, "a Branch")
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
-        shift = self.points[-1].arclength - other.points[0].arclength
-        moved = other.points.each(
+        before, shift = self.points, self.points[-1].arclength - other.points[0].arclength
+        after = other.points.each(
             lambda point: _measured(point, 1, shift), arclength=other.points.arclength + shift
         )
+        seam = before.arclength[-1]
+        reach = _SEAM * (after.arclength[-1] - before.arclength[0])
+        head = before[: np.count_nonzero(before.arclength < seam - reach)]
+        tail = after[np.count_nonzero(after.arclength <= seam + reach) :]
+        at_seam = [*before[len(head) :], *after[: len(after) - len(tail)]]
+        # what happens there once: an event is known by its object, and a point where nothing
+        # happens is left out beside one where something does
+        special = {
+            id(point.event) if point.event else point.kind: point
+            for point in at_seam
+            if point.kind not in ("", "EP", "MX")
+        }
+        if special:
+            at_seam = list(special.values())
+        elif len(head) and len(tail):
+            at_seam = [replace(before[-1], kind="", label="")]  # no end any more
+        else:
+            at_seam = at_seam[-1 if len(head) else 0 :][:1]
         return replace(
             self,
-            points=labelled(_joined(self.points, moved)),
+            points=labelled(Points.joined([head, at_seam, tail])),
             stop=other.stop,
             reason=other.reason,
             doubtful=self.doubtful + tuple(_measured(p, 1, shift) for p in other.doubtful),
@@ -393,25 +411,6 @@ def with_ends(branch: Branch) -> Branch:
             kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
             points = points.put(i, replace(points[i], kind=kind))
     return replace(branch, points=labelled(points))
-
-
-def _joined(before: Points, after: Points) -> Points:
-    """Both, with what happens at the seam once: an event is known by its object, and a point where
-    nothing happens is left out beside one where something does."""
-    seam = before.arclength[-1]
-    reach = _SEAM * (after.arclength[-1] - before.arclength[0])
-    head = before[: np.count_nonzero(before.arclength < seam - reach)]
-    tail = after[np.count_nonzero(after.arclength <= seam + reach) :]
-    at_seam = [*before[len(head) :], *after[: len(after) - len(tail)]]
-    special = {
-        id(point.event) if point.event else point.kind: point
-        for point in at_seam
-        if point.kind not in ("", "EP", "MX")
-    }
-    if not special and len(head) and len(tail):
-        at_seam = [replace(before[-1], kind="", label="")]  # no end any more
-    seam_points = list(special.values()) or at_seam[-1 if len(head) else 0 :][:1]
-    return Points.joined([head, seam_points, tail])
 
 
 def _measured(point: Point, sense: int, shift: float) -> Point:

@@ -19,7 +19,7 @@ from .defining_systems import Singular, signed_smallest
 from .linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
 from .newton import Solution, Undefined
 from .point import DefiningSystem, Event, Point
-from .sparse import Factors, Matrix, above, beside, is_large, is_sparse, solve
+from .sparse import Dense, Factors, Matrix, above, beside, is_large, is_sparse
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
         second = _finite(np.stack([w @ change for change in turned]))
         form = second @ null.T  # w^T H_zz on the null space
         # to first order w^T H_z at z + N c + y vanishes on N:  form c = -N w^T H_z - (w^T H_zz y) N
-        c = solve(form, -null @ (w @ matrix) - second @ rest)
+        c = Dense(form).solve(-null @ (w @ matrix) - second @ rest)
         if c is None:
             break
         step = (null.T @ c + rest) * curve.scales

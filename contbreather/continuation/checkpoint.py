@@ -137,8 +137,11 @@ Save = str | Path | Checkpoint | None
 
 
 @contextmanager
-def checkpoint(save: Save, name: str) -> Iterator[Checkpoint]:
-    """The file that a call keeps its result in; after an interruption what there is by then.
+def checkpoint(
+    save: Save, name: str, so_far: Callable[[], Any] | None = None
+) -> Iterator[Checkpoint]:
+    """The file that a call keeps its result in; an interruption carries what there is by then, and
+    so does the file: `so_far()`, or what an inner call has made of it.
 
     Raises
     ------
@@ -150,7 +153,8 @@ def checkpoint(save: Save, name: str) -> Iterator[Checkpoint]:
     file = save if isinstance(save, Checkpoint) else Checkpoint(save, name)
     try:
         yield file
-    except Interrupted as stop:
-        if stop.partial is not None:
-            file.finish(stop.partial)
-        raise
+    except KeyboardInterrupt as stop:
+        partial = so_far() if so_far else getattr(stop, "partial", None)
+        if partial is not None:
+            file.finish(partial)
+        raise Interrupted(partial=partial) from None

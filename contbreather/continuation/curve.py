@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .compiled_steps import CompiledCurve, Loops, compiled_equations
+from .linear_algebra import least_singular, sense
 from .newton import (
     OUT_OF_DOMAIN,
     Array,
@@ -40,7 +41,9 @@ from .sparse import (
 from .step import WIDEST
 
 Params = Mapping[str, float]
+Residual = Callable[[Array, Params], Array]
 
+LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 PASSED = 9  # latest places of a walk that say how large its equations are
 _LATEST = 4  # places of which is known what was made of them
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
@@ -182,32 +185,54 @@ class Curve:
             values[name] = float(z[i]) if real else z[i]
         return values
 
-    def residual(self, z: Array) -> Array:
-        """What the equations give, without any checks, at a possibly complex z."""
+    def residual(self, z: Array, function: Residual | None = None) -> Array:
+        """What the equations give, or others in their place, without any checks, at a possibly
+        complex z."""
         # copies: equations that write to x do not move the point, and the same array may come back
         # each time, written anew
-        value = np.array(self.problem.residual(z[: self.size].copy(), self.params(z)), ndmin=1)
+        x, function = z[: self.size].copy(), function or self.problem.residual
+        value = np.array(function(x, self.params(z)), ndmin=1)
         if value.dtype.kind == "c" and z.dtype.kind != "c":  # what Python makes of (-1.0) ** 0.5
             raise Undefined("the equations are not real")
         return value
 
-    def equations(self, z: Array) -> Array:
-        return self.problem.evaluate(z[: self.size].copy(), self.params(z))
+    def equations(self, z: Array, function: Residual | None = None) -> Array:
+        """The residual, or `Undefined` where it has none."""
+        try:
+            value = self.residual(z, function)
+        except OUT_OF_DOMAIN as error:
+            raise Undefined(str(error)) from error
+        except KeyError as error:
+            self.problem.check_asked(error)
+            raise
+        try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
+            total = value.sum()
+            finite = isinstance(total, complex) or math.isfinite(total)
+        except (TypeError, OverflowError) as error:
+            raise BadInput(
+                f"the residual is {value!r}; an array of numbers was expected"
+            ) from error
+        if value.shape != (self.size,):
+            raise BadInput(
+                f"the residual has shape {value.shape} for {self.size} unknowns; "
+                f"as many equations as unknowns, {(self.size,)}, were expected"
+            )
+        if isinstance(total, complex):  # of numbers that are objects
+            raise Undefined("the equations are not real")
+        if not finite:
+            raise Undefined("the equations are not finite")
+        return value
 
     def newton(self, guess: Array, row: Array | None = None, **how: Any) -> Solution:
         """The solution next to a guess, at the same value of a row; how is as for `newton`."""
         return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
 
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The same by the derivative at a place near by, where the problem wants that, it is known
-        there and the solution is close."""
-        problem = self.problem
-        if problem.roughly is None or near.tobytes() not in self._known["jacobian"]:
+        """The same by the derivative at a place near by and by `Problem.roughly`, where that
+        derivative is known and the solution is close."""
+        if near.tobytes() not in self._known["jacobian"]:
             return None
-
-        def roughly(z: Array) -> Array:
-            return problem.evaluate(z[: self.size].copy(), self.params(z), problem.roughly)
-
+        roughly = partial(self.equations, function=self.problem.roughly)
         factors = self.factors(near, row)
         return chord(self.equations, roughly, factors, guess, row, self.metric, tolerance)
 
@@ -265,6 +290,33 @@ class Curve:
             return Dense(matrix, row)
         factors: Factors = self.cached("factors", z, lambda z: Factors(matrix))
         return factors
+
+    def tangent_at(self, z: Array, along: Array) -> tuple[Array, int]:
+        """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
+
+        That sign is the same all along a curve and changes at branch points. Where the bordered
+        matrix is singular it is 0, and the tangent is the null vector closest to `along`.
+        """
+        row = self.metric * along
+        factors = self.factors(z, row)
+        if isinstance(factors, Dense):
+            tangent, side = factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
+        else:
+            # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
+            side, null = factors.sign(row[None, :]), factors.null[:, 0]
+            tangent = None if side == 0 else math.copysign(1.0, row @ null) * null
+        if tangent is not None and math.isfinite(tangent.sum()):
+            return self.normalised(tangent), side
+        matrix = self.jacobian(z)
+        if not math.isfinite(matrix.sum()):
+            raise Undefined("the derivatives are not finite")
+        weak = least_singular(matrix)
+        # where the derivative has lost a rank, all of a plane are null vectors
+        vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
+        nearest = (vectors @ row) @ vectors
+        if self.length(nearest) > LEVEL:
+            return self.normalised(nearest), 0
+        return self.normalised(vectors[-1] * sense(vectors[-1])), 0
 
     def in_unknowns(self, z: Array) -> Matrix:
         """The derivative in the unknowns alone, where none in parameters are wanted; not to be
@@ -361,8 +413,9 @@ class Curve:
             self._scheme = derivatives.choose(function, z, scales)
         return self._scheme(function, z, columns)
 
-    def check(self) -> None:
-        """Refuse wrong shapes and wrong derivatives before anything is built on them."""
+    def check(self) -> Array:
+        """The equations at the start; wrong shapes and wrong derivatives are refused before
+        anything is built on them."""
         problem, z, n = self.problem, self.start, self.size
         try:
             value = self.equations(z)
@@ -385,6 +438,7 @@ class Curve:
         wrong = self.misfit(z)
         if wrong:
             raise BadInput(wrong)
+        return value
 
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
@@ -414,37 +468,14 @@ class Curve:
         if wrong is None:
             return ""
         if is_sparse(matrix):
-            return self._wrong_in_row(wrong[0], z, matrix, direction)
+            pattern = self.problem.sparsity
+            given = None if pattern is None else pattern.matrix[[wrong[0]]].indices
+            return derivatives.wrong_in_row(self.residual, z, matrix, wrong[0], direction, given)
         wanted, doubt, _ = derivatives.estimate(self.residual, z, self.scales)
         entry = derivatives.misfit(matrix, wanted, doubt)
         if entry is None:
             return ""
         return f"its entry {entry} is {matrix[entry]:.8g}, differences give {wanted[entry]:.8g}"
-
-    def _wrong_in_row(self, row: int, z: Array, matrix: Matrix, direction: Array) -> str:
-        """The wrong entry of one row of a sparse derivative, by halving the columns that hold it;
-        of a pattern the entry that it misses."""
-        columns = np.arange(z.size)
-        if self.problem.sparsity is not None:
-            pattern = self.problem.sparsity.matrix[[row]].indices
-            columns = np.setdiff1d(columns[: self.size], pattern)
-        small = 1e-6 * abs(matrix[[row]]).max()
-        # log2(n) differences in place of n, which a large problem has many of
-        while columns.size > 1:
-            half = columns[: (columns.size + 1) // 2]
-            among = np.isin(np.arange(z.size), half)
-            slope, wanted = self._slopes(row, z, matrix, np.where(among, direction, 0.0))
-            columns = half if abs(slope - wanted) > small else columns[half.size :]
-        entry = (row, int(columns[0]))
-        slope, wanted = self._slopes(row, z, matrix, np.eye(1, z.size, entry[1])[0])
-        if self.problem.sparsity is not None:
-            return f"it misses entry {entry}, which is {wanted:.8g} by differences"
-        return f"its entry {entry} is {slope:.8g}, differences give {wanted:.8g}"
-
-    def _slopes(self, row: int, z: Array, matrix: Matrix, way: Array) -> tuple[float, float]:
-        """The change of one equation along a direction as it was given, and by differences."""
-        wanted = derivatives.differences(lambda t: self.residual(z + t[0] * way), np.zeros(1))
-        return float((matrix @ way)[row]), float(wanted[row, 0])
 
     def reconsider(self, *places: Array) -> str:
         """Choose anew how derivatives are taken, now for these places; what is wrong with given

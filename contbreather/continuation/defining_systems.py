@@ -29,7 +29,7 @@ from .linear_algebra import Bordered, LeastSingular, inverses_between, least_sin
 from .newton import Undefined
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
-from .sparse import Matrix, above, beside, plus_diagonal, solve
+from .sparse import Dense, Matrix, above, beside, plus_diagonal
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -78,12 +78,12 @@ def _pencil(first: Array, *others: Array) -> Array | None:
     """A matrix whose eigenvalues are the inverses of these places."""
     middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
     if middle is None:
-        return solve(first, first - last)
+        return Dense(first).solve(first - last)
     # M(u) = M0 + u (M1 - M0 - bend) + u^2 bend, bend = 2 (M0 - 2 M1/2 + M1): with w = u x
     #     | M0^-1 (M0 - M1 + bend)   -M0^-1 bend |  has the eigenvalues 1 / u where M(u) x = 0
     #     |           1                   0      |
     bend = 2 * (first - 2 * middle + last)
-    change = solve(first, np.hstack([first + bend - last, -bend]))
+    change = Dense(first).solve(np.hstack([first + bend - last, -bend]))
     return change if change is None else np.vstack([change, np.eye(*change.shape)])
 
 

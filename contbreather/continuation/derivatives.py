@@ -1,4 +1,7 @@
-"""Derivatives of a residual that came without: complex steps where they hold, else differences."""
+"""Derivatives of a residual that came without: complex steps where they hold, else differences.
+
+Differences tell as well what is wrong with derivatives that were given.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import functools
 import math
 import warnings
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -202,3 +206,30 @@ def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | No
     off[~np.isfinite(wanted)] = -np.inf  # differences cannot tell here
     row, column = np.unravel_index(np.argmax(off), off.shape)
     return (int(row), int(column)) if off[row, column] > 0 else None
+
+
+def wrong_in_row(
+    function: Function, z: Array, matrix: Any, row: int, direction: Array, pattern: Any = None
+) -> str:
+    """The wrong entry of one row of a sparse derivative, by halving the columns that hold it; where
+    a pattern was given, with the columns that it has in this row, the entry that it misses."""
+
+    def slopes(way: Array) -> tuple[float, float]:
+        """The change along a direction as it was given, and by differences."""
+        wanted = differences(lambda t: function(z + t[0] * way), np.zeros(1))
+        return float((matrix @ way)[row]), float(wanted[row, 0])
+
+    columns = np.arange(z.size)
+    if pattern is not None:
+        columns = np.setdiff1d(columns[: matrix.shape[0]], pattern)
+    small = 1e-6 * abs(matrix[[row]]).max()
+    # log2(n) differences in place of n, which a large problem has many of
+    while columns.size > 1:
+        half = columns[: (columns.size + 1) // 2]
+        slope, wanted = slopes(np.where(np.isin(np.arange(z.size), half), direction, 0.0))
+        columns = half if abs(slope - wanted) > small else columns[half.size :]
+    entry = (row, int(columns[0]))
+    slope, wanted = slopes(np.eye(1, z.size, entry[1])[0])
+    if pattern is not None:
+        return f"it misses entry {entry}, which is {wanted:.8g} by differences"
+    return f"its entry {entry} is {slope:.8g}, differences give {wanted:.8g}"

@@ -290,7 +290,7 @@ def diagram(
     [1, 2]
     """
     depth, most = whole("depth", depth, 0), whole("most", most, 1)
-    with checkpoint(save, "diagram") as kept, Counter(progress, free) as shown:
+    with checkpoint(save, "diagram") as kept, Counter(progress) as shown:
         growth = _Growth(
             free, windows(within), depth, all_of(events), steps_of(steps), most, shown, kept
         )

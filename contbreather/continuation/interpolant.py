@@ -8,15 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from .curve import Curve
-from .linear_algebra import least_singular, sense
+from .curve import LEVEL, Curve
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined
 from .point import Point
-from .sparse import Dense
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
 _CLOSE = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
-LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 
 
 class StepInterpolant:
@@ -65,7 +62,8 @@ class StepInterpolant:
         if u in self._known:
             return self._known[u]
         curve, compiled, (guess, slope) = self.curve, self.curve.compiled, self.guess(u)
-        answer = compiled and compiled.corrected(guess, self._across, slope, self.tolerance)
+        chord, how = self.last.z - self.first.z, (slope, self.tolerance)
+        answer = compiled and compiled.corrected(guess, curve.normalised(chord), *how)
         if answer:
             z, tangent, residual, _ = answer
         else:
@@ -75,13 +73,9 @@ class StepInterpolant:
             z, tangent, residual = solution.z, None, solution.residual
         self._near(guess, z)
         if tangent is None:
-            tangent, _ = tangent_at(curve, z, slope)
+            tangent, _ = curve.tangent_at(z, slope)
         self._known[u] = self._point(u, z, tangent, residual)
         return self._known[u]
-
-    @cached_property
-    def _across(self) -> Array:
-        return self.curve.normalised(self.last.z - self.first.z)
 
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
@@ -92,7 +86,7 @@ class StepInterpolant:
         if tangents:
             tangent = closest_tangent(tangents, self.curve.metric * slope)
         else:
-            tangent, _ = tangent_at(self.curve, solution.z, slope)
+            tangent, _ = self.curve.tangent_at(solution.z, slope)
         return u, self._point(u, solution.z, tangent, solution.residual)
 
     def _near(self, guess: Array, z: Array) -> None:
@@ -113,34 +107,6 @@ def between(first: Point, last: Point, *, tolerance: float = 1e-9) -> Point | No
         return StepInterpolant(first, last, tolerance).at(0.5)
     except OUT_OF_DOMAIN:
         return None
-
-
-def tangent_at(curve: Curve, z: Array, along: Array) -> tuple[Array, int]:
-    """Unit tangent at z on the side of `along`, and the sign of the bordered determinant.
-
-    That sign is the same all along a curve and changes at branch points. Where the bordered
-    matrix is singular it is 0, and the tangent is the null vector closest to `along`.
-    """
-    row = curve.metric * along
-    factors = curve.factors(z, row)
-    if isinstance(factors, Dense):
-        tangent, side = factors.solve(np.zeros(row.size - 1), 1.0), factors.sign()
-    else:
-        # J has one null vector N: det [J; row] has the sign of det L . (row N), see `Factors`
-        side, null = factors.sign(row[None, :]), factors.null[:, 0]
-        tangent = None if side == 0 else math.copysign(1.0, row @ null) * null
-    if tangent is not None and math.isfinite(tangent.sum()):
-        return curve.normalised(tangent), side
-    matrix = curve.jacobian(z)
-    if not math.isfinite(matrix.sum()):
-        raise Undefined("the derivatives are not finite")
-    weak = least_singular(matrix)
-    # where the derivative has lost a rank, all of a plane are null vectors
-    vectors = weak.null if weak.size > 1e-10 * weak.largest else weak.plane
-    nearest = (vectors @ row) @ vectors
-    if curve.length(nearest) > LEVEL:
-        return curve.normalised(nearest), 0
-    return curve.normalised(vectors[-1] * sense(vectors[-1])), 0
 
 
 def closest_tangent(tangents: Sequence[Array], row: Array) -> Array:

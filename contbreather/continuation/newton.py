@@ -16,7 +16,7 @@ from ..errors import ContbreatherError
 from ..kernels import bound
 from . import sparse
 from . import step as rules
-from .sparse import Dense, Matrix, solve
+from .sparse import Dense, Matrix
 
 Array = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ def approach(
 def _least(matrix: Array, right: Array) -> Array:
     """The step of least length to a solution of linear equations."""
     square = matrix.shape[0] == matrix.shape[1]
-    step = solve(matrix, right) if square else None
+    step = Dense(matrix).solve(right) if square else None
     return _shortest(matrix, right) if step is None else step
 
 

@@ -37,15 +37,15 @@ class Points(Sequence[Point]):
     arclength: Array
     residual: Array
     made: dict[int, Point] = field(default_factory=dict)
+    # what was asked for once is kept
+    _points: dict[int, Point] = field(default_factory=dict, init=False)
+    _columns: dict[str, NDArray[Any]] = field(default_factory=dict, init=False)
 
     rows = property(_ROW)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_asked", dict(self.made))
-
     def __getstate__(self) -> dict[str, Any]:
-        """Without the columns that were kept."""
-        return {name: value for name, value in self.__dict__.items() if name != "_columns"}
+        """Without what was kept."""
+        return {**self.__dict__, "_points": {}, "_columns": {}}
 
     @staticmethod
     def of(points: Iterable[Point]) -> Points:
@@ -84,7 +84,7 @@ class Points(Sequence[Point]):
 
     def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
         """Recorded columns; those of numbers are kept."""
-        kept: dict[str, NDArray[Any]] = self.__dict__.setdefault("_columns", {})
+        kept = self._columns
         made = self._recorded(*(name for name in names if name not in kept))
         kept.update((name, column) for name, column in made.items() if not column.dtype.hasobject)
         return {name: kept[name].copy() if name in kept else made[name] for name in names}
@@ -142,15 +142,15 @@ class Points(Sequence[Point]):
             marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
             z, tangent, arclength, residual = (row[key] for row in _ROW(self))
             piece = Points(self.curve, z, tangent, arclength, residual, marked)
-            kept = self.__dict__.get("_columns", {})
-            piece.__dict__["_columns"] = {name: column[key] for name, column in kept.items()}
+            piece._columns.update((name, column[key]) for name, column in self._columns.items())
             return piece
         i = range(len(self))[key]
-        cache: dict[int, Point] = self._asked  # type: ignore[attr-defined]
-        if i not in cache:
+        if i in self.made:
+            return self.made[i]
+        if i not in self._points:
             numbers = float(self.arclength[i]), float(self.residual[i])
-            cache[i] = Point(self.curve, self.z[i], self.tangent[i], *numbers)
-        return cache[i]
+            self._points[i] = Point(self.curve, self.z[i], self.tangent[i], *numbers)
+        return self._points[i]
 
     def put(self, i: int, point: Point) -> Points:
         """The same with another point in one place."""

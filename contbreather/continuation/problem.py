@@ -12,13 +12,10 @@ import numpy as np
 
 from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
-from ..storage.serialise import check_serialised
 from .compiled_steps import Loops
-from .curve import Curve, Params
-from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, approach, newton, rounding
+from .curve import Curve, Params, Residual
+from .newton import Array, Solution, Undefined, approach, newton, rounding
 from .sparse import Matrix, Pattern
-
-Residual = Callable[[Array, Params], Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -156,8 +153,8 @@ class Problem:
         return None
 
     def finer(self, point: Any, along: Any) -> tuple[Problem, Any] | None:
-        """Where a point shows that these unknowns do not resolve a solution, the problem from its
-        present start in more of them, and a direction in these: its branch is walked anew."""
+        """At a point that is `unresolved` in these unknowns, the problem from its present start in
+        more of them, and a direction in these: its branch is walked anew."""
         return None
 
     def unresolved(self, point: Any) -> str:
@@ -185,7 +182,13 @@ class Problem:
             values = getattr(self, what)
             if not isinstance(values, Mapping):
                 raise BadInput(f"{what} must be a dict of names and values, got {values!r}")
-        check_serialised(self.serialised)
+        form = self.serialised
+        known = isinstance(form, Mapping) and isinstance(form.get("kind"), str)
+        if form is not None and not known:  # refused here, not when a file is loaded
+            raise BadInput(
+                f"serialised = {form!r}: a dict with a 'kind' and the values that its reader takes "
+                "was expected."
+            )
         for what in ("residual", "jacobian", "sensitivity"):
             function = getattr(self, what)
             if not (callable(function) or (function is None and what != "residual")):
@@ -284,33 +287,6 @@ class Problem:
         inner = name[len("norm(") : -1]
         array = np.ndim(self.start.get(inner, 0.0)) > 0
         return inner if array and name == f"norm({inner})" else None
-
-    def evaluate(self, x: Array, params: Params, residual: Residual | None = None) -> Array:
-        """The residual, or `Undefined` where it has none."""
-        try:  # np.array copies: the same array may come back each time, written anew
-            value = np.array((residual or self.residual)(x, params), ndmin=1)
-        except OUT_OF_DOMAIN as error:
-            raise Undefined(str(error)) from error
-        except KeyError as error:
-            self.check_asked(error)
-            raise
-        try:  # the sum is finite unless an entry is not (or all but overflows, which is as bad)
-            total = value.sum()
-            finite = isinstance(total, complex) or math.isfinite(total)
-        except (TypeError, OverflowError) as error:
-            raise BadInput(
-                f"the residual is {value!r}; an array of numbers was expected"
-            ) from error
-        if value.shape != x.shape:
-            raise BadInput(
-                f"the residual has shape {value.shape} for {x.size} unknowns; "
-                f"as many equations as unknowns, {x.shape}, were expected"
-            )
-        if isinstance(total, complex):  # what Python makes of (-1.0) ** 0.5
-            raise Undefined("the equations are not real")
-        if not finite:
-            raise Undefined("the equations are not finite")
-        return value
 
     def solve(self, *, tolerance: float = 1e-9) -> tuple[Problem, Solution]:
         """The problem with its start moved onto a solution at the same parameters.

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from ..checks import check_kind, one_of
-from ..errors import BadInput, add_partial_result, partial_result
+from ..errors import BadInput, add_partial_result
 from .branch import Branch, Stop, labelled
 from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
@@ -80,8 +80,7 @@ def extend(
     settings = _settings(branch, within, events, steps)
     done, over = [branch], dict[str, str]()
     with (
-        checkpoint(save, "branch") as file,
-        partial_result(lambda: done[-1]),
+        checkpoint(save, "branch", lambda: done[-1]) as file,
         add_partial_result(done.append),
     ):
         for side in ("last", "first") if end == "both" else (end,):

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
-from operator import attrgetter
 
 from ..checks import flag, real, shown
 from ..errors import BadInput
@@ -160,21 +159,27 @@ def active_events(
     solutions mean nothing; only `inadmissible` lifts these.
     """
     listed = all_of(events)
-    wanted = None if listed is None else tuple(event.of(problem) for event in listed)
+    asked = tuple(event.of(problem) for event in listed or ())
     if flag("inadmissible", inadmissible):
         problem = _lifted(problem)
-    if wanted is None:
-        return _recording(problem, problem.events), problem.events
-    kinds = list(map(attrgetter("kind"), wanted))
-    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
-    for event in wanted:
+    for event in asked:
         if isinstance(event, EventWithRule):
             # what its columns are about stands in the label
             plain = problem.label.removesuffix(_LIFTED)
             about = f" ({event.about})" if event.about else ""
             label = plain.partition(" (")[0] + about + problem.label[len(plain) :]
             problem = replace(problem, record={**problem.record, **event.record}, label=label)
-    return _recording(problem, wanted), (*wanted, *walls)
+    kinds = [event.kind for event in asked]
+    walls = tuple(e for e in problem.events if e.ends_domain and e.kind not in kinds)
+    wanted, walls = (problem.events, ()) if listed is None else (asked, walls)
+    brought = dict[str, Callable[[Point], float]]()
+    for event in wanted:
+        brought |= event.columns(problem)
+    taken = {*problem.names, *problem.record}
+    brought = {name: column for name, column in brought.items() if name not in taken}
+    if brought:
+        problem = replace(problem, record={**problem.record, **brought})
+    return problem, (*wanted, *walls)
 
 
 def walls_are_lifted(problem: Problem) -> bool:
@@ -212,14 +217,3 @@ def _lifted(problem: Problem) -> Problem:
 
 def _margin(walls: tuple[Event, ...], point: Point) -> float:
     return min(float(wall.value(point)) for wall in walls)
-
-
-def _recording(problem: Problem, events: Iterable[Event]) -> Problem:
-    """The problem with the columns that go with its events, as far as it has none of the name."""
-    brought = dict[str, Callable[[Point], float]]()
-    for event in events:
-        brought |= event.columns(problem)
-    if brought:
-        taken = {*problem.names, *problem.record}
-        brought = {name: column for name, column in brought.items() if name not in taken}
-    return replace(problem, record={**problem.record, **brought}) if brought else problem

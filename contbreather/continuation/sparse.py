@@ -37,12 +37,6 @@ def _lapack() -> Any:
     return lapack
 
 
-def solve(matrix: Array, right: Array) -> Array | None:
-    """Solution of a small dense system, or None where the matrix is singular."""
-    _, _, solution, info = _lapack().dgesv(matrix, right)
-    return solution if info == 0 else None
-
-
 class Dense:
     """A dense derivative with a row below, unless that is None, factorised."""
 

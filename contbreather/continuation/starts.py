@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import one_of
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
-from .curve import Curve
-from .interpolant import LEVEL, closest_tangent, tangent_at
+from .curve import LEVEL, Curve
+from .interpolant import closest_tangent
 from .linear_algebra import least_singular, sense
 from .newton import Array, Undefined, approach
 from .point import Point
@@ -56,28 +55,23 @@ class StartOnCurve:
     bounds: list[Bound]
     directed: bool
 
-    def turned(self) -> StartOnCurve:
-        """The other way, on a curve that learns by itself."""
-        back = replace(self.point, curve=copy(self.point.curve), tangent=-self.point.direction)
-        return replace(self, point=back, side=-self.side)
-
 
 @np.errstate(**QUIET)
-def start_on_curve(
+def starts_on_curve(
     problem: Problem,
     free: str,
     within: Within | None,
     towards: str,
     along: ArrayLike | None,
     tolerance: float,
-) -> StartOnCurve:
-    """A start moved onto its curve, in the direction that was asked for."""
+) -> list[StartOnCurve]:
+    """A start moved onto its curve, in the direction that was asked for; for 'both' downwards, and
+    then upwards."""
     if along is None:
-        one_of("towards", towards, ("up", "down"))
         curve, residual = corrected_start(problem, free, tolerance)
         bounds = bounds_of(curve, within)
         tangent, side = first_tangent(curve, bounds)
-        if towards == "down":
+        if towards != "up":
             tangent, side = -tangent, -side
     else:
         curve, residual, tangent = directed_start(problem, free, along)
@@ -86,7 +80,11 @@ def start_on_curve(
     off = curve.length(curve.start - Curve(problem, curve.free).start)
     detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
-    return StartOnCurve(point, side, bounds, along is not None)
+    first = StartOnCurve(point, side, bounds, along is not None)
+    if towards != "both" or first.directed:
+        return [first]
+    back = replace(point, curve=copy(curve), tangent=-tangent)  # on a curve that learns by itself
+    return [first, replace(first, point=back, side=-side)]
 
 
 def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
@@ -97,22 +95,21 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     found at the same parameter, the nearest one with another value of it is.
     """
     curve = Curve(problem, (free,))
-    bounds_of(curve, None)  # outside of the domain there is nothing to solve
-    curve.check()
-    value = curve.equations(curve.start)
+    domain = bounds_of(curve, None)  # outside of it there is nothing to solve
+    value = curve.check()
     if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
         return curve, float(abs(value).max())
     try:
         problem, solution = problem.solve(tolerance=tolerance)
     except NotConverged:
-        nearest = _nearest(curve, tolerance)
+        nearest = _nearest(curve, domain, tolerance)
         if nearest is None:
             raise
         return nearest
     return Curve(problem, (free,)), solution.residual
 
 
-def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
+def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[Curve, float] | None:
     """The curve started at a solution near by, by the least correction in unknowns and parameter:
     just beyond a fold there is none at the same parameter."""
     try:
@@ -120,14 +117,13 @@ def _nearest(curve: Curve, tolerance: float) -> tuple[Curve, float] | None:
         if z is None:
             return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
-        tangent, _ = tangent_at(curve, z, np.eye(1, z.size, z.size - 1)[0])
+        tangent, _ = curve.tangent_at(z, np.eye(1, z.size, z.size - 1)[0])
         solution = curve.newton(z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
     off = curve.length(solution.z - curve.start)
-    domain = ((_size(moved[name]), *bounds) for name, bounds in curve.problem.domain.items())
-    inside = all(low <= value <= high for value, low, high in domain)
+    inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
     if not solution.converged or not inside or off > _REACH * (1 + curve.length(curve.start)):
         return None
     return Curve(moved.problem, curve.free), solution.residual
@@ -186,19 +182,19 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
                 return closest_tangent(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
-    tangent, side = tangent_at(curve, z, along)
+    tangent, side = curve.tangent_at(z, along)
     if abs(tangent[-1]) > _STEEP:
         return tangent, side
     level = abs(tangent[-1]) <= LEVEL
     # across the parameter that determinant is the less certain the less it changes
-    return tangent_at(curve, z, _inward(curve, bounds, tangent) if level else tangent)
+    return curve.tangent_at(z, _inward(curve, bounds, tangent) if level else tangent)
 
 
 def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     """A tangent turned away from the first bound that the curve starts at and does not go along."""
     for bound in bounds:
         for side, end, off in bound.ends:
-            slope = side * bound.slope(curve.start, tangent)
+            slope = side * float(bound.row(curve.start) @ tangent)
             if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
                 return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
@@ -232,11 +228,6 @@ class Bound:
         row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
         return row
 
-    def slope(self, z: Array, tangent: Array) -> float:
-        """The derivative of the value along a tangent."""
-        along = tangent[self.slot]
-        return float(along if isinstance(self.slot, int) else along @ z[self.slot] / self.value(z))
-
     def with_value(self, z: Array, value: float) -> Array:
         """z with exactly this value."""
         z = z.copy()
@@ -245,10 +236,6 @@ class Bound:
         else:
             z[self.slot] *= value / self.value(z)
         return z
-
-
-def _size(value: ArrayLike) -> float:
-    return float(np.linalg.norm(value)) if np.ndim(value) else float(value)  # type: ignore[arg-type]
 
 
 def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
@@ -266,7 +253,8 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
         low, high = wanted.get(name, (-math.inf, math.inf))
         domain = domains.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
-        value = problem.start.get(name, problem.params.get(name))
+        value: Any = problem.start.get(name, problem.params.get(name))
+        size = float(np.linalg.norm(value)) if np.ndim(value) else float(value)
         if not low < high:
             raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
         what = f"|{name}|" if np.ndim(value) else name
@@ -275,8 +263,8 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
                 f"{name!r} is an array: its window is one of its norm, which is never negative; "
                 f"got ({low:g}, {high:g})"
             )
-        if not low <= _size(value) <= high:
-            raise BadInput(f"the start has {what}={_size(value):g}, outside ({low:g}, {high:g})")
+        if not low <= size <= high:
+            raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if name in curve.slots:
             bounds.append(Bound(name, curve.slots[name], low, high))
     return bounds

@@ -6,7 +6,6 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -14,8 +13,8 @@ from .. import kernels
 from . import step as rules
 from .branch import Stop
 from .branch_points import crossing
-from .curve import Curve
-from .interpolant import LEVEL, StepInterpolant, tangent_at
+from .curve import LEVEL, Curve
+from .interpolant import StepInterpolant
 from .newton import Array, Solution, Undefined, correction, length
 from .point import Point
 from .points import Points
@@ -69,6 +68,8 @@ class Stepper:
     ----------
     size, side, bend
         To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
+    rules
+        What many steps in one call go by; None where there are none.
     points, used
         Steps that were taken ahead, and how many of them were looked at.
     """
@@ -82,6 +83,10 @@ class Stepper:
         self.longest, self.tiny = 0.0, 0
         self.points: Sequence[Point] = ()
         self.used = 0
+        able = self.curve.compiled is not None
+        able = able and all(isinstance(bound.slot, int) for bound in self.bounds)
+        # at the level of debugging each step has a line of its own
+        self.rules = self._rules() if able and not LOG.isEnabledFor(logging.DEBUG) else None
 
     # --- many at once ---
 
@@ -89,14 +94,13 @@ class Stepper:
         """Take steps ahead, as many as come off, where all that were are looked at."""
         if self.used < len(self.points):
             return
-        self.points, self.used, rules, compiled = (), 0, self._rules, self.curve.compiled
-        # at this level each step has a line of its own
-        if rules is None or compiled is None or LOG.isEnabledFor(logging.DEBUG):
+        self.points, self.used, compiled = (), 0, self.curve.compiled
+        if self.rules is None or compiled is None:
             return
         state = np.array([point.arclength, self.size, self.side, self.longest])
-        rows = compiled.steps(rules, (point.z, point.direction, self.bend), state, most)
+        rows = compiled.steps(self.rules, (point.z, point.direction, self.bend), state, most)
         if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
-            self._rules = None
+            self.rules = None
             return
         _, self.size, side, longest = state.tolist()
         self.bend = compiled.here.bend.copy()
@@ -115,12 +119,8 @@ class Stepper:
         off = abs(slopes @ tangent)
         return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
 
-    @cached_property
-    def _rules(self) -> Rules | None:
-        """What many steps in one call go by; None where there are none."""
+    def _rules(self) -> Rules:
         curve, steps = self.curve, self.steps
-        if curve.compiled is None or not all(isinstance(b.slot, int) for b in self.bounds):
-            return None
         low = np.array([bound.low for bound in self.bounds])
         high = np.array([bound.high for bound in self.bounds])
         for i, bound in enumerate(self.bounds):
@@ -200,17 +200,20 @@ class Stepper:
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
-        # z + s t + s^2/2 dt/ds
+        # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * bend
         guess, landing = self._within(point.z, predicted, LEVEL * size)
+        # correct
         if landing is None:
             row = curve.metric * point.direction
-            near = curve.chord(point.z, guess, row, self.steps.tolerance)
+            rough, tolerance = curve.problem.roughly is not None, self.steps.tolerance
+            near = curve.chord(point.z, guess, row, tolerance) if rough else None
             solution = near or self.correct(guess, row)
             along = _ALONG * (1 + curve.length(point.z))
             z, landing = self._within(point.z, solution.z, along)
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
+        # examine: one smooth piece of curve, without a branch point that is not known
         here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
         end = _EXAMINED(curve, here, size, z)
         if end.status != TAKEN:
@@ -230,6 +233,7 @@ class Stepper:
             "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
             end.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
+        # adapt
         factor = next_size(solution.iterations, end.turn, self.steps.growth)
         stop = None if landing is None else Stop.BOUND
         return Step(last, size * factor, end.side, branch_point, stop)
@@ -295,7 +299,7 @@ class Stepper:
         # from 1/64 of the step on the system of a branch point is solved
         for _ in range(6):
             middle = 0.5 * (low + high)
-            _, side = tangent_at(self.curve, *segment.guess(middle))
+            _, side = self.curve.tangent_at(*segment.guess(middle))
             low, high = (middle, high) if side == before else (low, middle)
         try:
             branch_point = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
@@ -307,12 +311,15 @@ class Stepper:
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
-            first, then = bound.slope(point.z, point.direction), bound.slope(last.z, last.direction)
+            first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
             if not first * then < 0:
                 continue
+            start, size = bound.value(point.z), float(np.max(self.curve.metric[bound.slot])) ** -0.5
+            if bound.low < start - size * length and start + size * length < bound.high:
+                continue  # out of reach
             # from the first value the cubic rises by d0 u + (3 rise - 2 d0 - d1) u^2
             # + (d0 + d1 - 2 rise) u^3, with extrema where the derivative of that is zero
-            d0, d1, rise = length * first, length * then, bound.value(last.z) - bound.value(point.z)
+            d0, d1, rise = length * first, length * then, bound.value(last.z) - start
             extrema = np.roots([3 * (d0 + d1 - 2 * rise), 2 * (3 * rise - 2 * d0 - d1), d0]).real
             u = float(extrema[np.argmin(abs(extrema - 0.5))])
             value = bound.value(StepInterpolant(point, last, self.steps.tolerance).at(u).z)
@@ -327,7 +334,7 @@ class Stepper:
 
 
 def _tangent_at(curve: Curve, along: Array, z: Array, out: Array) -> int:
-    out[:], side = tangent_at(curve, z, along)
+    out[:], side = curve.tangent_at(z, along)
     return side
 
 

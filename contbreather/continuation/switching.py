@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import kind_of
-from ..errors import BadInput, NotConverged, add_partial_result, partial_result
+from ..errors import BadInput, NotConverged, add_partial_result
 from ..progress import Counter
 from .branch import Branch, Branches, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
@@ -260,7 +260,7 @@ def switch(
         )
     listed = all_of(events)
     arms: list[Branch] = []
-    with checkpoint(save, "arm") as kept, partial_result(lambda: tuple(arms) or None):
+    with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
         inner = Inner(kept, lambda arm: (*arms, arm))
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import one_of
-from ..errors import BadInput, partial_result
-from ..progress import Counter, line_of
+from ..errors import BadInput
+from ..progress import Counter
 from .branch import Branch, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
@@ -30,7 +30,7 @@ from .points import Points
 from .problem import Problem, problem_in
 from .samples import Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .starts import QUIET, StartOnCurve, start_on_curve
+from .starts import QUIET, StartOnCurve, starts_on_curve
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
@@ -139,24 +139,22 @@ def trace(
         start = start.base_point
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
-    sides = ("down", "up") if towards == "both" and along is None else (towards,)
     walks: list[ContinuationIterator] = []
 
     def so_far() -> Branch | None:
         branch = _so_far(walks)
         return branch and replace(branch, settings=settings, origin=origin)
 
-    line = line_of(progress, partial(Counter, free=free))
-    with checkpoint(save, "branch") as kept, line as shown, partial_result(so_far):
+    with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
         finer: Finer | None = start, along
         while finer is not None:
             start, along = finer
             walks.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
-            first = start_on_curve(problem, free, within, sides[0], along, steps.tolerance)
-            first.point.curve.asked = events
             look = partial(start.finer, along=along)
-            ways = [first, first.turned()] if len(sides) == 2 else [first]
+            ways = starts_on_curve(problem, free, within, towards, along, steps.tolerance)
+            for way in ways:
+                way.point.curve.asked = events
             for one_way in [ContinuationIterator(way, wanted, steps) for way in ways]:
                 walks.append(one_way)
                 finer = one_way.follow(shown, kept, so_far, look)
@@ -207,11 +205,12 @@ def iterate(
     >>> [round(point["mu"], 3) for point in itertools.islice(iterate(line, "mu"), 2)]
     [0.0, 0.007]
     """
+    one_of("towards", towards, ("up", "down"))
     problem, wanted = active_events(
         having(problem_in(start), free), events, inadmissible=inadmissible
     )
     chosen = steps_of(steps)
-    way = start_on_curve(problem, free, within, towards, along, chosen.tolerance)
+    (way,) = starts_on_curve(problem, free, within, towards, along, chosen.tolerance)
     return ContinuationIterator(way, wanted, chosen).run()
 
 
@@ -257,10 +256,12 @@ class ContinuationIterator:
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
             kept.look(isinstance(piece, list) and any(map(attrgetter("kind"), piece)), so_far)
+            if not unresolved(piece[-1]):
+                continue
             finer = look(piece[-1])
             if finer is not None:
                 return finer
-            if not self.unresolved and unresolved(piece[-1]):
+            if not self.unresolved:
                 first = next(filter(unresolved, piece))
                 why = {"reason": unresolved(first)}
                 self.unresolved = (replace(first, kind="MX", located=False, detail=why),)
@@ -280,24 +281,24 @@ class ContinuationIterator:
 
     def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
-        end = End(Stop.MOST)
-        while self.count < self.steps.most:
+        stop: Stop | None = None
+        reason, limit = "", None
+        while stop is None and self.count < self.steps.most:
             try:
                 with np.errstate(**QUIET):
                     # predict:  z + s t + s^2/2 dt/ds
                     #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
                     # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
                     # adapt:    s so that the tangent turns by 0.15, in 4 iterations
-                    self.stepper.fill(self.point, self.steps.most - self.count)
                     # test: what no event has a candidate on is recorded as it is
-                    clear = self._without_candidates()
+                    clear = self._without_candidates() if self.stepper.rules else ()
                     if not clear:
                         # or one step more: at an edge, a branch point, the start
                         step = self.stepper.next(self.point, self.count)
                         # locate
                         line, stop = self._line_up(step)
             except StepFailed as failed:
-                end = End(failed.stop, failed.reason)
+                stop, reason = failed.stop, failed.reason
                 break
             # record
             if clear:
@@ -305,27 +306,28 @@ class ContinuationIterator:
                 limit = self.growth.end(points.z, points.tangent)
                 yield points[: limit[0] + 1] if limit else points
             else:
+                self.point, self.count = line[-1] if stop else step.point, self.count + 1
                 yield line
-                if stop is not None:
-                    self.end = End(stop, self._edge(line[-1], stop), tuple(self.doubtful))
-                    return
-                self.point, self.count = step.point, self.count + 1
-                limit = self.growth.end(self.point.z[None], self.point.direction[None])
+                if stop is None:
+                    limit = self.growth.end(self.point.z[None], self.point.direction[None])
             if limit:
-                self.end = End(Stop.INFINITY, limit[1], tuple(self.doubtful))
-                return
-        reason = end.reason or self._edge(self.point, end.stop)
+                stop, reason = Stop.INFINITY, limit[1]
+        stop = stop or Stop.MOST
+        reason = reason or self._edge(self.point, stop)
         if self.count == 0:
-            if self.way.directed and end.stop is Stop.NO_CONVERGENCE:
+            if self.way.directed and stop is Stop.NO_CONVERGENCE:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
-        self.end = End(end.stop, reason, tuple(self.doubtful))
+        self.end = End(stop, reason, tuple(self.doubtful))
 
     # --- test ---
 
     def _without_candidates(self) -> Sequence[Point]:
-        """The next steps of the buffer, as far as no event has anything to look for on them."""
-        buffer, start = self.stepper, self.stepper.used
+        """The next of the steps that are taken many at once, as far as no event has anything to
+        look for on them."""
+        buffer = self.stepper
+        buffer.fill(self.point, self.steps.most - self.count)
+        start = buffer.used
         most = min(start + _TOGETHER, len(buffer.points))
         if self.count and not self.events and buffer.points:
             buffer.used, self.point = len(buffer.points), buffer.points[-1]

@@ -42,14 +42,13 @@ class Counted(Counter):
     """Points of a walk, counted for `say`; a stop ends the walk."""
 
     def __init__(self, say: Say, stop: threading.Event) -> None:
-        super().__init__(True, "")
+        super().__init__(True)
         self.say, self.stop, self.after = say, stop, 0.0
 
     def advance(self, point: Point, count: int = 1) -> None:
         """Count points, or stop the walk."""
         if self.stop.is_set():
             raise KeyboardInterrupt
-        self.free = point.curve.free[0]
         super().advance(point, count)
 
     def show(self, text: str, done: int | None = None) -> None:

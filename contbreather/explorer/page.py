@@ -19,7 +19,6 @@ import panel as pn
 from bokeh.models.ui import UIElement
 from panel.io.notebook import block_comm, patch_inline_stylesheets
 
-from contbreather.display import in_notebook
 from contbreather.errors import ContbreatherError
 from contbreather.explorer.forms import (
     ErrorLabel,
@@ -58,6 +57,7 @@ from contbreather.explorer.views import (
 )
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import NUMBERS
+from contbreather.progress import in_notebook
 
 # Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
 # at first. Beyond an amplitude of 1 there is nothing.

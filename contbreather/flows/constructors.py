@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import check_kind, number, numbers, shown
+from ..continuation.curve import Curve
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
@@ -432,7 +433,7 @@ def _refuse_family(problem: Problem | None, error: Exception) -> None:
     if problem is None:
         return
     with suppress(Undefined):
-        orbit, left = cycle_of(problem), problem.evaluate(problem.x, problem.params)
+        orbit, left = cycle_of(problem), Curve(problem, ()).equations(problem.x)
         solved = float(abs(left).max()) <= _ALMOST * problem.scales["orbit"]
         if solved and abs(orbit.others - 1).min(initial=math.inf) <= _ALMOST:
             second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..continuation.curve import Curve
 from ..continuation.equilibria import branch_point, fold, hopf, unstable
-from ..continuation.interpolant import tangent_at
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
@@ -119,7 +118,7 @@ class _Born(SwitchingProblem):
         outwards = np.zeros(curve.start.size)
         orbit = curve.start[curve.slots["orbit"]].reshape(self.problem.start["mesh"].size, -1)
         outwards[: orbit.size] = (orbit - orbit.mean(axis=0)).ravel()
-        return tangent_at(curve, curve.start, outwards)[0], None
+        return curve.tangent_at(curve.start, outwards)[0], None
 
 
 def _born(point: Point) -> SwitchingProblem:

@@ -251,8 +251,8 @@ class CycleProblem(Problem):
         )
 
     def finer(self, point: Point, along: Any) -> tuple[Problem, Any] | None:
-        """Twice as many intervals where the mesh is too coarse at a point."""
-        if not self.unresolved(point) or len(self.start["mesh"]) > _MOST_INTERVALS:
+        """Twice as many intervals, up to as many as are still made finer."""
+        if len(self.start["mesh"]) > _MOST_INTERVALS:
             return None
         if along is None:
             return self.halved(), None

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.interpolant import tangent_at
 from contbreather.continuation.newton import OUT_OF_DOMAIN, Undefined
 from contbreather.continuation.normal_forms import solve
 from contbreather.continuation.point import Point
@@ -96,7 +95,7 @@ def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:
     """
     curve = Curve(orbit.problem.having(free), (free,))
     upwards = np.eye(1, curve.start.size, curve.size)[0]
-    along, _ = tangent_at(curve, curve.start, upwards)
+    along, _ = curve.tangent_at(curve.start, upwards)
     return _form(Point(curve, curve.start, along))
 
 

@@ -22,7 +22,6 @@ from contbreather.continuation.boundary import boundary
 from contbreather.continuation.branch import Branch, refined
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.interpolant import tangent_at
 from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.point import CodimensionTwo, Event, Point
 from contbreather.continuation.points import Points
@@ -462,7 +461,7 @@ def _special(curve: Curve, event: Event, z: Array) -> Point | None:
     """An event as a point of a walk to larger amplitudes, once it has been verified."""
     try:
         # a rises against phi
-        tangent, _ = tangent_at(curve, z, (_at(curve, z[1:2] - AHEAD) - z)[0])
+        tangent, _ = curve.tangent_at(z, (_at(curve, z[1:2] - AHEAD) - z)[0])
         point = Point(curve, z, tangent, kind=event.kind, event=event)
         detail: Mapping[str, Any] = event.locus(point).extra if event.locus else {}
         point = replace(point, residual=float(abs(curve.equations(z)).max()), detail=detail)

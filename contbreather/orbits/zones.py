@@ -10,7 +10,7 @@ import numpy as np
 from contbreather.checks import flag
 from contbreather.continuation.checkpoint import Inner, Save, checkpoint
 from contbreather.continuation.settings import windows
-from contbreather.errors import BadInput, add_partial_result, partial_result
+from contbreather.errors import BadInput, add_partial_result
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import Conditions, Walls
@@ -21,7 +21,7 @@ from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zone_search import Search
 from contbreather.parameters import parameter
-from contbreather.progress import Counter, line_of
+from contbreather.progress import Counter
 from contbreather.stability.verdict import threshold_on
 
 
@@ -150,12 +150,7 @@ def zones(
     model["forcing"] = forcing_of(forcing)
     modulus = threshold_on(model["lattice"], threshold)
     search = Search(name, value, model, windows(within), modulus, past_folds)
-    line = line_of(progress, lambda shown: Counter(shown, search.pair[0]))
-    with (
-        checkpoint(save, "zones") as search.kept,
-        line as shown,
-        partial_result(search.so_far),
-    ):
+    with checkpoint(save, "zones", search.so_far) as search.kept, Counter(progress) as shown:
         search.run(shown)
         search.kept.finish(search.zones())
     return search.zones()
@@ -214,8 +209,7 @@ def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, 
         raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []
     with (
-        checkpoint(save, "zones") as kept,
-        partial_result(lambda: tuple(done) or None),
+        checkpoint(save, "zones", lambda: tuple(done) or None) as kept,
         add_partial_result(done.append),
     ):
         for value in values:

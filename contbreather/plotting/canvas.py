@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather.checks import kind_of, number, one_of, whole
-from contbreather.display import in_notebook
 from contbreather.errors import BadInput
 from contbreather.files import writable, write_whole
+from contbreather.progress import in_notebook
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -25,7 +25,7 @@ from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
-from contbreather.progress import Bar, line_of
+from contbreather.progress import Bar
 from contbreather.signals import deferred
 from contbreather.simulation.event_loop import (
     ASTRAY,
@@ -167,7 +167,7 @@ def in_chunks(
     Times of events are counted from t0. Where chunks are cut has no influence on anything.
     """
     count, done = min(4, integrator.most_periods), 0
-    with line_of(progress, lambda shown: Bar(shown, periods)) as bar:
+    with Bar(progress, periods) as bar:
         while done < periods:
             began = time.perf_counter()
             chunk = integrator.advance(min(count, periods - done), first + done)

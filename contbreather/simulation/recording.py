@@ -37,7 +37,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
 from contbreather.parameters import NAMES
-from contbreather.progress import Bar, line_of
+from contbreather.progress import Bar
 from contbreather.simulation.integrator import (
     IMPACT,
     Chunk,
@@ -239,7 +239,7 @@ def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -
     began = time.monotonic()
     integrator = EventDriven(run.final, run.conditions, reduced(run.t0), run.sample)
     ahead = in_chunks(integrator, periods=count - done, first=done, progress=False)
-    with line_of(progress, lambda shown: Bar(shown, count)) as bar:
+    with Bar(progress, count) as bar:
         try:
             for stretch in ahead:
                 pending.append(stretch)

@@ -51,17 +51,6 @@ def serialised(
     return enter
 
 
-def check_serialised(content: Any) -> None:
-    """Refuse what `from_dict` could not read, where it is given and not when it is loaded."""
-    if content is not None and not (
-        isinstance(content, Mapping) and isinstance(content.get("kind"), str)
-    ):
-        raise BadInput(
-            f"serialised = {content!r}: a dict with a 'kind' and the values that its reader takes "
-            "was expected."
-        )
-
-
 def later(imports: Callable[[], object]) -> None:
     """What to call, an import, before anything is unknown: it enters more kinds."""
     _LATER.append(imports)

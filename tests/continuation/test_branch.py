@@ -203,7 +203,7 @@ def test_columns_are_asked_for_once_unless_they_raise() -> None:
     assert (branch.columns()["height"] == expected).all()
     assert (branch[1:]["height"] == expected[1:]).all()
     assert len(asked) == count
-    assert "_columns" not in branch.points.__getstate__()
+    assert not branch.points.__getstate__()["_columns"]
 
 
 def test_arrays_and_complex_records_do_not_spoil_the_table() -> None:
@@ -391,7 +391,7 @@ def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     monkeypatch.setattr(progress, "INTERVAL", 0.0)
     branch = trace_case(CUSP)
-    with progress.Counter(True, "h") as shown:
+    with progress.Counter(True) as shown:
         for count, point in enumerate(branch[:3], start=1):
             shown.advance(point)
             assert str(shown.line.line.status).startswith(f"{count} points, h = {point['h']:.6g}")

@@ -152,7 +152,7 @@ def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
         (replace(thin, sparsity=np.eye(500)), False),
     ):
         branch = cb.trace(problem, "mu", towards="up", events=(), steps=cb.Steps(most=1))
-        shown = Counter(None, "mu")
+        shown = Counter(None)
         shown.wanted, shown.after, shown.line = True, 0.0, Words()
         shown.advance(branch[1])
         assert (hint in repr(branch), hint in shown.line.said) == (wanted, wanted)

@@ -88,6 +88,21 @@ def test_residuals_and_derivatives_of_a_walk_are_a_few_for_each_point() -> None:
     assert with_events["residual"] / len(branch) <= plain + 9.5
 
 
+def test_a_window_that_no_step_reaches_costs_nothing() -> None:
+    asked = []
+    for within in (None, {"mu": (-9.0, 9.0)}):
+        calls: Counter[str] = Counter()
+
+        def circle(x: Array, p: Mapping[str, float], calls: Counter[str] = calls) -> Any:
+            calls["residual"] += 1
+            return x[0] ** 2 + p["mu"] ** 2 - 1.0
+
+        # at both folds the parameter turns round
+        cb.trace(cb.Problem(circle, {"x": 1.0}, {"mu": 0.0}), "mu", within=within, events=())
+        asked.append(calls["residual"])
+    assert asked[0] == asked[1]
+
+
 def test_a_gentle_curve_takes_few_steps() -> None:
     calls: Counter[str] = Counter()
     for largest in (0.05, 0.2):

@@ -367,8 +367,9 @@ def test_whole_period_sees_the_pitchfork_as_a_branch_point() -> None:
 def test_branch_that_is_left_is_tangent_to_its_lift() -> None:
     for point in (symmetric_branch().first("PF"), arm(1, 0.0).first("PD")):
         for seed in seeds_at(point):
-            matrix = Curve(seed.problem, ("a",)).jacobian(seed.z)
-            assert abs(seed.problem.evaluate(seed.z[:-1], {**seed.problem.params})).max() < 1e-12
+            curve = Curve(seed.problem, ("a",))
+            matrix = curve.jacobian(seed.z)
+            assert abs(curve.equations(seed.z)).max() < 1e-12
             assert seed.parent is not None
             assert matrix @ seed.parent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
             assert matrix @ seed.tangent == pytest.approx(np.zeros(len(matrix)), abs=1e-8)
