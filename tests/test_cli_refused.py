@@ -216,6 +216,7 @@ atlas >> values of exactly one of k, gamma, a
 atlas --k 0.8 --save nowhere/a.nc >> there is no directory
 atlas --k 0.8 --workers 0 >> --workers: 0: at least one process was
 atlas --k 0.8 --save a.csv >> a netCDF-4 file, call it a\.nc
+atlas --k 0.8 --save a.npz >> a netCDF-4 file, call it a\.nc
 atlas --k 0.1:0.9:1000000000
     >> --k: 1000000000 values from 0\.1 to 0\.9: a whole number from 1 to 100000 was
 atlas --k 0.8 --over c=0:1:100000000000 >> --over c: 100000000000 values .* 1 to 100000

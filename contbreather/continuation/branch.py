@@ -27,6 +27,7 @@ from .problem import Problem
 from .settings import Settings
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
+_ASKED = {"LP": "cb.fold()", "BP": "cb.branch_point()", "HB": "cb.hopf()"}
 
 
 class Stop(enum.Enum):
@@ -196,7 +197,14 @@ class Branch(Columns, HtmlRepr):
         for point in self.special:
             if kind in (point.kind, point.label):
                 return point
-        raise BadInput(f"no {kind!r} on this branch; it has {[p.label for p in self.special]}")
+        there = f"no {kind!r} on this branch; it has {[p.label for p in self.special]}"
+        asked = self.settings.events if self.settings else None
+        looked = {event.kind for event in (self.problem.events if asked is None else asked)}
+        wanted = kind.rstrip("0123456789")
+        # breathers, maps and cycles come with their events, a problem of one's own without
+        if wanted in _ASKED and wanted not in looked and type(self.problem) is Problem:
+            there += f"; it is looked for with events=[{_ASKED[wanted]}]"
+        raise BadInput(there)
 
     def join(self, other: Branch) -> Branch:
         """This branch followed by another that starts where this one ends, relabelled."""

@@ -8,19 +8,14 @@ at first.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
-
 from contbreather.checks import check_kind
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.point import Event, Examined, Point
+from contbreather.continuation.point import Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
 
-EQUAL = 1e-5  # flights that differ by less, where a branch point is located, are equal
-ALONG = 1e-3  # by how much they change along an arm there, and not along symmetric orbits
 SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
 
 
@@ -78,21 +73,6 @@ def lift(point: Point) -> OrbitSwitching:
             residual=off,
         )
     return switching
-
-
-def from_arms(event: Event) -> Event:
-    """BP of the whole period, which is PF where an arm comes to the symmetric orbit it left."""
-    return replace(event, examine=partial(_examine_crossing, event))
-
-
-def _examine_crossing(event: Event, point: Point) -> Examined:
-    why, orbit = event.examine(point) if event.examine else "", point.solution
-    if why or point.tangent is None or not orbit.section.mirrored:
-        return why
-    # unknowns begin with the times; along symmetric orbits those of both halves move alike
-    first, second = point.tangent[: orbit.section.count].reshape(2, -1)
-    leaves = abs(second - first).max() > ALONG and abs(orbit.asymmetry) < EQUAL
-    return {"kind": "PF"} if leaves else ""
 
 
 def _orbit_at(point: Point) -> Orbit:

@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,18 @@ from contbreather.lattice.conditions import SpringResponse, spring_response
 from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closure_kernels as kernels
-from contbreather.orbits.closure import Closure
+from contbreather.orbits.closure import (
+    Closure,
+    ClosureTerms,
+    driven,
+    fold_derivative,
+    fold_scalar,
+    pitchfork_derivative,
+    pitchfork_scalar,
+    saltation_derivative,
+    terms_at,
+    terms_derivative,
+)
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
@@ -74,8 +84,6 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
-        jacobian=closure.jacobian,
-        sensitivity=closure.sensitivity,
         events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=domain,
@@ -94,6 +102,9 @@ class SymmetricProblem(OrbitProblem):
     def serialised(self) -> Mapping[str, Any]:
         form = {"forcing": self.closure.forcing, "lattice": self.closure.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
+
+    def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
+        return self.closure.derivatives(x, params, free)
 
     def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
         """The equations with these parameters free, as functions that can be compiled; None with
@@ -115,13 +126,13 @@ class SymmetricProblem(OrbitProblem):
         freed = [float(entry) for name in free for entry in places[name]]
         values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
         gamma = values[1]
-        means = on.chi(gamma), on.dchi(gamma), on.sigma(gamma), on.dsigma(gamma)
+        means = [of(gamma) for of in (on.chi, on.dchi, on.sigma, on.dsigma, on.eta, on.deta)]
         flat = [entry for harmonic in f.harmonics for entry in harmonic]
         # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
         head = [len(free), *freed, *(4 - 2 * len(free)) * [0.0], *values, *means, *4 * [0.0]]
         head += [len(f.harmonics), kernels.FIRST + len(flat), 0]
-        data = tuple(map(float, [*head, *flat, *on.expansion("chi"), *on.expansion("sigma")]))
-        return Loops(kernels.closure, kernels.closure_slopes, data)
+        data = [*head, *flat, *(x for mean in ("chi", "sigma", "eta") for x in on.expansion(mean))]
+        return Loops(kernels.closure, kernels.closure_slopes, tuple(map(float, data)))
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""
@@ -145,7 +156,7 @@ def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> D
     breather: SymmetricBreather = point.solution.representation
     if nu is not None:
         endless = of.map(point.solution).lattice.sites is None
-        loops = partial(_with_pair, breather.lattice) if endless else None
+        loops = _with_pair if endless else None
         slopes = partial(_circle_slopes, of)
         return DefiningSystem({"nu": nu}, of.conditions, slopes, loops=loops, **more)
     if of.nu == 0.0 and "spring" in point.curve.free:
@@ -167,104 +178,70 @@ def _names(curve: Curve) -> tuple[str, ...]:
     return (*curve.problem.start, *curve.free)
 
 
-def _driven(breather: SymmetricBreather, order: int, name: str, t: float) -> float:
-    """Derivative of ``a f^(order)(t)`` at a fixed time."""
-    f = breather.forcing
-    if name == "a":
-        return float((f.f, f.df, f.d2f)[order](t))
-    return breather.a * f.f_param(name, t, order) if name in f.params else 0.0
-
-
-def _drive_slope(breather: SymmetricBreather, order: int, name: str) -> float:
-    """Derivative of ``a f^(order)(phi)``."""
-    f = breather.forcing
-    if name == "phi":
-        return breather.a * (f.df, f.d2f, f.d3f)[order](breather.phi)
-    return _driven(breather, order, name, breather.phi)
-
-
-def _mean_slope(breather: SymmetricBreather, mean: str, name: str) -> float:
-    """Derivative of `chi`, `eta` or `sigma`."""
-    lattice: Any = breather.lattice
-    if name == "spring":
-        return float(lattice.by_spring(breather.gamma, mean))
-    return float(getattr(lattice, f"d{mean}")(breather.gamma)) if name == "gamma" else 0.0
-
-
-def _q_slope(breather: SymmetricBreather, name: str) -> float:
-    # q = (1 - k)/(1 + k)
-    return -2.0 / (1.0 + breather.k) ** 2 if name == "k" else 0.0
-
-
 # --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
 
 
 class Scalar(NamedTuple):
-    """What vanishes where a multiplier is 1 or -1, and its slope by any name."""
+    """What vanishes where a multiplier is 1 or -1, a formula over the terms of (11)."""
 
-    value: Callable[[SymmetricBreather], float]
-    slope: Callable[[SymmetricBreather, str], float]
+    value: Callable[[ClosureTerms], Any]
+    derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
+    terms: Callable[[SymmetricBreather], ClosureTerms]
+    terms_in: Callable[[SymmetricBreather, ClosureTerms, str], ClosureTerms]
     evaluate: Any  # both in compiled steps, beside (11)
     derive: Any
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([self.value(_breather(curve, z))])
+        return np.array([self.value(self.terms(_breather(curve, z)))])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         breather = _breather(curve, z)
-        return np.array([[self.slope(breather, name) for name in _names(curve)]])
+        t = self.terms(breather)
+        row = [self.derivative_in(t, self.terms_in(breather, t, name)) for name in _names(curve)]
+        return np.array([row])
 
     def loops(self, closure: Loops, n: int) -> Loops:
         return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
-def _fold_slope(breather: SymmetricBreather, name: str) -> float:
-    """Of the determinant of (11)."""
-    a, f, phi = breather.a, breather.forcing, breather.phi
-    driven = breather.chi * _drive_slope(breather, 2, name)
-    driven += breather.q * _drive_slope(breather, 1, name)
-    by_chi, by_q = _mean_slope(breather, "chi", name), _q_slope(breather, name)
-    return driven + a * (by_chi * f.d2f(phi) + by_q * f.df(phi))
-
-
-def _pitchfork(breather: SymmetricBreather, edge: float | None = None) -> float:
-    """2p/c^2 times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma. Springs,
-    with which it has none, add ``2 d^2/tau``."""
-    forced = breather.a * breather.forcing.d2f(breather.phi)
-    return forced - 2.0 * breather.p * _turning(breather, edge)
-
-
-def _turning(breather: SymmetricBreather, edge: float | None = None) -> float:
+def _turning(breather: SymmetricBreather, edge: float | None = None) -> ClosureTerms:
+    """Those of the pitchfork."""
     lattice: Any = breather.lattice
-    sigma = lattice.sigma(breather.gamma)
+    terms = terms_at(breather, "sigma")
     if edge is None and not lattice.spring:
-        return sigma
+        return terms
     # for one harmonic this is 1/p = chi - 2 sigma - q^2/tau, tau = <cot(pi w/2)/w>
-    return sigma + 0.5 * breather.q**2 / lattice.tau(breather.gamma, edge)
+    held = 0.5 * breather.q**2 / lattice.tau(breather.gamma, edge)
+    return terms._replace(mean=terms.mean + held)
 
 
-def _pitchfork_slope(breather: SymmetricBreather, name: str) -> float:
-    if name == "p":
-        return -2.0 * _turning(breather)
+def _turning_derivative(breather: SymmetricBreather, t: ClosureTerms, name: str) -> ClosureTerms:
     lattice: Any = breather.lattice
-    turning = _mean_slope(breather, "sigma", name)
-    if lattice.spring:
-        gamma, q = breather.gamma, breather.q
-        tau = lattice.tau(gamma)
-        by_tau = lattice.dtau(gamma) if name == "gamma" else 0.0
-        # the derivative of q^2/(2 tau)
-        turning += q / tau * (_q_slope(breather, name) - 0.5 * q / tau * by_tau)
-    return _drive_slope(breather, 2, name) - 2.0 * breather.p * turning
+    slope = terms_derivative(breather, t, name, "sigma")
+    if not lattice.spring or name not in ("gamma", "k"):
+        return slope
+    gamma, q, by_q = breather.gamma, breather.q, -2.0 / (1.0 + breather.k) ** 2
+    tau = lattice.tau(gamma)
+    # the derivative of q^2/(2 tau)
+    held = q / tau * by_q if name == "k" else -0.5 * (q / tau) ** 2 * lattice.dtau(gamma)
+    return slope._replace(mean=slope.mean + held)
 
 
 def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     breather, edge = _breather(curve, z), float(extra[0])
+    scalar = pitchfork_scalar(_turning(breather, edge))
     # the square of the edge, for the root of the spring has no derivative at 0
-    return np.array([_pitchfork(breather, edge), edge * edge - breather.lattice.spring])
+    return np.array([scalar, edge * edge - breather.lattice.spring])
 
 
-FOLD = Scalar(attrgetter("determinant"), _fold_slope, kernels.fold, kernels.fold_slopes)
-PITCHFORK = Scalar(_pitchfork, _pitchfork_slope, kernels.pitchfork, kernels.pitchfork_slopes)
+FOLD = Scalar(
+    fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
+    partial(terms_derivative, mean="chi"), kernels.fold, kernels.fold_slopes,
+)  # fmt: skip
+PITCHFORK = Scalar(
+    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, kernels.pitchfork,
+    kernels.pitchfork_slopes,
+)  # fmt: skip
 
 
 # --- a pair on a circle -------------------------------------------------------------------------
@@ -275,32 +252,19 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     orbit = Point(curve, z).solution
     F = of.map(orbit).gradient(of.angle(extra), of.radius)
     direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": F.d_spring}
-    columns = [
-        F.d_b * _b_slope(orbit.representation, name) + direct.get(name, 0.0)
-        for name in _names(curve)
-    ]
+    t, columns = terms_at(orbit.representation, "eta"), []
+    for name in _names(curve):
+        by_b = saltation_derivative(t, terms_derivative(orbit.representation, t, name, "eta"))
+        columns.append(F.d_b * by_b + direct.get(name, 0.0))
     # F is complex: its real and its imaginary part are the two equations of a pair
     row = np.array([*columns, F.d_nu])
     return np.array([row.real, row.imag])
 
 
-def _b_slope(breather: SymmetricBreather, name: str) -> float:
-    """Derivative of the entry b of the saltation matrix (19), ``c^2/2 (a f''/p - eta)``."""
-    c, p = 1.0 + breather.k, breather.p
-    if name == "k":
-        # b goes with c^2, and neither p nor the acceleration depends on k by itself
-        return 2.0 * breather.b / c
-    if name == "p":
-        return -0.5 * c * c * breather.a * breather.forcing.d2f(breather.phi) / (p * p)
-    driven = _drive_slope(breather, 2, name) / p
-    return 0.5 * c * c * (driven - _mean_slope(breather, "eta", name))
-
-
-def _with_pair(lattice: UniformLattice, closure: Loops, n: int) -> Loops | None:
+def _with_pair(closure: Loops, n: int) -> Loops | None:
     """The closure with both equations of a pair."""
-    scratch = kernels.TABLE - kernels.ETA
-    # in the order of `closure_kernels`, from ETA to MEAN_OF_ETA
-    more = [*np.zeros(scratch), *arc_table(), *lattice.expansion("eta")]
+    # in the order of `closure_kernels`, from ARC to TABLE
+    more = [*np.zeros(kernels.TABLE - kernels.ARC), *arc_table()]
     return _lengthened(closure, kernels.pair, kernels.pair_slopes, more)
 
 
@@ -334,7 +298,7 @@ def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
         if name in ("gamma", "spring"):
             slope = flight_slope_of(*place, name).at(y)
             free = p * slope[0], p * slope[1]
-        rows.append([free[i] + _driven(breather, i, name, t) for i in range(2)])
+        rows.append(np.add(free, driven(breather, t, name)[:2]))
     return np.array(rows).T
 
 

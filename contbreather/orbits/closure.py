@@ -5,6 +5,9 @@ response at unit amplitude and ``q = (1 - k)/(1 + k)``
 
     ``p chi(gamma) + a f(phi) - 1 = 0``   (the impact is on the wall),
     ``a f'(phi) - p q = 0``               (the reset law).
+
+What vanishes at its fold and its pitchfork, and the entry b of its saltation, are made of the same
+`ClosureTerms`: formulas and their product rules stand once, for numbers, arrays and compiled steps.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +32,104 @@ from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
+
+
+class ClosureTerms(NamedTuple):
+    """What the equations of a breather are made of; or how that changes in some direction."""
+
+    p: Any = 0.0
+    k: Any = 0.0
+    mean: Any = 0.0  # over the modes: chi, for the pitchfork sigma, for the saltation eta
+    u: Any = 0.0  # a f, a f' and a f'' at phi
+    v: Any = 0.0
+    w: Any = 0.0
+
+
+def closure_equations(t: ClosureTerms) -> tuple[Any, Any]:
+    """Both equations (11)."""
+    return t.p * t.mean + t.u - 1.0, t.v - t.p * ((1.0 - t.k) / (1.0 + t.k))
+
+
+def closure_derivative(t: ClosureTerms, d: ClosureTerms) -> tuple[Any, Any]:
+    c, q = 1.0 + t.k, (1.0 - t.k) / (1.0 + t.k)
+    # dq/dk = -2/(1 + k)^2
+    return d.p * t.mean + t.p * d.mean + d.u, d.v - d.p * q + 2.0 * t.p * d.k / (c * c)
+
+
+def fold_scalar(t: ClosureTerms) -> Any:
+    """The determinant of (11) in p and phi with the sign changed: zero where half the map, QS, has
+    the multiplier -1, eq. (14)."""
+    return t.mean * t.w + (1.0 - t.k) / (1.0 + t.k) * t.v
+
+
+def fold_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
+    c, q = 1.0 + t.k, (1.0 - t.k) / (1.0 + t.k)
+    return d.mean * t.w + t.mean * d.w + q * d.v - 2.0 * t.v * d.k / (c * c)
+
+
+def pitchfork_scalar(t: ClosureTerms) -> Any:
+    """``2p/c^2`` times ``b - c^2 psi/2``, which is D(1) without its pole; eta + psi = 2 sigma.
+    Springs, with which it has none, add ``q^2/(2 tau)`` to sigma."""
+    return t.w - 2.0 * t.p * t.mean
+
+
+def pitchfork_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
+    return d.w - 2.0 * (d.p * t.mean + t.p * d.mean)
+
+
+def saltation_of(t: ClosureTerms) -> Any:
+    """b of the saltation (19): ``(1 + k) u''/u'`` with ``u'' = a f'' + v''``, eq. (5), and ``u' = 2
+    p/(1 + k)`` before the impact."""
+    c = 1.0 + t.k
+    return 0.5 * c * c * (t.w - t.p * t.mean) / t.p
+
+
+def saltation_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
+    c = 1.0 + t.k
+    # p and the acceleration do not depend on k by themselves
+    by_k = c * (t.w - t.p * t.mean) / t.p * d.k
+    return by_k + 0.5 * c * c * (d.w - t.w * d.p / t.p - t.p * d.mean) / t.p
+
+
+class Place(NamedTuple):
+    """Where (11) is asked: what a `SymmetricBreather` has, of any numbers."""
+
+    p: float
+    phi: float
+    a: float
+    gamma: float
+    k: float
+    forcing: Forcing
+    lattice: Any
+
+
+def terms_at(at: Any, mean: str) -> ClosureTerms:
+    """Of a place or a breather, with one of the means of its lattice."""
+    drive = [at.a * value for value in at.forcing.motion(at.phi)]
+    return ClosureTerms(at.p, at.k, getattr(at.lattice, mean)(at.gamma), *drive)
+
+
+def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureTerms:
+    """The derivative of `terms_at`, which are t, in p, phi, or a parameter."""
+    if name in ("p", "k"):
+        return ClosureTerms(**{name: 1.0})
+    if name == "phi":
+        return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * at.forcing.d3f(at.phi))
+    if name == "gamma":
+        return ClosureTerms(mean=getattr(at.lattice, f"d{mean}")(at.gamma))
+    by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
+    return ClosureTerms(0.0, 0.0, by_spring, *driven(at, at.phi, name))
+
+
+def driven(at: Any, t: float, name: str) -> tuple[float, ...]:
+    """Derivatives of ``a f``, ``a f'`` and ``a f''`` at a fixed time in a parameter."""
+    f = at.forcing
+    if name == "a":
+        motion: tuple[float, ...] = f.motion(t)
+        return motion
+    if name not in f.params:
+        return 0.0, 0.0, 0.0
+    return tuple(at.a * f.f_param(name, t, order) for order in range(3))
 
 
 @dataclass(frozen=True)
@@ -58,34 +159,28 @@ class Closure:
 
     def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Both equations, shape (2,)."""
-        p, phi, a, gamma, k, f = self._unpack(x, params)
-        q, chi = (1.0 - k) / (1.0 + k), sprung(self.lattice, f).chi(gamma)
-        return np.array((p * chi + a * f.f(phi) - 1.0, a * f.df(phi) - p * q))
+        return np.array(closure_equations(terms_at(self._at(x, params), "chi")))
 
     def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
-        _, phi, a, gamma, k, f = self._unpack(x, params)
-        q = (1.0 - k) / (1.0 + k)
-        return np.array(((sprung(self.lattice, f).chi(gamma), a * f.df(phi)), (-q, a * f.d2f(phi))))
+        return self.derivatives(x, params, ())
 
     def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
         """Derivatives with respect to the parameter ``name``, shape (2,)."""
-        p, phi, a, gamma, k, f = self._unpack(x, params)
-        if name == "a":
-            return np.array((f.f(phi), f.df(phi)))
-        if name == "gamma":
-            return np.array((p * sprung(self.lattice, f).dchi(gamma), 0.0))
-        if name == "k":
-            # -p dq/dk
-            return np.array((0.0, 2.0 * p / (1.0 + k) ** 2))
-        if name not in f.params:
+        return self.derivatives(x, params, (name,))[:, 2]
+
+    def derivatives(
+        self, x: FloatArray, params: Mapping[str, float], names: tuple[str, ...]
+    ) -> FloatArray:
+        """Both beside each other."""
+        if unknown := [name for name in names if name not in self.params]:
             raise BadInput(
-                f"unknown parameter {name!r}: this breather has {', '.join(self.params)}."
+                f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
             )
-        slopes = np.array((a * f.f_param(name, phi, 0), a * f.f_param(name, phi, 1)))
-        if name == "spring":
-            slopes[0] += p * sprung(self.lattice, f).by_spring(gamma, "chi")
-        return slopes
+        at = self._at(x, params)
+        t, columns = terms_at(at, "chi"), ("p", "phi", *names)
+        slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]
+        return np.array(slopes).T
 
     def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
         """Solutions with given phases, a free: a row p, phi, a for each."""
@@ -112,9 +207,7 @@ class Closure:
         q = restitution_ratio(params["k"])
         return _reduced(self.forcing, chi, q), q
 
-    def _unpack(
-        self, x: FloatArray, params: Mapping[str, float]
-    ) -> tuple[float, float, float, float, float, Forcing]:
+    def _at(self, x: FloatArray, params: Mapping[str, float]) -> Place:
         p, phi = float(x[0]), float(x[1])
         a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
         if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
@@ -122,7 +215,8 @@ class Closure:
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
         if not 0.0 <= gamma < 0.25:
             self.lattice.check(gamma)  # says it
-        return p, phi, a, gamma, k, forcing_at(self.forcing, params)
+        f = forcing_at(self.forcing, params)
+        return Place(p, phi, a, gamma, k, f, sprung(self.lattice, f))
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:

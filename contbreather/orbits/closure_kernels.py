@@ -12,28 +12,37 @@ from typing import Any
 
 from contbreather.continuation import null_vectors
 from contbreather.kernels import bound, listed
+from contbreather.orbits.closure import (
+    ClosureTerms,
+    closure_derivative,
+    closure_equations,
+    fold_derivative,
+    fold_scalar,
+    pitchfork_derivative,
+    pitchfork_scalar,
+    saltation_derivative,
+    saltation_of,
+)
 from contbreather.stability import band_pairs
 
 # How many parameters are freed; for each of them where its value belongs and the factor for it;
 FREED, PLACES = 0, 1
-# then a, gamma, k; of the lattice chi, sigma and their slopes at this gamma;
-A, GAMMA, K, CHI, DCHI, SIGMA, DSIGMA = range(5, 12)
+# then a, gamma, k; of the lattice chi, sigma, eta at this gamma, each with its slope;
+A, GAMMA, K, CHI, SIGMA, ETA = 5, 6, 7, 8, 10, 12
 # f and its first three derivatives at phi; how many harmonics it has, and where the means begin;
-F, HARMONICS, MEANS = 12, 16, 17
+F, HARMONICS, MEANS = 14, 18, 19
 # how many unknowns of an event there are between phi and the freed parameters;
-UNKNOWNS = 18
-# from here on m, cosine and sine of each harmonic; then `expansion` of chi and of sigma.
-FIRST = 19
+UNKNOWNS = 20
+# from here on m, cosine and sine of each harmonic; then `expansion` of chi, of sigma and of eta.
+FIRST = 21
 
 # What a Neimark-Sacker point of the infinite chain and a grazing site need besides is from here on.
-MORE = 512
-# for a pair: eta and its slope; coupling, k, q, b, angle, spring for `band_pairs`, its answer, its
-# scratch and its table; then the expansion of eta
-ETA, DETA, ARC = MORE, MORE + 1, MORE + 2
+MORE = 556
+# for a pair: coupling, k, q, b, angle, spring for `band_pairs`, its answer, its scratch, its table
+ARC = MORE
 ANSWER = ARC + 6
 SCRATCH = ANSWER + 12
 TABLE = SCRATCH + band_pairs.WAVE
-MEAN_OF_ETA = TABLE + 440
 # for a contact: the wall and how far away the site is; amplitudes of its flight and their slopes in
 # gamma; moments of the chain at that distance, and the weights of these in the amplitudes
 WALL, DISTANCE = MORE, MORE + 1
@@ -52,9 +61,9 @@ def unpack(z: Any, data: Any) -> int:
         if place == GAMMA:
             if not 0.0 <= value < 0.25:
                 return 1
-            means = int(data[MEANS])
-            means = mean(data, means, CHI)
-            mean(data, means, SIGMA)
+            expansion = int(data[MEANS])
+            for to in (CHI, SIGMA, ETA):
+                expansion = mean(data, expansion, to)
     return 0 if 0.0 <= data[K] <= 1.0 else 1
 
 
@@ -111,6 +120,30 @@ def driven(data: Any, i: int, t: float, order: int) -> float:
     return data[A] * data[PLACES + 2 * i + 1] * math.cos(angle) * m**order
 
 
+def terms(z: Any, data: Any, mean: int) -> ClosureTerms:
+    """What the equations are made of, with one of the means."""
+    a = data[A]
+    return ClosureTerms(z[0], data[K], data[mean], a * data[F], a * data[F + 1], a * data[F + 2])
+
+
+def terms_slope(z: Any, data: Any, mean: int, column: int) -> ClosureTerms:
+    """Their derivatives in one entry of z."""
+    p = k = by_mean = u = v = w = 0.0
+    i = column - 2 - int(data[UNKNOWNS])
+    if column == 0:
+        p = 1.0
+    elif column == 1:
+        a = data[A]
+        u, v, w = a * data[F + 1], a * data[F + 2], a * data[F + 3]
+    elif i >= 0 and int(data[PLACES + 2 * i]) == GAMMA:
+        by_mean = data[mean + 1]
+    elif i >= 0 and int(data[PLACES + 2 * i]) == K:
+        k = 1.0
+    elif i >= 0:
+        u, v, w = driven(data, i, z[1], 0), driven(data, i, z[1], 1), driven(data, i, z[1], 2)
+    return ClosureTerms(p, k, by_mean, u, v, w)
+
+
 # --- the equations ------------------------------------------------------------------------------
 
 
@@ -119,9 +152,7 @@ def closure(z: Any, data: Any, out: Any) -> int:
     if unpack(z, data) != 0:
         return 1
     drive(data, z[1])
-    q = (1.0 - data[K]) / (1.0 + data[K])
-    out[0] = z[0] * data[CHI] + data[A] * data[F] - 1.0
-    out[1] = data[A] * data[F + 1] - z[0] * q
+    out[0], out[1] = closure_equations(terms(z, data, CHI))
     return 0
 
 
@@ -130,22 +161,9 @@ def closure_slopes(z: Any, data: Any, out: Any) -> int:
     if unpack(z, data) != 0:
         return 1
     drive(data, z[1])
-    freed, first = int(data[FREED]), 2 + int(data[UNKNOWNS])
-    width, c = first + freed, 1.0 + data[K]
-    out[0] = data[CHI]
-    out[1] = data[A] * data[F + 1]
-    out[width] = -(1.0 - data[K]) / c
-    out[width + 1] = data[A] * data[F + 2]
-    for i in range(2, first):
-        out[i] = out[width + i] = 0.0
-    for i in range(freed):
-        place, at = int(data[PLACES + 2 * i]), first + i
-        out[at] = driven(data, i, z[1], 0)
-        out[width + at] = driven(data, i, z[1], 1)
-        if place == GAMMA:
-            out[at] = z[0] * data[DCHI]
-        elif place == K:
-            out[width + at] = 2.0 * z[0] / (c * c)
+    t, width = terms(z, data, CHI), 2 + int(data[UNKNOWNS]) + int(data[FREED])
+    for i in range(width):
+        out[i], out[width + i] = closure_derivative(t, terms_slope(z, data, CHI, i))
     return 0
 
 
@@ -153,9 +171,7 @@ def fold(z: Any, data: Any, out: Any) -> int:
     """(11) and the determinant of its derivatives, eq. (14)."""
     if closure(z, data, out) != 0:
         return 1
-    q = (1.0 - data[K]) / (1.0 + data[K])
-    # det [[chi, a f'], [-q, a f'']] of (11) in p and phi
-    out[2] = data[A] * (data[CHI] * data[F + 2] + q * data[F + 1])
+    out[2] = fold_scalar(terms(z, data, CHI))
     return 0
 
 
@@ -163,19 +179,9 @@ def fold_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
     if closure_slopes(z, data, out) != 0:
         return 1
-    width, c = 2 + int(data[FREED]), 1.0 + data[K]
-    q, row = (1.0 - data[K]) / c, 2 * width
-    out[row] = 0.0
-    out[row + 1] = data[A] * (data[CHI] * data[F + 3] + q * data[F + 2])
-    for i in range(int(data[FREED])):
-        place = int(data[PLACES + 2 * i])
-        slope = data[CHI] * driven(data, i, z[1], 2) + q * driven(data, i, z[1], 1)
-        if place == GAMMA:
-            slope = data[DCHI] * data[A] * data[F + 2]
-        elif place == K:
-            # dq/dk = -2/(1 + k)^2
-            slope = -2.0 * data[A] * data[F + 1] / (c * c)
-        out[row + 2 + i] = slope
+    t, width = terms(z, data, CHI), 2 + int(data[FREED])
+    for i in range(width):
+        out[2 * width + i] = fold_derivative(t, terms_slope(z, data, CHI, i))
     return 0
 
 
@@ -183,8 +189,7 @@ def pitchfork(z: Any, data: Any, out: Any) -> int:
     """(11) and ``a f'' - 2 p sigma``."""
     if closure(z, data, out) != 0:
         return 1
-    # b = (1 + k)^2 psi/2 with b of (19): a f'' = p (eta + psi), and eta + psi = 2 sigma
-    out[2] = data[A] * data[F + 2] - 2.0 * z[0] * data[SIGMA]
+    out[2] = pitchfork_scalar(terms(z, data, SIGMA))
     return 0
 
 
@@ -192,13 +197,9 @@ def pitchfork_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
     if closure_slopes(z, data, out) != 0:
         return 1
-    row = 2 * (2 + int(data[FREED]))
-    out[row] = -2.0 * data[SIGMA]
-    out[row + 1] = data[A] * data[F + 3]
-    for i in range(int(data[FREED])):
-        out[row + 2 + i] = driven(data, i, z[1], 2)
-        if int(data[PLACES + 2 * i]) == GAMMA:
-            out[row + 2 + i] = -2.0 * z[0] * data[DSIGMA]
+    t, width = terms(z, data, SIGMA), 2 + int(data[FREED])
+    for i in range(width):
+        out[2 * width + i] = pitchfork_derivative(t, terms_slope(z, data, SIGMA, i))
     return 0
 
 
@@ -228,10 +229,9 @@ def pair(z: Any, data: Any, out: Any) -> int:
 
 def looked(z: Any, data: Any) -> int:
     """F at this b and angle; 1 off the band."""
-    mean(data, MEAN_OF_ETA, ETA)
-    c, nu = 1.0 + data[K], z[2]
-    b = 0.5 * c * c * (data[A] * data[F + 2] / z[0] - data[ETA])
-    data[ARC], data[ARC + 1], data[ARC + 3], data[ARC + 4] = data[GAMMA], data[K], b, nu
+    nu = z[2]
+    data[ARC], data[ARC + 1], data[ARC + 4] = data[GAMMA], data[K], nu
+    data[ARC + 3] = saltation_of(terms(z, data, ETA))
     if not 0.0 < nu * nu < 4.0 * data[GAMMA]:
         return 1
     return on_arc(data, data, data, data)
@@ -241,21 +241,15 @@ def pair_slopes(z: Any, data: Any, out: Any) -> int:
     """Their derivatives, row by row."""
     if closure_slopes(z, data, out) != 0 or looked(z, data) != 0:
         return 1
-    p, c, a = z[0], 1.0 + data[K], data[A]
-    half = 0.5 * c * c / p
-    for row in range(2):
-        at, by_b = 10 + 5 * row, data[ANSWER + 8 + row]
-        out[at] = -by_b * half * a * data[F + 2] / p
-        out[at + 1] = by_b * half * a * data[F + 3]
-        out[at + 2] = data[ANSWER + 2 + row]
-        for i in range(2):
-            place = int(data[PLACES + 2 * i])
-            slope = by_b * half * driven(data, i, z[1], 2)
-            if place == GAMMA:
-                slope = -by_b * 0.5 * c * c * data[DETA] + data[ANSWER + 4 + row]
-            elif place == K:
-                slope = by_b * 2.0 * data[ARC + 3] / c + data[ANSWER + 6 + row]
-            out[at + 3 + i] = slope
+    t = terms(z, data, ETA)
+    for i in range(5):
+        by_b = saltation_derivative(t, terms_slope(z, data, ETA, i))
+        place = int(data[PLACES + 2 * (i - 3)]) if i > 2 else 0
+        # F itself changes with the angle, the coupling and k
+        own = ANSWER + (2 if i == 2 else 4 if place == GAMMA else 6 if place == K else 0)
+        for row in range(2):
+            direct = data[own + row] if own > ANSWER else 0.0
+            out[10 + 5 * row + i] = data[ANSWER + 8 + row] * by_b + direct
     return 0
 
 

@@ -29,13 +29,14 @@ from contbreather.lattice.forcing import Forcing, Fourier
 from contbreather.lattice.modal_flow import propagator
 from contbreather.orbits.closure import general_roots
 from contbreather.orbits.grazing import GrazingSite
-from contbreather.orbits.orbit import Orbit, read_by
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import branching, events_of
 from contbreather.orbits.orbit_problem import (
     Equations,
     OnCircle,
     OrbitProblem,
     by_differences,
+    read_by,
     unstable_by,
 )
 from contbreather.orbits.representation import Impacts, Offsets

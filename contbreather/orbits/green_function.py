@@ -28,18 +28,18 @@ from contbreather.orbits.asymmetric_breather import (
     params_of,
     pitchfork_of_arms,
 )
-from contbreather.orbits.branch_switching import from_arms
 from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
 from contbreather.orbits.green_equations import OrbitEquations, Params, green_equations_of
-from contbreather.orbits.orbit import Orbit, orbit_of, read_by
-from contbreather.orbits.orbit_events import events_without_losses
+from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.orbit_events import events_without_losses, from_arms
 from contbreather.orbits.orbit_problem import (
     STEP,
     Equations,
     OnCircle,
     OrbitProblem,
     by_differences,
+    read_by,
     unstable_by,
 )
 from contbreather.orbits.representation import Impacts, Offsets, Representation

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +22,20 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import measured_margins
-from contbreather.orbits.orbit import VANISHED, Orbit, orbit_at
+from contbreather.orbits.closure import ClosureTerms, saltation_of
+from contbreather.orbits.impact_sequence import VANISHED
+from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
 from contbreather.orbits.section import Section
-from contbreather.orbits.symmetric_breather import saltation
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
 from contbreather.stability.half_period import HalfMap
+from contbreather.storage.serialise import serialised
 
 FloatArray = NDArray[np.float64]
 Params = Mapping[str, float]
 At = Callable[[FloatArray, Params], Representation]
+Make = TypeVar("Make", bound=Callable[..., Problem])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +45,7 @@ class OrbitProblem(Problem):
     Parameters
     ----------
     kind : str
-        By which files make it again, see `orbit.read_by`.
+        By which files make it again, see `read_by`.
     motion_at : callable
         The representation with given unknowns and parameters.
     conditions, section
@@ -108,6 +111,32 @@ class OrbitProblem(Problem):
         return self
 
 
+def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
+    """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
+    parameters are a representation by `of`, and that is a problem."""
+
+    def entered(problem: Make) -> Make:
+        serialised(kind)(partial(_from_dict, of, problem))
+        return problem
+
+    return entered
+
+
+def _from_dict(
+    of: Callable[..., Representation],
+    problem: Callable[..., Problem],
+    *,
+    conditions: Conditions,
+    section: Mapping[str, Any],
+    threshold: float,
+    start: Mapping[str, Any],
+    params: Params,
+) -> Problem:
+    # a dict keeps its order, which is that of the unknowns
+    x = np.concatenate([np.ravel(value) for value in start.values()])
+    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
+
+
 def ring_label(lattice: Any, threshold: float) -> str:
     """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
     sites = lattice.sites
@@ -147,7 +176,8 @@ def _rows(lattice: Any, points: Points) -> NDArray[np.int64] | None:
     # b of (19) is infinite at p = 0, where an impact vanishes: those rows are not used
     with np.errstate(all="ignore"):
         # entries of (19), which with gamma and k say all about multipliers
-        b = saltation(a, k, p, on.forcing.d2f(phi), on.lattice.averages(gamma, "eta"))[1]
+        eta = on.lattice.averages(gamma, "eta")
+        b = saltation_of(ClosureTerms(p, k, eta, w=a * on.forcing.d2f(phi)))
     # an impact so weak is asked for itself: it may be none
     return np.where(p > VANISHED, many_outside(gamma, k, b), -1)
 
@@ -167,13 +197,14 @@ class BreathersAlong:
     p: FloatArray
     phi: FloatArray
 
-    @property
+    @cached_property
     def map(self) -> HalfMap:
-        """Theirs, with an array for b."""
+        """Theirs, with an array for b; all events ask."""
         on = self.first.representation
-        # (19): b = (1 + k)^2 [a f''(phi) - p eta]/(2p), eta of the coupling alone
-        curvature, eta = on.forcing.d2f(self.phi), on.lattice.eta(on.gamma)
-        return replace(self.first.map, b=saltation(self.a, on.k, self.p, curvature, eta)[1])
+        terms = ClosureTerms(
+            self.p, on.k, on.lattice.eta(on.gamma), w=self.a * on.forcing.d2f(self.phi)
+        )
+        return replace(self.first.map, b=saltation_of(terms))
 
     def margins(self) -> FloatArray:
         """The least margin of each, as `clearance.least_margin` has it of one."""

@@ -99,20 +99,15 @@ def regions(
     >>> sorted([above.verdict, below.verdict])
     ['', 'US']
     """
-    low, high = box_of(box).T
+    corners = numbers("box", box)
+    if corners.shape != (2, 2):
+        raise BadInput(f"box = {shown(box)}: ((x0, x1), (y0, y1)) was expected.")
+    low, high = corners.T
     size = np.where(high > low, high - low, 1.0)
     return tuple(
         _region(piece, low, size, count, lower)
         for piece in _pieces([(line - low) / size for line in lines])
     )
-
-
-def box_of(corners: object) -> Array:
-    """A rectangle as two pairs of numbers, or a sentence."""
-    box = numbers("box", corners)
-    if box.shape != (2, 2):
-        raise BadInput(f"box = {shown(corners)}: ((x0, x1), (y0, y1)) was expected.")
-    return box
 
 
 def _pieces(lines: Sequence[Array]) -> Iterator[Any]:

@@ -22,7 +22,15 @@ from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
-from contbreather.orbits.closure import EPS, Closure, sprung
+from contbreather.orbits.closure import (
+    EPS,
+    ClosureTerms,
+    closure_equations,
+    fold_scalar,
+    saltation_of,
+    sprung,
+    terms_at,
+)
 from contbreather.orbits.section import Impact, Section
 from contbreather.orbits.site_motion import ClosedFormMotion, Terms
 from contbreather.parameters import parameter
@@ -51,13 +59,6 @@ def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamm
     else:
         first, powers = lattice.dfirst_harmonic, lattice.dpowers
     return free_flight(float(first(gamma, distance)), powers(gamma, distance))
-
-
-def saltation(a: Any, k: Any, p: Any, d2f: Any, eta: Any) -> tuple[Any, Any]:
-    """The acceleration of site 0 at its impacts and the entry b of (19), of numbers or arrays."""
-    acceleration = a * d2f - p * eta  # u'' = a f'' + v'', eq. (5)
-    # b = (1 + k) u''/u', with u' = 2 p/(1 + k) before the impact
-    return acceleration, 0.5 * (1.0 + k) ** 2 * acceleration / p
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,7 @@ class SymmetricBreather:
 
     @property
     def error(self) -> float:
-        params = {"a": self.a, "gamma": self.gamma, "k": self.k}
-        closure = Closure(self.forcing, self.lattice)
-        return float(np.max(np.abs(closure.residual(np.array([self.p, self.phi]), params))))
+        return float(np.max(np.abs(closure_equations(terms_at(self, "chi")))))
 
     # ------------------------------------------------------------------ what follows from (11)
 
@@ -140,22 +139,18 @@ class SymmetricBreather:
     @property
     def determinant(self) -> float:
         """That of (11) in p and phi, with the sign changed: zero at the fold, eq. (14)."""
-        f = self.forcing
-        return self.a * (self.chi * f.d2f(self.phi) + self.q * f.df(self.phi))
+        return float(fold_scalar(terms_at(self, "chi")))
 
     @property
     def accelerations(self) -> FloatArray:
-        return np.array([self._saltation[0]])
+        t = terms_at(self, "eta")
+        return np.array([t.w - t.p * t.mean])  # u'' = a f'' + v'', eq. (5)
 
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19)."""
-        return float(self._saltation[1])
-
-    @property
-    def _saltation(self) -> tuple[Any, Any]:
-        eta = self.lattice.eta(self.gamma)
-        return saltation(self.a, self.k, self.p, self.forcing.d2f(self.phi), eta)
+        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.eta(self.gamma)
+        return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
 
     # ------------------------------------------------------------------------------- profile
 

@@ -194,7 +194,10 @@ class Zones(Columns, HtmlRepr):
     def model(self) -> dict[str, Any]:
         """What its breathers live on, as `symmetric` takes it: forcing and lattice; where they are
         evaluated by exact modes site, damping, spring and walls, too."""
-        orbit: Orbit = self._any.solution
+        branch = next((branch for _, branch in self), None)
+        if branch is None:
+            raise BadInput("this zone diagram has no curve")
+        orbit: Orbit = branch[0].solution
         on = orbit.conditions
         model: dict[str, Any] = {"forcing": on.forcing, "lattice": on.lattice}
         if isinstance(orbit.representation, ExactModes):
@@ -206,13 +209,6 @@ class Zones(Columns, HtmlRepr):
     def families(self) -> tuple[str, ...]:
         """Which breathers it is a diagram of: the upper ones, or with `past_folds` both."""
         return FAMILIES if self.past_folds else FAMILIES[:1]
-
-    @property
-    def _any(self) -> Point:
-        """Any point of any curve."""
-        for _, branch in self:
-            return branch[0]
-        raise BadInput("this zone diagram has no curve")
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{kind}: {len(self.curves[kind])}" for kind in KINDS)

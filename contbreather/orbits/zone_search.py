@@ -41,7 +41,7 @@ from contbreather.progress import Counter
 Array = NDArray[np.float64]
 Place = Point | Mapping[str, float]
 Marked = NDArray[np.bool_]  # which of the steps between neighbours
-Known = Callable[[Event, Array], bool]  # whether an event at p, phi, a is on a curve that is known
+Known = Callable[[str, Place], bool]  # whether a known curve of a kind passes a place
 
 # the comb of values on which branches are traced
 COMBS = {
@@ -85,13 +85,12 @@ class Search:
     def zones(self, *, interrupted: bool = False) -> Zones:
         """The curves there are."""
         curves = {kind: tuple(branches) for kind, branches in self.curves.items()}
-        fixed, ceiling = (self.name, self.value), None
-        peak = self.model["forcing"].peak()
-        if self.past_folds and self.within.get("a", (0.0, 0.0))[1] > 1.0 / peak:
-            ceiling = 1.0 / peak
+        reach = 1.0 / self.model["forcing"].peak()
+        beyond = self.past_folds and self.within.get("a", (0.0, 0.0))[1] > reach
         return Zones(
-            fixed, self.pair, curves, self.threshold, self.past_folds, interrupted, ceiling
-        )
+            (self.name, self.value), self.pair, curves, self.threshold, self.past_folds,
+            interrupted, reach if beyond else None,
+        )  # fmt: skip
 
     def so_far(self) -> Zones | None:
         return self.zones(interrupted=True) if any(self.curves.values()) else None
@@ -110,7 +109,7 @@ class Search:
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
         ends = [p for branches in self.curves.values() for b in branches for p in b.special]
-        met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._known(p)]
+        met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._passes(_followed(p), p)]
         beside = [x + step for x in met for step in BESIDE]
         between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
@@ -126,8 +125,8 @@ class Search:
         passed: list[Branch | Mapping[str, Array]] = []
         closed = self._rows(x)
         if closed is not None:
-            known, least = partial(self._is_known, x), self.within[free][0]
-            pieces = [piece for row in closed for piece in row.pieces(least, known)]
+            least = self.within[free][0]
+            pieces = [piece for row in closed for piece in row.pieces(least, self._passes)]
             pieces.sort(key=partial(_first_of, starts))
             for piece in pieces:
                 if piece.new is not None:
@@ -161,10 +160,10 @@ class Search:
         problem = self._problem(breather)
         return rows(problem, self.events or (), self.within["a"][0], largest)
 
-    def _is_known(self, x: float, event: Event, z: Array) -> bool:
-        place = dict(zip(("p", "phi", "a"), z.tolist(), strict=True)) | {self.pair[0]: x}
-        names = (*self.pair, "p", "phi")
-        return any(_on_curve(b, place, names, SAME) for b in self.curves[event.kind])
+    def _passes(self, kind: str, place: Place, but: Branch | None = None) -> bool:
+        """Whether a curve of this kind does."""
+        curves = (b for b in self.curves[kind] if b is not but)
+        return any(_on_curve(b, place, self.pair, SAME) for b in curves)
 
     def _begins(self, point: Point) -> bool:
         """Whether its boundary begins there. At gamma = 0 a pitchfork has no null vector of its own
@@ -174,17 +173,6 @@ class Search:
         least, _ = point.event.locus(point.base_point).domain.get("gamma", (0.0, math.inf))
         # where gamma is fixed at 0 there is nothing beside: `boundary` refuses it
         return bool(point["gamma"] >= least) or self.name == "gamma"
-
-    def _known(self, point: Point, but: Branch | None = None) -> bool:
-        names = (*self.pair, *self._apart(point.curve.problem))
-        curves = (b for b in self.curves[_followed(point)] if b is not but)
-        return any(_on_curve(b, point, names, SAME) for b in curves)
-
-    @staticmethod
-    def _apart(problem: Problem) -> tuple[str, ...]:
-        """p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes
-        p takes long to say, and follows from the time."""
-        return ("p", "phi") if "phi" in problem.start else ("t1",)
 
     def _problem(self, breather: Orbit) -> Problem:
         """Its equations; all have the same events."""
@@ -205,11 +193,13 @@ class Search:
         where it has one of several values, but for those that were passed."""
         free = self.pair[1]
         for y in starts:
-            for breather in self._breathers(x, y):
+            values = {self.name: self.value, self.pair[0]: x, free: y}
+            for breather in admissible_roots(values, **self.model):
+                if not self.past_folds and breather.representation.family != "upper":
+                    continue  # beyond the fold that ends the diagram
                 problem, phi = self._problem(breather), breather.phi
                 place = {free: y, "p": breather.p, "phi": phi, "t1": phi}
-                names = (free, *self._apart(problem))
-                if any(_on_curve(b, place, names, PASSED) for b in passed):
+                if any(_on_curve(b, place, (free,), PASSED) for b in passed):
                     continue
                 yield trace(
                     problem,
@@ -230,31 +220,25 @@ class Search:
         beside = [factor * a for a in amplitudes for factor in NEXT]
         return [a for a in beside if low <= a <= high]
 
-    def _breathers(self, x: float, y: float) -> list[Orbit]:
-        """Those that are admissible; where folds end the diagram the ones before the fold."""
-        values = {self.name: self.value, self.pair[0]: x, self.pair[1]: y}
-        breathers = admissible_roots(values, **self.model)
-        return [b for b in breathers if self.past_folds or b.representation.family == "upper"]
-
     def _follow(self, point: Point, shown: Counter) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it
         ends: another crest that grazes, another wave of a ring, a fold."""
         waiting: list[tuple[Point, Branch | None]] = [(point, None)]
         while waiting:
             point, since = waiting.pop()
-            if point["p"] < VANISHED or self._known(point, but=since):
+            kind = _followed(point)
+            if point["p"] < VANISHED or self._passes(kind, point, but=since):
                 continue
-            curves = self.curves[_followed(point)]
-            with add_partial_result(curves.append):
+            with add_partial_result(self.curves[kind].append):
                 branch = boundary(
                     point, self.pair, within=self.within, events=self.events, steps=STEPS,
                     progress=shown,
                 )  # fmt: skip
             if len(branch) == 1:  # no step leaves it: what it is on is found from another branch
                 continue
-            curves.append(branch)  # before it is refined: an interruption keeps it
+            self.curves[kind].append(branch)  # before it is refined: an interruption keeps it
             pieced = any(end.kind == JOINT for end in branch.special)
-            curves[-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
+            self.curves[kind][-1] = branch = refined(branch, FEWEST // 8 if pieced else FEWEST)
             # what crosses a fold would go on behind it: beside the fold it is found on a branch
             waiting += [
                 (end, branch)
@@ -304,15 +288,19 @@ def _comb(name: str, within: Mapping[str, tuple[float, float]]) -> Iterable[floa
     return [value for value in comb if value > 0 or name != "a"]  # no forcing, no breather
 
 
-def _on_curve(branch: Branch, place: Place, names: tuple[str, ...], near: float) -> bool:
-    """Whether a traced curve passes a place: these values by name."""
-    nodes = np.stack([branch[name] for name in names], axis=-1)
+def _on_curve(
+    curve: Branch | Mapping[str, Array], place: Place, pair: Sequence[str], near: float
+) -> bool:
+    """Whether a traced curve passes a place."""
+    # p and phi tell breathers apart; near k = 1 time reversal makes pairs alike in p. By modes p
+    # takes long to say, and follows from the time
+    closed = "phi" in (curve.names if isinstance(curve, Branch) else curve)
+    names = (*pair, "p", "phi") if closed else (*pair, "t1")
+    nodes = np.stack([curve[name] for name in names], axis=-1)
     gap = np.array([place[name] for name in names]) - nodes
-    if {"phi", "t1"} & {*names}:
-        turn, phase = 2.0 * math.pi, len(names) - 1
-        gap[:, phase] -= turn * np.rint(gap[:, phase] / turn)
-        gap[:, phase] *= PHASE
-        nodes[:, phase] *= PHASE
+    gap[:, -1] -= 2.0 * math.pi * np.rint(gap[:, -1] / (2.0 * math.pi))
+    gap[:, -1] *= PHASE
+    nodes[:, -1] *= PHASE
     if len(nodes) > 1:
         gap, chord = gap[:-1], np.diff(nodes, axis=0)
         along = np.sum(gap * chord, axis=-1) / np.sum(chord * chord, axis=-1)
@@ -424,7 +412,7 @@ class Row:
                 # where the line through two values of the test vanishes
                 middle = phi[:1] + test[0] / (test[0] - test[1]) * np.diff(phi)
                 (z,) = _at(self.curve, middle)
-                is_known = known(event, z)
+                is_known = known(event.kind, Point(self.curve, z))
                 if is_known or rounds == ROUNDS:
                     break
                 phi, test = self._closely(event, phi)
@@ -475,13 +463,11 @@ def _special(curve: Curve, event: Event, z: Array) -> Point | None:
 
 
 def _at(curve: Curve, phi: Array) -> Array:
-    z: Array = curve.problem.closure.at_phases(phi, curve.fixed)
-    return z
+    return np.asarray(curve.problem.closure.at_phases(phi, curve.fixed))
 
 
 def _changes(test: Array) -> Marked:
-    changes: Marked = np.diff(test > 0.0)
-    return changes
+    return np.asarray(np.diff(test > 0.0))
 
 
 def _dips(test: Array) -> Marked:

@@ -46,7 +46,7 @@ from contbreather.kernels import Kernel
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.stability import band_pairs
-from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW
+from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW, smooth_and_L
 from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables
 from contbreather.stability.saltation import check_finite, check_kb
 from contbreather.stability.zeros import steep
@@ -96,12 +96,9 @@ def grid(gamma: float, spring: float = 0.0) -> Arc:
 def curve(arc: Arc, k: float, b: float) -> tuple[Array, Array]:
     """F = v D on the arc, and v times the continuation of D from inside the circle (g -> -g)."""
     _, nu, v, R, B, C = arc
-    c, d = 1.0 + k, 0.5 * (1.0 - k)
-    cc = c * c
-    beta = b - cc * C
-    # F = v ((d + i c R)^2 + B beta) + v (g/pi) L with v g = -i, which is +i from inside
-    smooth = v * (d * d - cc * R * R + B * beta + 2j * c * d * R)
-    pole = (2.0 * c * d * nu + 1j * (cc * nu * (2.0 * R + nu * B) + beta)) / math.pi
+    smooth, L = smooth_and_L(nu, k, b, (R, B, C))
+    # F = v smooth + v (g/pi) L with v g = -i, which is +i from inside
+    smooth, pole = v * smooth, -1j / math.pi * L
     return smooth + pole, smooth - pole
 
 

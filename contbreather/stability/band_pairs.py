@@ -154,36 +154,50 @@ def pair_equations(data: Vector, table: Vector, out: Vector, answer: Vector) -> 
 
 def pair(data: Any, out: Any, answer: Any, v: float) -> None:
     """Real and imaginary part of F."""
-    nu, R, B, C = data[NU], out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
-    c, d = 1.0 + data[K], 0.5 * (1.0 - data[K])
-    cc = c * c
-    beta = data[ENTRY] - cc * C
-    answer[ANSWER] = v * (d * d - cc * R * R + B * beta) + 2.0 * c * d * nu / math.pi
-    answer[ANSWER + 1] = 2.0 * c * d * v * R + (cc * nu * (2.0 * R + nu * B) + beta) / math.pi
+    value = out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
+    smooth, L = smooth_and_L(data[NU], data[K], data[ENTRY], value)
+    # F = v D with v g = -i
+    answer[ANSWER] = v * smooth.real + L.imag / math.pi
+    answer[ANSWER + 1] = v * smooth.imag - L.real / math.pi
 
 
 def slope(
     data: Any, out: Any, answer: Any, which: int, v: float, by_nu: float, by_v: float, place: int,
     by_k: float, by_b: float,
 ) -> None:  # fmt: skip
-    """Their derivative in one direction: its product rule, term by term."""
-    nu, R, B, C = data[NU], out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
-    by_R = by_B = by_C = 0.0
+    """Their derivative in one direction."""
+    nu, k, b = data[NU], data[K], data[ENTRY]
+    value, change = (out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]), (0.0, 0.0, 0.0)
     if place >= 0:
-        by_R, by_B, by_C = out[place], out[place + 1], out[place + 2]
-    c, d, by_d = 1.0 + data[K], 0.5 * (1.0 - data[K]), -0.5 * by_k
-    beta, cc, cd = data[ENTRY] - c * c * C, c * c, c * d
-    by_cc, by_cd = 2.0 * c * by_k, by_k * d + c * by_d
-    by_beta = by_b - by_cc * C - cc * by_C
-    bulk = d * d - cc * R * R + B * beta
-    by_bulk = 2.0 * d * by_d - by_cc * R * R - 2.0 * cc * R * by_R + by_B * beta + B * by_beta
-    wave = nu * (2.0 * R + nu * B)
-    by_wave = 2.0 * by_nu * (R + nu * B) + nu * (2.0 * by_R + nu * by_B)
-    imag = 2.0 * (by_cd * v * R + cd * (by_v * R + v * by_R))
-    answer[ANSWER + 2 * which] = (
-        by_v * bulk + v * by_bulk + 2.0 * (by_cd * nu + cd * by_nu) / math.pi
-    )
-    answer[ANSWER + 2 * which + 1] = imag + (by_cc * wave + cc * by_wave + by_beta) / math.pi
+        change = out[place], out[place + 1], out[place + 2]
+    smooth, _ = smooth_and_L(nu, k, b, value)
+    by_smooth, by_L = smooth_and_L_slopes(nu, k, b, value, change, by_nu, by_k, by_b)
+    at = ANSWER + 2 * which
+    answer[at] = by_v * smooth.real + v * by_smooth.real + by_L.imag / math.pi
+    answer[at + 1] = by_v * smooth.imag + v * by_smooth.imag - by_L.real / math.pi
+
+
+def smooth_and_L(nu: Any, k: Any, b: Any, value: Any) -> tuple[Any, Any]:
+    """``D = smooth + (g/pi) L``: both parts, see `contbreather.stability.characteristic`; g is the
+    in-band alias. Of numbers and of arrays, on the band and off it."""
+    R, B, C = value
+    c, beta = 1.0 + k, b - (1.0 + k) * (1.0 + k) * C
+    a = 0.5 * (1.0 - k) + 1j * c * R
+    return a * a + B * beta, 2j * c * nu * a - beta - c * c * nu * nu * B
+
+
+def smooth_and_L_slopes(
+    nu: Any, k: Any, b: Any, value: Any, slope: Any, by_nu: float, by_k: float, by_b: float
+) -> tuple[Any, Any]:
+    """Their derivatives in one direction, by the product rule."""
+    R, B, C = value
+    by_R, by_B, by_C = slope
+    c, beta = 1.0 + k, b - (1.0 + k) * (1.0 + k) * C
+    a, by_a = 0.5 * (1.0 - k) + 1j * c * R, 1j * (by_k * R + c * by_R) - 0.5 * by_k
+    by_beta = by_b - c * (2.0 * by_k * C + c * by_C)
+    turned = by_k * nu * a + c * (by_nu * a + nu * by_a)
+    band = 2.0 * (by_k * nu + c * by_nu) * B + c * nu * by_B
+    return 2.0 * a * by_a + by_B * beta + B * by_beta, 2j * turned - by_beta - c * nu * band
 
 
 # --- between which values of b a pair is outside --------------------------------------------

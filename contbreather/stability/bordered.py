@@ -22,6 +22,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector
+from contbreather.stability.zeros import DEPTH, MOST, TURN
 
 NEAR = 5  # aliases |a| <= 5 are exact
 ORDERS = 11  # of w^2/kappa_a^2 <= 1/30: below rounding
@@ -32,9 +33,6 @@ HIGHEST = 2 * ORDERS + POWERS
 BORDER = 1  # aliases |a| <= 1 border the determinant
 
 GRID = 24  # samples between two singular places of the circle; refinement does the rest
-STEEP = 0.6  # largest step between neighbouring samples, relative to their modulus
-DEPTH = 40  # halvings of one interval
-MOST = 2**12  # samples of one piece: one that asks for more has a zero on it, or is rounding
 SHARP = 1e-13  # an interval that is not halved any more
 CERTAIN = 1e-12  # of F's own terms: closer to zero than that, a count is not certain
 FLAT = 1e-14  # of the same: below that F is rounding, and samples of it tell nothing
@@ -204,16 +202,16 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
                 answer = answer * r
     turn, reach, pull = propagators(orbit, room, kappa, 0, 0)
     for i in range(m):
-        kicked(orbit, room, i, i, turn, reach, pull)
+        kicked(orbit, room.matrix, i, i, turn, reach, pull)
     for i in range(m):
         for j in range(i):
             turn, reach, pull = propagators(orbit, room, kappa, i, j)
-            kicked(orbit, room, i, j, turn, reach, pull)
+            kicked(orbit, room.matrix, i, j, turn, reach, pull)
             if kappa.imag == 0.0:  # there the far aliases are real, and back is the conjugate
                 turn, reach, pull = -turn.conjugate(), reach.conjugate(), pull.conjugate()
             else:
                 turn, reach, pull = propagators(orbit, room, kappa, j, i)
-            kicked(orbit, room, j, i, turn, reach, pull)
+            kicked(orbit, room.matrix, j, i, turn, reach, pull)
     for i in range(2 * m):
         room.matrix[i, i, 0] += 1.0
     for row in range(2 * BORDER + 1):
@@ -246,22 +244,16 @@ def propagators(
 
 
 def kicked(
-    orbit: Impacts,
-    room: CountWorkspace,
-    i: int,
-    j: int,
-    turn: complex,
-    reach: complex,
-    pull: complex,
+    orbit: Impacts, matrix: Cube, i: int, j: int, turn: complex, reach: complex, pull: complex
 ) -> None:
     """Enter ``-X_ij (S_j - 1)``."""
     if orbit.sites[i] == orbit.sites[j] and orbit.times[i] == orbit.times[j]:
         turn = turn - math.pi  # not its own kick: what earlier periods left, G'(0) - 1/2
     loss, b = -orbit.loss / TWO_PI, -orbit.entries[j] / TWO_PI
-    put(room.matrix, 2 * i, 2 * j, loss * turn + b * reach)
-    put(room.matrix, 2 * i, 2 * j + 1, loss * reach)
-    put(room.matrix, 2 * i + 1, 2 * j, loss * pull + b * turn)
-    put(room.matrix, 2 * i + 1, 2 * j + 1, loss * turn)
+    put(matrix, 2 * i, 2 * j, loss * turn + b * reach)
+    put(matrix, 2 * i, 2 * j + 1, loss * reach)
+    put(matrix, 2 * i + 1, 2 * j, loss * pull + b * turn)
+    put(matrix, 2 * i + 1, 2 * j + 1, loss * turn)
 
 
 def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, last: int) -> None:
@@ -289,7 +281,7 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
     for i in range(m):
         for j in range(m):
             if orbit.sites[i] > 0 and orbit.sites[j] > 0:
-                answer_held(orbit, room, speed, square, alias, i, j)
+                answer_held(orbit, matrix, speed, square, alias, i, j)
     for i in range(2 * BORDER + 1):
         if 2 * m + i != last:
             put(matrix, last, 2 * m + i, complex(0.0, 0.0))
@@ -297,13 +289,7 @@ def border(orbit: Impacts, room: CountWorkspace, kappa: complex, alias: int, las
 
 
 def answer_held(
-    orbit: Impacts,
-    room: CountWorkspace,
-    speed: complex,
-    square: complex,
-    alias: int,
-    i: int,
-    j: int,
+    orbit: Impacts, matrix: Cube, speed: complex, square: complex, alias: int, i: int, j: int
 ) -> None:
     """Less what impact j does to impact i by one alias, on a chain that is held. As ``g (1/r - r) =
     1/gamma``, that is a short sum of powers of r, bounded at the ends of the band."""
@@ -317,10 +303,10 @@ def answer_held(
     total = wave * (-4.0 / TWO_PI) * (total * square)
     first, second = total * (speed * orbit.loss + orbit.entries[j]), total * orbit.loss
     for row in range(2):
-        value = entry(room.matrix, 2 * i + row, 2 * j) - first
-        put(room.matrix, 2 * i + row, 2 * j, value)
-        value = entry(room.matrix, 2 * i + row, 2 * j + 1) - second
-        put(room.matrix, 2 * i + row, 2 * j + 1, value)
+        value = entry(matrix, 2 * i + row, 2 * j) - first
+        put(matrix, 2 * i + row, 2 * j, value)
+        value = entry(matrix, 2 * i + row, 2 * j + 1) - second
+        put(matrix, 2 * i + row, 2 * j + 1, value)
         first, second = first * speed, second * speed
 
 
@@ -373,16 +359,15 @@ def circle_samples(
     """
     expand_pairs(orbit, series, room.sums)
     edge = 2.0 * math.sqrt(orbit.gamma)
-    first, second = min(edge, 1.0 - edge), max(edge, 1.0 - edge)
+    cut = max(min(edge, 1.0 - edge), 0.0)
     summary = circle.found
     summary[TURNING], summary[LEAST] = 0.0, math.inf
     summary[RESOLVED], summary[APPROACH] = 1.0, FARTHEST
-    circle.used[0], low = 0, 0.0
-    for which in range(3):
-        high = min(0.5, first if which == 0 else second if which == 1 else 0.5)
-        if high > low:
-            piece(orbit, room, terms, circle, low, high)
-            low = high
+    circle.used[0] = 0
+    if cut > 0.0:
+        piece(orbit, room, terms, circle, 0.0, cut)
+    if cut < 0.5:
+        piece(orbit, room, terms, circle, cut, 0.5)
 
 
 def piece(
@@ -436,34 +421,28 @@ def is_wide(here: Matrix, count: int, i: int, terms: float) -> bool:
     """Whether F moves by much of its modulus over an interval or one next to it."""
     if here[i + 1, 0] - here[i, 0] <= SHARP:
         return False
-    wide = False
     for j in range(max(i - 1, 0), min(i + 2, count - 1)):
         a, b, c, d = here[j, 2], here[j, 3], here[j + 1, 2], here[j + 1, 3]
         start, end = math.sqrt(a * a + b * b), math.sqrt(c * c + d * d)
         moved = math.sqrt((c - a) * (c - a) + (d - b) * (d - b))
-        steep = moved > STEEP * min(start, end)
-        wide = wide or (steep and max(start, end) > FLAT * terms)
-    return wide
+        if moved > TURN * min(start, end) and max(start, end) > FLAT * terms:
+            return True
+    return False
 
 
 def tell(
-    here: Matrix,
-    count: int,
-    terms: float,
-    circle: CircleSamples,
-    from_one: bool,
-    to_minus_one: bool,
+    here: Matrix, count: int, terms: float, circle: CircleSamples, first: bool, last: bool
 ) -> None:
-    """What the samples of one piece tell."""
+    """What the samples of one piece tell, of the first one from 1 on, of the last up to -1."""
     summary = circle.found
     for i in range(count - 1):
         distance_off_circle(here, i, summary)
     # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
     # real multiplier on the circle to within rounding is not outside
-    if from_one:
+    if first:
         signed_inside(here, 0, 1, count, CERTAIN * terms, -1.0)
         summary[START] = here[0, 2]
-    if to_minus_one:
+    if last:
         signed_inside(here, count - 1, -1, count, CERTAIN * terms, 1.0)
         summary[END] = here[count - 1, 2]
     for i in range(count):

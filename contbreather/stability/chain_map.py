@@ -54,7 +54,6 @@ from contbreather.stability.bordered import (
     FLAT,
     HIGHEST,
     LEAST,
-    MOST,
     NEAR,
     ON_CIRCLE,
     ORDERS,
@@ -70,7 +69,13 @@ from contbreather.stability.bordered import (
 )
 from contbreather.stability.counting import Count
 from contbreather.stability.saltation import Saltation, saltation
-from contbreather.stability.zeros import as_counted, distinct, multipliers_of, newton_from_all
+from contbreather.stability.zeros import (
+    MOST,
+    as_counted,
+    distinct,
+    multipliers_of,
+    newton_from_all,
+)
 
 Array = NDArray[Any]
 
@@ -374,7 +379,7 @@ class OrbitMap:
 @lru_cache(maxsize=512)
 def _around(map: OrbitMap) -> CircleSamples:
     """Samples of F along half the circle, and what they tell: events and columns ask in turn."""
-    circle = CircleSamples(np.empty((3 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
+    circle = CircleSamples(np.empty((2 * (MOST + 1), 4)), np.zeros(1, dtype=np.int64), np.zeros(7))
     AROUND(map._impacts, series(), map._room(MOST + 1), map._terms, circle)
     return circle._replace(samples=circle.samples[: circle.used[0]].copy())
 

@@ -36,7 +36,13 @@ from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.zeta import binomial, zeta
-from contbreather.stability.band_pairs import EXACT, ORDERS, POWERS
+from contbreather.stability.band_pairs import (
+    EXACT,
+    ORDERS,
+    POWERS,
+    smooth_and_L,
+    smooth_and_L_slopes,
+)
 from contbreather.stability.saltation import check_finite, check_lattice
 
 Array = NDArray[Any]  # real on the real axis, complex off it
@@ -399,31 +405,6 @@ def D_slope(
     return value, slope
 
 
-def smooth_and_L(nu: Array, k: float, b: float, value: Regular) -> tuple[Array, Array]:
-    """``D = smooth + (g/pi) L``: both parts, see the module's docstring; g is the in-band alias."""
-    R, B, C = value
-    c, d = 1.0 + k, 0.5 * (1.0 - k)
-    c2 = c * c
-    beta, a = b - c2 * C, d + 1j * c * R
-    return a * a + B * beta, 2j * c * nu * a - beta - c2 * nu * nu * B
-
-
-def split(
-    nu: Array, k: float, b: float, value: Regular, slope: Regular, by_nu: float = 1.0
-) -> tuple[Array, Array, Array, Array]:
-    """`smooth_and_L`, and both their slopes as nu changes at the rate ``by_nu``."""
-    R, B, C = value
-    by_R, by_B, by_C = slope
-    c, d = 1.0 + k, 0.5 * (1.0 - k)
-    c2 = c * c
-    beta, a, by_a = b - c2 * C, d + 1j * c * R, 1j * c * by_R
-    return (
-        *smooth_and_L(nu, k, b, value),
-        2.0 * a * by_a + by_B * beta - c2 * B * by_C,
-        2j * c * (by_nu * a + nu * by_a) + c2 * (by_C - nu * (2.0 * by_nu * B + nu * by_B)),
-    )
-
-
 def near_slope(
     gamma: float,
     nu: Array,
@@ -441,7 +422,8 @@ def near_slope(
     r = _root(gamma, nu, sites, spring, continued)
     g, g_nu, _ = resolvent_slopes(gamma, nu, sites, spring, r)
     value, slope, _ = regular_slopes(gamma, nu, sites, spring)
-    smooth, L, smooth_nu, L_nu = split(nu, k, b, value, slope)
+    smooth, L = smooth_and_L(nu, k, b, value)
+    smooth_nu, L_nu = smooth_and_L_slopes(nu, k, b, value, slope, 1.0, 0.0, 0.0)
     return smooth + g * L / math.pi, smooth_nu + (g_nu * L + g * L_nu) / math.pi
 
 
@@ -480,16 +462,15 @@ def D_gradient(
         alias = resolvent_slopes(gamma, x, sites, spring, _root(gamma, x, sites, spring))
         g, g_nu, g_gamma = (part / math.pi for part in alias)
         value, in_nu, in_gamma = regular_slopes(gamma, x, sites, spring)
-        smooth, L, smooth_nu, L_nu = split(x, k, b, value, in_nu)
-        _, _, smooth_gamma, L_gamma = split(x, k, b, value, in_gamma, 0.0)
-        (R, B, C), c, a = value, 1.0 + k, 0.5 * (1.0 - k) + 1j * (1.0 + k) * value.R
-        by_a = 1j * R - 0.5  # in k
-        smooth_k = 2.0 * (a * by_a - c * B * C)
-        L_k = 2j * x * (a + c * by_a) + 2.0 * c * (C - x * x * B)
+        smooth, L = smooth_and_L(x, k, b, value)
+        at, still = (x, k, b, value), (0.0, 0.0, 0.0)
+        smooth_nu, L_nu = smooth_and_L_slopes(*at, in_nu, 1.0, 0.0, 0.0)
+        smooth_gamma, L_gamma = smooth_and_L_slopes(*at, in_gamma, 0.0, 0.0, 0.0)
+        smooth_k, L_k = smooth_and_L_slopes(*at, still, 0.0, 1.0, 0.0)
         return Gradient(
             _finite(smooth + g * L, gamma, lattice),
             smooth_nu + g_nu * L + g * L_nu,
             smooth_gamma + g_gamma * L + g * L_gamma,
             smooth_k + g * L_k,
-            B - g,
+            value.B - g,
         )

@@ -28,6 +28,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import Ring
 from contbreather.stability.arc import resolved_arc
+from contbreather.stability.band_pairs import smooth_and_L, smooth_and_L_slopes
 from contbreather.stability.characteristic import (
     MODES,
     RingModes,
@@ -35,7 +36,6 @@ from contbreather.stability.characteristic import (
     modes,
     near_slope,
     regular_slopes,
-    split,
 )
 from contbreather.stability.saltation import check_kb, saltation
 from contbreather.stability.zeros import newton_from_all
@@ -111,7 +111,8 @@ def _wave_step(
     edge = 2.0 * math.sqrt(gamma)
     nu, nu_theta = edge * np.sin(0.5 * theta), 0.5 * edge * np.cos(0.5 * theta)
     value, slope, _ = regular_slopes(gamma, nu, resolvent_sites)
-    smooth, L, smooth_nu, L_nu = split(nu, k, b, value, slope)
+    smooth, L = smooth_and_L(nu, k, b, value)
+    smooth_nu, L_nu = smooth_and_L_slopes(nu, k, b, value, slope, 1.0, 0.0, 0.0)
     scale = 2.0 * math.pi * gamma
     sine, cosine = np.sin(theta), np.cos(theta)
     V = scale * sine * smooth

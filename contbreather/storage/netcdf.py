@@ -39,6 +39,7 @@ ATLAS = "atlas of contbreather"
 ABOUT = "about_in_json"
 RESERVED = {ABOUT, "point", "doubtful"}  # names that no column has
 LONGEST = 200  # bytes of a name: netCDF takes 256, and some get an ending here
+_OTHERS = {".csv", ".json", ".mat", ".npy", ".npz", ".pdf", ".pkl", ".png", ".svg", ".txt"}
 _NAMESAKE = "_nc4_non_coord_"  # before the name of a variable that bears that of a dimension
 _HELD = "?bBhHiIlLqQefdFDSU"  # characters of dtypes: truth, numbers, bytes and words
 _TEXT = 20_000  # bytes of an attribute: HDF5 takes 64 kB
@@ -54,7 +55,7 @@ def target_of(path: str | Path) -> Path:
         raise BadInput(
             f"cannot keep results in {target}: they are written again and again; name a file"
         )
-    if target.suffix.lower() == ".csv":
+    if target.suffix.lower() in _OTHERS:
         raise BadInput(
             f"cannot write {target}: what is kept is a netCDF-4 file, call it {target.stem}.nc; "
             "tables are written by to_csv, or by --csv"

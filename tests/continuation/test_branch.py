@@ -74,6 +74,8 @@ def test_special_points_by_kind_and_label(branch: Branch) -> None:
     assert branch.first("LP2")["x"] > 0
     with pytest.raises(BadInput, match=r"no 'NS' on this branch; it has \['EP1', 'LP1', 'UZ1'"):
         branch.first("NS")
+    with pytest.raises(BadInput, match=r"'EP2'\]; it is looked for with events=\[cb.hopf\(\)\]"):
+        branch.first("HB1")
 
 
 def test_a_branch_says_what_it_is(branch: Branch) -> None:

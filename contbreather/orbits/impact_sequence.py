@@ -1,0 +1,231 @@
+"""The impacts of a periodic orbit, and what follows from them alone: momenta, velocities, entries
+of the saltation.
+
+How its sites move between them is asked of an `Orbit`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contbreather.errors import BadInput
+from contbreather.lattice.conditions import Conditions, Walls
+from contbreather.lattice.forcing import Forcing
+from contbreather.orbits.section import Impact, Section
+
+FloatArray = NDArray[np.float64]
+
+VANISHED = 1e-8  # an impact at a smaller velocity is none
+SAME = 1e-9  # momenta that differ by less, relative to the largest, are equal
+ALIKE = 1e-7  # times and impulses of both halves that differ by less are equal
+
+
+class Hit(NamedTuple):
+    """One impact of an orbit: velocities of the site just before and just after it, and its
+    acceleration just after."""
+
+    site: int
+    wall: int
+    time: float
+    before: float
+    after: float
+    acceleration: float
+
+
+@dataclass(frozen=True, repr=False)
+class ImpactSequence:
+    """Impacts with the conditions they happen under, read off a representation."""
+
+    representation: Any  # with what it knows besides: p and b of a closed form, modes, ...
+
+    # ------------------------------------------------------------------------------ what it is
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        return self.representation.conditions
+
+    @property
+    def section(self) -> Section:
+        return self.representation.section
+
+    @cached_property
+    def impacts(self) -> tuple[Impact, ...]:
+        return self.representation.impacts
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        return self.representation.offsets
+
+    @property
+    def a(self) -> float:
+        return self.conditions.a
+
+    @property
+    def gamma(self) -> float:
+        return self.conditions.gamma
+
+    @property
+    def k(self) -> float:
+        return self.conditions.k
+
+    @property
+    def damping(self) -> float:
+        return self.conditions.damping
+
+    @property
+    def spring(self) -> float:
+        return self.conditions.spring
+
+    @property
+    def forcing(self) -> Forcing:
+        return self.conditions.forcing
+
+    @property
+    def walls(self) -> Walls:
+        return self.conditions.walls
+
+    @property
+    def lattice(self) -> Any:
+        return self.conditions.lattice
+
+    @property
+    def period(self) -> float:
+        return self.section.period
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether ``u(t + period/2) = -u(t)`` is made use of."""
+        return self.section.symmetric
+
+    @property
+    def residual(self) -> float:
+        """Largest error of its equations: rounding, unless it was put together by hand."""
+        return self.representation.error
+
+    # ---------------------------------------------------------------------------- its impacts
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """Of the impacts of a section."""
+        return np.array([impact.time for impact in self.impacts])
+
+    @cached_property
+    def impulses(self) -> FloatArray:
+        """By how much the velocity of the site changes at each of them."""
+        return np.array([impact.impulse for impact in self.impacts])
+
+    @property
+    def vanishing(self) -> int | None:
+        """The number of an impact that has lost its velocity, if any: there the saltation (19) has
+        a pole, and multipliers mean nothing."""
+        speeds = np.abs(self.incoming)
+        return int(speeds.argmin()) if speeds.size and speeds.min() < VANISHED else None
+
+    @property
+    def incoming(self) -> FloatArray:
+        """Velocity of the site just before each impact, ``-J/(1 + k)``."""
+        return -self.impulses / (1.0 + self.k)  # u' -> -k u'
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """Acceleration of the site just before each impact."""
+        return self.representation.accelerations
+
+    @cached_property
+    def entries(self) -> FloatArray:
+        """The entries b of the saltation matrices (19), one for each impact of a section."""
+        c = 1.0 + self.k  # b = (1 + k) u''/u' of (19), with losses
+        # braked less after the impact than before, a site turns round faster by damping (1 + k) v
+        b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
+        b.setflags(write=False)
+        return b
+
+    @cached_property
+    def hits(self) -> tuple[Hit, ...]:
+        """All impacts of a period in order of time."""
+        hits = []
+        for half in range(2 if self.symmetric else 1):
+            side = 1 - 2 * half  # u(t + T/2) = -u(t)
+            for impact, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
+                before = -side * impact.impulse / (1.0 + self.k)
+                # just after the impact a damped site is braked the other way
+                after = side * w + self.damping * (1.0 + self.k) * before
+                time = impact.time + half * self.section.length
+                hits.append(
+                    Hit(impact.site, side * impact.wall, time, before, -self.k * before, after)
+                )
+        return tuple(sorted(hits, key=lambda hit: hit.time))
+
+    @property
+    def p(self) -> float:
+        """Half the momentum of each impact, where all are the same."""
+        sizes = 0.5 * np.abs(self.impulses)  # |J| = 2p, eq. (4)
+        if np.ptp(sizes) > SAME * sizes.max():
+            raise BadInput(f"the impacts have different momenta: half of them are {sizes}.")
+        return float(sizes[0])
+
+    @property
+    def phi(self) -> float:
+        """Time of the impact on the wall +1 of a symmetric orbit of one site."""
+        self._need_one("phi")
+        # (3): the wall +1 at phi, the wall -1 half a period later
+        late = 0.0 if self.impacts[0].wall > 0 else self.section.length
+        return math.remainder(self.impacts[0].time + late, self.period)
+
+    @property
+    def chi(self) -> float:
+        """Eq. (10): where a unit impact, with its mirror images, leaves the site that hits. By
+        (11), ``p chi = wall - a f(phi)``."""
+        self._need_one("chi")
+        return float(self.representation.chi)
+
+    @property
+    def b(self) -> float:
+        """The entry of the saltation matrix (19), the same at every impact."""
+        self._need_one("b")
+        return float(self.entries[0])
+
+    @property
+    def c(self) -> float:
+        """By how much the lattice as a whole sits off centre."""
+        return self.representation.c
+
+    @property
+    def asymmetry(self) -> float:
+        """Of an orbit with two impacts ``t2 - t1 - pi``: 0 where both flights are equal. Of more
+        that of the impact and its mirror image, half the impacts later, that are farthest off."""
+        if not self.section.mirrored:
+            raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
+        first, second = self.times.reshape(2, -1)
+        # equal flights: the mirror image of an impact comes half a period after it
+        late = (second - first) % self.period - 0.5 * self.period
+        return float(late[abs(late).argmax()])
+
+    def _need_one(self, name: str) -> None:
+        if not self.symmetric or self.section.count > 1:
+            raise self._lacks(name, "symmetric orbits with one impact in half a period")
+
+    def _lacks(self, name: str, which: str) -> BadInput:
+        return BadInput(f"{name} belongs to {which}; this one has the {self.describe()}.")
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the second half of a section is the first again, or its mirror image."""
+        half, odd = divmod(self.section.count, 2)
+        if odd:
+            return False
+        first, second = self.impacts[:half], self.impacts[half:]
+        ahead = self.times[half:] - self.times[:half] - 0.5 * self.section.length
+        grown = np.abs(self.impulses[half:]) - np.abs(self.impulses[:half])
+        # walls and impulses may have changed sign: then it is a mirror image
+        same = [impact.site for impact in first] == [impact.site for impact in second]
+        return same and max(np.abs(ahead).max(), np.abs(grown).max()) < ALIKE
+
+    def describe(self) -> str:
+        return f"{self.section.describe()} on the {self.lattice.describe()}"
