@@ -20,8 +20,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+import contbreather as cb
 from contbreather import kernels
 from contbreather.cli import main
+from contbreather.workers import THREADS
 
 from .apart import copied
 
@@ -38,8 +40,11 @@ def pytest_configure(config: pytest.Config) -> None:
     """A shell that starts the tests in the background has them ignore Ctrl-C, children included.
 
     Loops that were edited since the installation are compiled before the first test, and nothing
-    is behind it.
+    is behind it. Each worker of xdist has a core: a second thread of its linear algebra would only
+    wait for that of another, which more than doubles what dense matrices take.
     """
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -99,6 +104,18 @@ def close_figures() -> Iterator[None]:
     pyplot = sys.modules.get("matplotlib.pyplot")
     if pyplot is not None:
         pyplot.close("all")
+
+
+@pytest.fixture(scope="session")
+def in_a() -> cb.Branch:
+    """A branch with a fold, a pitchfork and a wall, to look at."""
+    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 0.99)})
+
+
+@pytest.fixture(scope="session")
+def diagram() -> cb.orbits.Zones:
+    """The zones of the paper's figure 2 (a), to look at."""
+    return cb.zones(k=0.8)
 
 
 @pytest.fixture

@@ -34,16 +34,6 @@ from contbreather.plotting.multipliers import band
 from contbreather.stability.half_period import HalfMap
 
 
-@pytest.fixture(scope="module")
-def in_a() -> Branch:
-    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 0.99)})
-
-
-@pytest.fixture(scope="module")
-def diagram() -> Zones:
-    return zones(k=0.8)
-
-
 def curves(ax) -> list:
     return [line for line in ax.get_lines() if line.get_linestyle() != "None"]
 

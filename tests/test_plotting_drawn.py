@@ -80,11 +80,6 @@ def legend_of(ax) -> dict[str, tuple[str, object]]:
 
 
 @pytest.fixture(scope="module")
-def diagram() -> Zones:
-    return zones(k=0.8)
-
-
-@pytest.fixture(scope="module")
 def panel(diagram: Zones):
     ax = plot_zones(diagram).axes
     ax.figure.canvas.draw()
@@ -172,11 +167,6 @@ def test_axes_of_zones_begin_at_zero_and_leave_a_rim(panel, diagram: Zones) -> N
 
 
 # --- branches -----------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def in_a() -> Branch:
-    return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.0, 0.99)})
 
 
 def test_legend_of_a_branch_calls_solid_stable_and_dashed_unstable(in_a: Branch) -> None:

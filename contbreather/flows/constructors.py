@@ -22,6 +22,7 @@ from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .filippov import Filippov
 from .flow import Flow, Function, Params, value_at, values
+from .guards import root
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
 from .orbit import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import period_at, refuse_false_period, refuse_period, refuse_time
@@ -41,7 +42,6 @@ _ALMOST = 1e-6  # the equations, and of a multiplier off 1: Newton's iteration w
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
 _BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
-_SAMPLES = 8  # looks into each step of a simulation for a return
 
 
 def cycle(
@@ -116,25 +116,27 @@ def cycle(
     scheme, forcing = collocation or Collocation(), _period(period)
     check_kind(scheme, Collocation, "collocation=Collocation(intervals=, points=)")
     flows = flows_of(flows, period)
+    alone = _alone(flows)
     if isinstance(start, tuple):
-        (flights, parts, names), size = _sampled(flows, start, params, scheme), 0.0
-        _, params = named_state(dict.fromkeys(names, 0.0), params)
+        parts, pieces, names = _sampled(alone, start, params)
+        (_, params), size, shift = named_state(dict.fromkeys(names, 0.0), params), 0.0, 0.0
     else:
         (state, params), names = named_state(start, params), tuple(start)
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
         begin = _settled(run, state, length, t0, settle)
-        alone = _alone(flows)
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
         else:
             parts, pieces = (alone,), [_smooth(alone, run, params, begin, length, settle, size)]
-        flights = _resolved(scheme, parts, params, pieces)
         # in the first period, or at no time at all
-        turned = 0 if length is None else math.floor(flights[0].start / length + 1e-9)
-        shift = flights[0].start if length is None else turned * length
-        flights = [replace(flight, start=flight.start - shift) for flight in flights]
+        shift = pieces[0][1]
+        shift = shift if length is None else math.floor(shift / length + 1e-9) * length
+    flights = [
+        replace(flight, start=flight.start - shift)
+        for flight in _resolved(scheme, parts, params, pieces)
+    ]
     parts = tuple(
         flow.struck(flight.last, params) for flow, flight in zip(parts, flights, strict=True)
     )
@@ -144,11 +146,12 @@ def cycle(
         turns = max(1, round(whole / period_at(forcing, params)))
         refuse_period(parts, flights, params)
     refuse_false_period(parts, flights, forcing, params)
-    equations = Equations(tuple(parts), tuple(flights), forcing, turns, names, sizes_of(flights))
-    if events is None and isinstance(flows, Filippov):
-        events = (*events_of(equations), sliding(flows))
-    chosen = None if events is None else tuple(events)
-    return _closed(equations, params, chosen, label or "cycle", size)
+    equations = Equations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
+    if events is None:
+        events = events_of(equations)
+        events += (sliding(flows),) if isinstance(flows, Filippov) else ()
+    made = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
+    return _closed(equations, made, params, size)
 
 
 def named_state(
@@ -191,12 +194,9 @@ def _alone(flows: Any) -> Flow | None:
 
 def _period(period: Any) -> Function | None:
     """The period as a function to differentiate, ``period(t, x, p)``."""
-    if period is None or callable(period):
-        return None if period is None else partial(_length, period)
-    length = number("period", period, 0.0, 1e300, "a positive time, or a function of p")
-    if not length > 0:
-        raise BadInput(f"period = {period}: a positive time was expected")
-    return partial(_length, length)
+    if period is not None and not callable(period):
+        number("period", period, 1e-300, 1e300, "a positive time, or a function of p")
+    return None if period is None else partial(_length, period)
 
 
 def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params) -> Any:
@@ -207,6 +207,7 @@ def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params
 
 
 Run = Callable[..., Trajectory]
+Made = Callable[[Equations], CycleProblem]
 Begin = tuple[float, Array, int]  # time, state and flow
 Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
 
@@ -226,7 +227,7 @@ def _run(flows: Any, params: Params, **how: Any) -> Trajectory:
 def _resolved(
     scheme: Collocation, parts: Sequence[Flow], params: Params, pieces: Sequence[Stretch]
 ) -> list[TrajectorySegment]:
-    """A simulation on meshes that follow it, of as many intervals as its equations need."""
+    """Motions on meshes that follow them, of as many intervals as their equations need."""
 
     def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[TrajectorySegment]:
         return [
@@ -280,8 +281,7 @@ def _hybrid(run: Run, begin: Begin, length: float | None) -> tuple[tuple[Flow, .
     for back in range(1, _RETURNS + 1):
         event = ran.events[-1 - back]
         # the same flow ended there, in a state of the same kind
-        alike = ran.pieces[-1 - back].number == ran.pieces[-1].number
-        if not alike or event.after.shape != last.after.shape:
+        if (event.number, event.after.shape) != (last.number, last.after.shape):
             continue
         off = float(abs(last.after - event.after).max()) / size
         if length is not None:
@@ -316,46 +316,36 @@ def _smooth(
         return run(x0=state, time=length, t0=t0), t0, t0 + length
     refuse_time(flow.f, t0, state, params)
     for wait in np.multiply(settle or _WAIT, _LONGER):
-        speed = values(flow.f, t0, state[:, None], params)[:, 0]
         ran = run(x0=state, time=float(wait), t0=t0)
+        t0, state = t0 + float(wait), ran.final  # if it was not settled yet
         # what is slow has time to settle that is as long
-        moved = values(flow.f, t0, ran.final[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
-        _refuse_rest(moved, ran.final, size)
-        returns, since = _returns(flow, ran, state, speed, params), t0
+        moved = values(flow.f, t0, state[:, None], params)[:, 0] * max(1.0, wait / _WAIT)
+        _refuse_rest(moved, state, size)
+        returns = _returns(flow, ran, params)
         if min((off for off, _ in returns), default=math.inf) <= _BACK:
             break
-        t0, state = t0 + float(wait), ran.final  # it was not settled yet
-    return ran, since, float(_first_close(returns, ran))
+    return ran, float(ran.t[0]), float(_first_close(returns, ran))
 
 
-def _returns(
-    flow: Flow, ran: Trajectory, state: Array, speed: Array, params: Params
-) -> list[tuple[float, float]]:
-    """How far from its start it is, in its size, and when, each time it comes back to the plane."""
-    from scipy.optimize import brentq
+def _returns(flow: Flow, ran: Trajectory, params: Params) -> list[tuple[float, float]]:
+    """How far from its start it is, in its size, and when, each time it comes back to the plane
+    through that across its velocity."""
+    begin, state = ran.t[0], ran.x[:, :1]
+    speed = values(flow.f, begin, state, params)[:, 0]
 
-    def back(t: Any) -> Array:
-        x = ran(t)
-        if flow.reset is None:
-            return x
-        return values(flow.reset, t, x.reshape(len(x), -1), params).reshape(x.shape)
+    def image(t: Array) -> Array:
+        return ran(t) if flow.reset is None else values(flow.reset, t, ran(t), params)
 
-    def ahead(t: Any) -> Any:
-        return speed @ (back(t).T - state).T
+    def behind(t: Array) -> Array:
+        return np.asarray(speed @ (state - image(t)))
 
-    knots = ran.t
-    inside = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_SAMPLES) / _SAMPLES
-    times = np.append(inside.ravel(), knots[-1])
-    orbit = back(times)
-    # the plane through the start across its velocity; a return passes it in the same direction
-    passed = speed @ (orbit - state[:, None])
-    passed[0] = 0.0  # it begins there, but for the rounding of an interpolant
+    orbit = image(ran.t)
     size = float(np.ptp(orbit, axis=1).max()) or 1.0
-    returns = []
-    for j in np.flatnonzero((passed[:-1] < 0) & (passed[1:] >= 0)):
-        t = float(brentq(ahead, times[j], times[j + 1], xtol=1e-13))
-        returns.append((float(abs(back(t) - state).max()) / size, t))
-    return returns
+    off = speed @ (state - orbit)
+    off[0] = 0.0  # in the first step it is on its way out
+    fallen = np.flatnonzero((off[:-1] > 0) & (off[1:] <= 0))
+    times = [root(behind, ran.t[j], ran.t[j + 1]) for j in fallen]
+    return [(float(abs(image(np.array([t])) - state).max()) / size, t) for t in times]
 
 
 def _refuse_rest(moved: Array, state: Array, size: float) -> None:
@@ -378,12 +368,11 @@ def _adapted(flights: Sequence[TrajectorySegment]) -> tuple[TrajectorySegment, .
 
 
 def _sampled(
-    flows: Any, samples: tuple[Any, Any], params: Params, collocation: Collocation
-) -> tuple[list[TrajectorySegment], tuple[Flow, ...], tuple[str, ...]]:
-    """The orbit through samples of one period."""
+    flow: Flow | None, samples: tuple[Any, Any], params: Params
+) -> tuple[tuple[Flow, ...], list[Stretch], tuple[str, ...]]:
+    """The motion through samples of one period."""
     from scipy.interpolate import CubicSpline
 
-    flow = _alone(flows)
     if flow is None:
         raise BadInput("samples (t, x) are taken of one flow without `until`; start from a state")
     if len(samples) != 2:
@@ -395,18 +384,15 @@ def _sampled(
             "were expected, m at least 4"
         )
     flow.check(float(t[0]), x[:, 0], params)
-    spline = CubicSpline(t, x, axis=1)
-    flight = fitted(collocation, float(t[0]), float(t[-1] - t[0]), spline)
-    return [*_adapted([flight])], (flow,), tuple(f"x{i}" for i in range(1, len(x) + 1))
+    whole = CubicSpline(t, x, axis=1), float(t[0]), float(t[-1])
+    return (flow,), [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
-def _closed(
-    equations: Equations, params: Params, events: tuple[Event, ...] | None, label: str, size: float
-) -> Problem:
+def _closed(equations: Equations, made: Made, params: Params, size: float) -> Problem:
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
     size = max(size, *(float(abs(flight.states).max()) for flight in equations.start))
     for _ in range(2):
-        equations, solved = _solved(equations, params, events, label)
+        equations, solved = _solved(equations, made)
         flights = equations.flights(solved.x, params)
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
@@ -414,7 +400,7 @@ def _closed(
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = equations.single_round(solved.x, params)
         equations = replace(equations, start=_adapted(equations.start))
-    closed: Any = problem_at(equations, params, events, label).solve(tolerance=1e-12)[0]
+    closed: Any = made(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
         while cycle_of(closed).coarse and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
@@ -422,20 +408,18 @@ def _closed(
     return closed
 
 
-def _solved(
-    equations: Equations, params: Params, events: tuple[Event, ...] | None, label: str
-) -> tuple[Equations, Problem]:
+def _solved(equations: Equations, made: Made) -> tuple[Equations, Problem]:
     """The orbit solved for, on as many intervals as it needs."""
     while True:
         try:
-            return equations, problem_at(equations, params, events, label).solve(tolerance=1e-10)[0]
+            return equations, made(equations).solve(tolerance=1e-10)[0]
         except (NotConverged, Undefined) as error:
             count = sum(flight.knots.size - 1 for flight in equations.start)
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"; {count} intervals do not resolve it, let it settle (settle=)"
                 _refuse_family(getattr(error, "last", None), error)
-                _refuse_family(problem_at(equations, params), error)
+                _refuse_family(made(equations), error)
                 raise NotConverged(
                     f"no periodic orbit was found from there: {error}{finer if coarse else ''}",
                     residual=getattr(error, "residual", math.nan),
@@ -475,13 +459,3 @@ def _refuse_passed(orbit: Cycle) -> None:
         "closer to the orbit",
         residual=-touch.clearance,
     )
-
-
-def problem_at(
-    equations: Equations,
-    params: Params,
-    events: tuple[Event, ...] | None = None,
-    label: str = "cycle",
-) -> CycleProblem:
-    """The problem of a cycle, with all that can happen to it unless events were given."""
-    return problem_of(equations, params, events_of(equations) if events is None else events, label)

@@ -16,9 +16,11 @@ from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.switching import SwitchingProblem
 from .collocation import Collocation, fitted
-from .constructors import named_state, problem_at
+from .constructors import named_state
+from .cycle_events import events_of
 from .equations import Equations, sizes_of
 from .flow import Flow, Function, Params, slopes, values
+from .orbit import problem_of
 from .time_dependence import refuse_time
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
@@ -138,7 +140,8 @@ def _born(point: Point) -> SwitchingProblem:
     for amplitude in _AMPLITUDES:
         flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
         equations = Equations((residual.flow,), (flight,), None, 1, names, sizes_of([flight]))
-        curve = Curve(problem_at(equations, params), (free,))
+        events = events_of(equations)
+        curve = Curve(problem_of(equations, params, events, "cycle"), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)
         row[: equations.layout.orbit] = (flight.states - rest[:, None]).T.ravel()
@@ -149,7 +152,7 @@ def _born(point: Point) -> SwitchingProblem:
         if solution.converged:
             first = Point(curve, solution.z)
             equations = replace(equations, start=equations.flights(first.x, first.params))
-            cycle = problem_at(equations, first.params)
+            cycle = problem_of(equations, first.params, events, "cycle")
             # beside the origin the orbit says nothing of what it grows to: a hundred times itself
             unit = max(cycle.scales["orbit"], size * amplitude / _AMPLITUDES[0])
             scales = {**cycle.scales, "orbit": unit}

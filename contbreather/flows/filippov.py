@@ -10,6 +10,7 @@ and leaves it into h > 0 where L+ rises through zero, into h < 0 where L- falls 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from ..checks import shown
 from ..continuation.newton import Array
 from ..errors import BadInput
-from .flow import Flow, Function, Params, check_function, rows_of, slopes
+from .flow import Flow, Function, Params, check_function, place, rows_of, slopes
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
@@ -139,14 +140,13 @@ class Filippov:
     def _from_surface(self, t: float, x: Array, p: Params, arriving: int | None = None) -> int:
         """Through the surface, along it, or away from it."""
         rise, fall = (float(self._along(field, t, x, p)) for field in self._fields(t, x, p))
-        if arriving == _PLUS:
-            return _MINUS if fall <= 0 else _TO_PLUS
-        if arriving == _MINUS:
-            return _PLUS if rise >= 0 else _TO_PLUS
+        # what arrives points at the surface, where it grazes but for rounding
+        rise = -math.inf if arriving == _PLUS else rise
+        fall = math.inf if arriving == _MINUS else fall
         if rise > 0 > fall:
             raise BadInput(
-                f"at t = {t:g}, x = {shown(x.tolist())} both fields point away from the surface "
-                f"(dh/dt = {rise:.3g} above, {fall:.3g} below): start on one side of it"
+                f"{place(t, x)} both fields point away from the surface (dh/dt = {rise:.3g} above, "
+                f"{fall:.3g} below): start on one side of it"
             )
         if rise < 0 < fall:
             return _TO_PLUS  # L+ < 0 < L-: both fields point at the surface

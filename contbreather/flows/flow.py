@@ -7,7 +7,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -29,6 +29,7 @@ _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
 _STRUCK = 1e-9  # of a period after a clock struck it waits for the next one
+_ROUNDING = 1e-14  # relative to the largest state
 _SAME = 1e-9  # relative; sums over all states at once round differently
 
 
@@ -183,7 +184,7 @@ def check_function(
     name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
 ) -> None:
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
-    where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
+    where = place(t, x, p)
     try:
         returned = function(t, x, p)
         value = np.asarray(returned, dtype=float)
@@ -209,6 +210,12 @@ def check_function(
         raise BadInput(f"{name} is {shown(value.tolist())} {where}; finite numbers were expected")
 
 
+def place(t: Any, x: NDArray[Any], p: Params | None = None) -> str:
+    """Where a function was called, as a sentence says it."""
+    params = "" if p is None else f", p = {shown(dict(p))}"
+    return f"at t = {t:g}, x = {shown(x.tolist())}{params}"
+
+
 def _inverse(mass: Any) -> Array:
     matrix = numbers("the mass matrix", mass)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
@@ -231,15 +238,17 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
 
 @dataclass(frozen=True)
 class _Calling:
-    """How a function is called: its plain text, its rows, and whether it takes many states."""
+    """How a function is called, its plain text, its rows, and whether it takes many states; and how
+    it is differentiated, for each number of states and each choice of parameters."""
 
     function: Function
     rows: int
     scalar: bool
     vectorised: bool
+    schemes: dict[Any, Array | None] = field(default_factory=dict)
 
 
-_CALLING, _SCHEMES = WeakKeyDictionary[Any, _Calling](), WeakKeyDictionary[Any, Any]()
+_CALLING = WeakKeyDictionary[Any, _Calling]()
 
 
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -261,7 +270,7 @@ def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray
                 return _rows(how.function(t, x, p), how, x)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
-        columns = [_at(how.function, *at, p) for at in zip(t, x.T, strict=True)]
+        columns = [at_state(how.function, *at, p) for at in zip(t, x.T, strict=True)]
     return np.stack(columns, axis=-1)
 
 
@@ -284,16 +293,22 @@ def _rows(returned: Any, how: _Calling, x: NDArray[Any]) -> NDArray[Any]:
     return rows
 
 
-def _at(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
+def at_state(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
     """A function at one state, with what it raises told where."""
     try:
-        return np.atleast_1d(np.asarray(function(t, x, p)))
+        return np.array(function(t, x, p), ndmin=1)
     except Exception as error:
-        call = f"{_name(function)} at t = {t}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
         if isinstance(error, OUT_OF_DOMAIN):
-            raise Undefined(f"{call} raised {type(error).__name__}: {error}") from error
-        error.add_note(f"in {call}")
+            what = f"{_name(function)} raised {type(error).__name__}: {error}"
+            raise Undefined(f"{what}, {place(t, x, p)}") from error
+        error.add_note(f"in {_name(function)} {place(t, x, p)}")
         raise
+
+
+def undecorated(function: Function) -> Function:
+    """A function as it was written where numba.njit decorated it."""
+    plain: Function = getattr(function, "py_func", function)
+    return plain
 
 
 def _name(function: Function) -> str:
@@ -301,31 +316,26 @@ def _name(function: Function) -> str:
 
 
 def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
-    return _once(_CALLING, function, lambda: _decide_calling(function, t.real, x.real, p))
-
-
-def _once(known: Any, function: Function, make: Callable[[], Any]) -> Any:
-    """What was made of a function, or is made now."""
     try:
-        return known[function]
+        return _CALLING[function]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
-        made = make()
+        how = _decide_calling(function, t.real, x.real, p)
     with suppress(TypeError):
-        known[function] = made
-    return made
+        _CALLING[function] = how
+    return how
 
 
 def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calling:
     """Three states one by one and all at once: is that the same?"""
-    plain = getattr(function, "py_func", function)  # of what numba.njit decorated
+    plain = undecorated(function)
     t, x = np.resize(t, 3), np.take(x, np.arange(3) % t.size, axis=1)
     with np.errstate(all="ignore"):
         try:
             aside = x + _aside(x)[:, None] * _THREE
-            singly = [_at(plain, *at, p) for at in zip(t, aside.T, strict=True)]
+            singly = [at_state(plain, *at, p) for at in zip(t, aside.T, strict=True)]
             x = aside
         except Undefined:  # outside of its domain
-            singly = [_at(plain, *at, p) for at in zip(t, x.T, strict=True)]
+            singly = [at_state(plain, *at, p) for at in zip(t, x.T, strict=True)]
         scalar = np.ndim(plain(t[0], x[:, 0], p)) == 0
     how = _Calling(plain, singly[0].size, scalar, vectorised=True)
     try:
@@ -359,10 +369,17 @@ def slopes(
     """
     n, count = x.shape
     t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
-    how = _calling(function, t, x, p)
-    finer = _scheme(function, how, t, x, p, tuple(names))
-    if finer is not None:
-        return _differences(how, t, x, p, names, finer)
+    how, key = _calling(function, t, x, p), (n, tuple(names))
+    if how.schemes.get(key, how) is not None:  # by differences, or nobody knows yet
+        named = np.array([p[name] for name in names]).reshape(-1, 1)
+        z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
+        joined, scales = partial(_joined, how, p, key[1]), _scales(z, n)
+        if key not in how.schemes:
+            how.schemes[key] = _decide_scheme(joined, z, n, scales)
+            by = "complex steps" if how.schemes[key] is None else "differences"
+            _LOG.debug("%s is differentiated by %s", _name(function), by)
+        if (finer := how.schemes[key]) is not None:
+            return joined(z), _differences(joined, z, scales, finer)
     directions = n + 1  # those of the parameters apart: what asks for one may expect a number
     # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
     aside = 1j * _IMAGINARY * np.eye(directions)[:, :, None]
@@ -376,76 +393,50 @@ def slopes(
     return np.ascontiguousarray(value[:, 0].real), slope
 
 
-def _differences(
-    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], finer: Array
-) -> tuple[Array, Array]:
+def rate_of(function: Function, f: Function, t: float, x: Array, p: Params) -> float:
+    """How fast a function changes along a flow, dh/dt + grad h . f."""
+    slope = slopes(function, t, x[:, None], p)[1][0, :, 0]
+    return float(slope @ np.append(values(f, t, x[:, None], p), 1.0))
+
+
+def _joined(how: _Calling, p: Params, names: tuple[str, ...], z: NDArray[Any]) -> NDArray[Any]:
+    """A function of rows of states, of times, and of named parameters, the same in all columns."""
+    n = len(z) - 1 - len(names)
+    moved = dict(zip(names, z[n + 1 :, 0].tolist(), strict=True))
+    return _call(how, z[n], z[:n], {**p, **moved})
+
+
+def _scales(z: Array, n: int) -> Array:
+    """Typical sizes of the rows: of n states and the time their spread, or 1 where they are
+    constant, of parameters their own, or 1 where they vanish."""
+    spread, size = np.ptp(z, axis=1), abs(z).max(axis=1)
+    least = _SAME * size
+    least[:n] += _ROUNDING * size[:n].max()  # what is rounding of other states says nothing
+    spread[n + 1 :] = size[n + 1 :]
+    return np.where(spread > least, spread, 1.0)
+
+
+def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
     """Five-point differences, shorter where they leave the domain of the function."""
-    slope = np.empty((how.rows, len(finer), t.size))
-    rows = np.vstack([x, t])
-    sizes = [*np.maximum(_scale(rows)[:, None], abs(rows))]
-    sizes += [np.full(t.size, abs(p[name]) or 1.0) for name in names]
-    for j, (size, divisor) in enumerate(zip(sizes, finer, strict=True)):
+    slopes, sizes = [], np.maximum(scales[:, None], abs(z))
+    for j, divisor in enumerate(finer):
         for shorter in (1, 64, 4096):
             # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
-            step = RELATIVE * size / (divisor * shorter)
-            beside = partial(_beside, how, t, x, p, names, j)
-            slope[:, j] = directional(beside, np.zeros(t.size), step) / step
-            if np.isfinite(slope[:, j]).all():
+            step = RELATIVE * sizes[j] / (divisor * shorter)
+            slope = directional(joined, z, np.eye(len(z), 1, -j) * step) / step
+            if np.isfinite(slope).all():
                 break
-    return _call(how, t, x, p), slope
+        slopes.append(slope)
+    return np.stack(slopes, axis=1)
 
 
-def _beside(
-    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...], j: int, step: Array
-) -> Array:
-    """The function a step aside in one direction: of a state, of the time, or of a parameter."""
-    n = len(x)
-    if j < n:
-        x = x + (np.arange(n) == j)[:, None] * step
-    elif j == n:
-        t = t + step
-    else:
-        p = {**p, names[j - n - 1]: p[names[j - n - 1]] + step[0]}
-    return _call(how, t, x, p)
-
-
-def _scale(x: Array) -> Array:
-    """Typical sizes of the rows: their spread, or 1 where they are constant."""
-    spread = np.ptp(x, axis=1)
-    return np.where(spread > _SAME * abs(x).max(axis=1), spread, 1.0)
-
-
-def _scheme(
-    function: Function, how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
-) -> Array | None:
-    """None for complex steps, or what the steps of differences are divided by."""
-    schemes, key = _once(_SCHEMES, function, dict), (len(x), names)
-    if key not in schemes:
-        schemes[key] = _decide_scheme(how, t, x, p, names)
-        by = "complex steps" if schemes[key] is None else "differences"
-        _LOG.debug("%s is differentiated by %s", _name(function), by)
-    finer: Array | None = schemes[key]
-    return finer
-
-
-def _decide_scheme(
-    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
-) -> Array | None:
-    """Complex steps where they agree with differences beside each of a few states."""
-    n = len(x)
-
-    def joined(z: NDArray[Any]) -> NDArray[Any]:
-        shifted = {**p, **dict(zip(names, z[n + 1 :].tolist(), strict=True))}
-        return _at(how.function, z[n], z[:n], shifted)
-
-    shift = np.append(_aside(x), 0.0)
-    sizes = [abs(p[name]) or 1.0 for name in names]
-    scales = np.concatenate([_scale(x), _scale(t[None]), sizes])
-    finest = np.zeros(n + 1 + len(names))
-    for k in np.linspace(0, t.size - 1, min(_PROBED, t.size)).astype(int):
-        z = np.concatenate([np.append(x[:, k], t[k]) + shift, [p[name] for name in names]])
+def _decide_scheme(joined: Any, z: Array, n: int, scales: Array) -> Array | None:
+    """None for complex steps, where they agree with differences beside each of a few states; or
+    what the steps of differences are divided by."""
+    shift, finest = np.append(_aside(z[:n]), np.zeros(len(z) - n)), np.zeros(len(z))
+    for k in np.linspace(0, z.shape[1] - 1, min(_PROBED, z.shape[1])).astype(int):
         with np.errstate(all="ignore"):
-            scheme = choose(joined, z, scales)
+            scheme = choose(lambda z: joined(z[:, None])[:, 0], z[:, k] + shift, scales)
         if isinstance(scheme, partial):  # differences
             finest = np.maximum(finest, scheme.keywords["finer"])
     return finest if finest.any() else None

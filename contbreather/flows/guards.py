@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import shown
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
-from .flow import Function, Params, values
+from .flow import Function, Params, place, values
 
 _NODES = 9  # of the polynomial that a guard must be like within a step, or the step is halved
 # Chebyshev's points of degree 16; every other one is one of degree 8, and the polynomial through
@@ -47,7 +46,7 @@ class Watched:
             value = values(self.function, t, step(t), self.params)[0]
             if np.isnan(value).any():
                 at = float(t[np.isnan(value)][0])
-                raise Undefined(f"{self.name} is NaN at t = {at:g}, x = {shown(step(at).tolist())}")
+                raise Undefined(f"{self.name} is NaN {place(at, step(at))}")
             return value
 
         if not self.armed:
@@ -107,18 +106,18 @@ def _first_fall(guard: Guard, a: float, b: float, halvings: int = _HALVINGS) -> 
     for i in np.flatnonzero(least | fallen).tolist():
         left, right = max(i - 1, 0), min(i + 1, t.size - 1)
         if fallen[i]:
-            return _root(guard, t[left], t[i])
+            return root(guard, t[left], t[i])
         # A minimum may lie beside the first or the last node; and of two nodes as far from one the
         # first is lower, or as low: rounding decides. So two nodes on each side tell its depth.
         around = g[max(i - 2, 0) : i + 3]
         if 0 < g[i] < _SHALLOW * (around.max() - g[i]):
             dip = _minimum(guard, t[left], t[right])
             if guard(np.array([dip]))[0] <= 0:
-                return _root(guard, t[left], dip)
+                return root(guard, t[left], dip)
     return math.inf
 
 
-def _root(guard: Guard, a: float, b: float) -> float:
+def root(guard: Guard, a: float, b: float) -> float:
     from scipy.optimize import brentq
 
     spacing = np.spacing(max(abs(a), abs(b)))  # no time lies in between

@@ -7,17 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import MOST, number, numbers, shown, whole
 from ..columns import Columns
-from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
+from ..continuation.newton import Array
 from ..errors import BadInput, NotConverged
 from ..tables import Sheet
-from .flow import Clock, Flow, Function, Params, slopes, values
+from .filippov import Filippov
+from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
 from .guards import Watched
 
 _LONGEST = 1e4  # how long a flow is waited for where no time is given
@@ -28,26 +29,14 @@ _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are
 _CHATTER = 4  # that many in a row
 
 
-class Itinerary(Protocol):
-    """Which flow follows which: a list of flows in turn, or a system that decides by its state."""
-
-    @property
-    def flows(self) -> Sequence[Flow]: ...
-
-    def begin(self, t: float, x: Array, p: Params) -> int: ...
-
-    def ended(self, mode: int, guard: int) -> int: ...
-
-    def follow(self, mode: int, guard: int, t: float, x: Array, p: Params) -> tuple[int, Array]: ...
-
-
 class TooManySteps(NotConverged):
     """A stiff system takes more than it may by an explicit method."""
 
 
 @dataclass(frozen=True)
 class _InTurn:
-    """Flows in the order of their list, the first after the last."""
+    """Flows in the order of their list, the first after the last; `Filippov` decides by its state
+    which comes next."""
 
     flows: tuple[Flow, ...]
     first: int
@@ -63,8 +52,8 @@ class _InTurn:
         flow = self.flows[mode]
         if (name := list(flow.guards)[guard]) != "until":
             raise NotConverged(
-                f"{name} of flow {mode} is zero at t = {t:g}, x = {shown(x.tolist())}: it "
-                "must stay positive; start elsewhere, or make it the condition of a flow"
+                f"{name} of flow {mode} is zero {place(t, x)}: it must stay positive; start "
+                "elsewhere, or make it the condition of a flow"
             )
         reset = flow.reset
         if reset is not None:
@@ -109,7 +98,8 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class GuardCrossing:
-    """Where a flow ended: its state before and after the reset, and how fast the guard fell."""
+    """Where a flow ended: its state before and after the reset, and how fast the guard changed:
+    negative, 0 at grazing."""
 
     time: float
     number: int
@@ -185,7 +175,7 @@ class Trajectory(Columns):
 
 
 def integrate(
-    flows: Flow | Function | Sequence[Flow] | Itinerary,
+    flows: Flow | Function | Sequence[Flow] | Filippov,
     x0: Any,
     params: Mapping[str, float],
     *,
@@ -251,15 +241,19 @@ def integrate(
     >>> [round(event.time, 12) for event in run.events]
     [1.0, 2.0, 2.5]
     """
-    path = _itinerary(flows_of(flows, period), first)
-    names = tuple(x0) if isinstance(x0, Mapping) else ()
-    state = numbers("the start", list(x0.values()) if isinstance(x0, Mapping) else x0)
+    path: _InTurn | Filippov | tuple[Flow, ...] = flows_of(flows, period)
+    if isinstance(path, tuple):
+        if whole("first", first, 0) >= len(path):
+            raise BadInput(f"first = {first}: there are {len(path)} flows, counted from 0")
+        path = _InTurn(path, first)
+    named = isinstance(x0, Mapping)
+    state = numbers("the start", list(x0.values()) if named else x0)
     if state.ndim != 1 or not state.size:
         raise BadInput(f"the start has shape {state.shape}; a row of numbers was expected")
     params = {name: float(numbers(name, value)) for name, value in dict(params).items()}
     t0 = number("t0", t0, -1e300, 1e300, "a time")
     end, most = _ends(t0, periods, period, time, events, params)
-    names = names or tuple(f"x{i}" for i in range(1, state.size + 1))
+    names = tuple(x0 if named else (f"x{i}" for i in range(1, state.size + 1)))
     if method not in _METHODS:
         raise BadInput(f"method = {shown(method)}: one of {', '.join(_METHODS)} was expected")
     tolerance = number("tolerance", tolerance, 3e-14, 1e-2, "from 3e-14 to 1e-2")
@@ -270,21 +264,12 @@ def integrate(
 def flows_of(flows: Any, period: Any) -> Any:
     """A list of flows in turn, with the period of which their clocks strike a part; a system that
     decides by its state which comes next as it is."""
-    if hasattr(flows, "follow"):
+    if isinstance(flows, Filippov):
         return flows
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
     if not isinstance(listed, list | tuple) or not listed:
         raise BadInput(f"flows must be a list of Flow, got {shown(flows)}")
     return tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
-
-
-def _itinerary(flows: Any, first: int) -> Itinerary:
-    if not isinstance(flows, tuple):
-        path: Itinerary = flows
-        return path
-    if whole("first", first, 0) >= len(flows):
-        raise BadInput(f"first = {first}: there are {len(flows)} flows, counted from 0")
-    return _InTurn(flows, first)
 
 
 def _ends(
@@ -303,14 +288,16 @@ def _ends(
     return t0 + number("time", time, 1e-300, 1e300, "how long"), most
 
 
+@dataclass
 class _Walk:
     """The driver: pieces one after the other."""
 
-    def __init__(
-        self, path: Itinerary, params: Params, tolerance: float, method: str, steps: int
-    ) -> None:
-        self.path, self.params, self.tolerance, self.method = path, params, tolerance, method
-        self.left = self.steps = steps
+    path: _InTurn | Filippov
+    params: Params
+    tolerance: float
+    method: str
+    steps: int
+    taken: int = 0
 
     def run(
         self, t: float, x: Array, end: float, most: float, names: tuple[str, ...]
@@ -324,8 +311,8 @@ class _Walk:
             t, x = float(piece.t[-1]), piece.x[:, -1]
             if guard is None:
                 break
-            before = x
-            rate = self.rate(mode, guard, t, x)
+            before, flow = x, self.path.flows[mode]
+            rate = rate_of([*flow.guards.values()][guard], flow.f, t, x, self.params)
             mode, x = self.path.follow(mode, guard, t, x, self.params)
             events.append(GuardCrossing(t, piece.number, before, x, rate))
             _refuse_chatter(pieces)
@@ -336,7 +323,7 @@ class _Walk:
         from scipy import integrate
 
         flow = self.path.flows[mode]
-        guards = flow.guards
+        guards, plain = flow.guards, undecorated(flow.f)
         # when a clock strikes is known beforehand; it is a flow's `until`, walls come after it
         clocks = [guard for guard in guards.values() if isinstance(guard, Clock)]
         struck = clocks[0].after(t0, self.params) if clocks else math.inf
@@ -345,11 +332,11 @@ class _Walk:
         if math.isinf(waited):
             raise BadInput("a flow without `until` ends with the run: give periods= or time=")
         solver = getattr(integrate, self.method)(
-            _right_side(flow.f, self.params), t0, x0, waited,
+            lambda t, x: at_state(plain, t, x, self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [
-            Watched(name, guard, flow.f, self.params, rough=self.left == self.steps)
+            Watched(name, guard, flow.f, self.params, rough=not self.taken)
             for name, guard in guards.items()
             if guard not in clocks
         ]
@@ -379,37 +366,17 @@ class _Walk:
     def step(self, solver: Any) -> None:
         with np.errstate(all="ignore"):  # a step that leads too far is taken again
             message = solver.step()
-        self.left -= 1
+        self.taken += 1
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise NotConverged(
-                f"the solution ends at t = {solver.t:g}, x = {shown(solver.y.tolist())}: "
+                f"the solution ends {place(solver.t, solver.y)}: "
                 f"{message or 'it grows without bound'}"
             )
-        if self.left < 0:
+        if self.taken > self.steps:
             raise TooManySteps(
                 f"{self.steps} steps of {self.method} did not do, up to t = {solver.t:g}: for what "
                 "is stiff cb.integrate takes method='LSODA' or 'Radau'"
             )
-
-    def rate(self, mode: int, guard: int, t: float, x: Array) -> float:
-        """How fast the guard changes along the flow where it is zero: negative, 0 at grazing."""
-        at, flow = x[:, None], self.path.flows[mode]
-        _, slope = slopes([*flow.guards.values()][guard], t, at, self.params)
-        along = values(flow.f, t, at, self.params)[:, 0]
-        return float(slope[0, :-1, 0] @ along + slope[0, -1, 0])  # grad h . f + dh/dt
-
-
-def _right_side(f: Function, p: Params) -> Callable[[float, Array], Array]:
-    plain = getattr(f, "py_func", f)
-
-    def right_side(t: float, x: Array) -> Array:
-        try:
-            return np.asarray(plain(t, x, p), dtype=float)
-        except OUT_OF_DOMAIN as error:
-            where = f"at t = {t:g}, x = {shown(x.tolist())}, p = {shown(dict(p))}"
-            raise Undefined(f"f raised {type(error).__name__}: {error}, {where}") from error
-
-    return right_side
 
 
 def _refuse_chatter(pieces: Sequence[Piece]) -> None:

@@ -12,14 +12,23 @@ import numpy as np
 from ..continuation.newton import Array, Undefined
 from ..errors import BadInput
 from .collocation import TrajectorySegment
-from .flow import Clock, Flow, Function, Params, slopes, values
+from .flow import (
+    Clock,
+    Flow,
+    Function,
+    Params,
+    at_state,
+    check_function,
+    slopes,
+    undecorated,
+    values,
+)
 
 _LOOKS = 16  # states and times at which a function is compared
 _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching lies there
 _SAME = 1e-6  # relative to the size of a function: a period of seven digits is one
 _FLOOR = 1e-4  # of the size of the states: a function that is smaller may be made of rounding
 _MOVED = 0.01  # how far parameters are moved, relative
-_NO_TIME = object()  # nothing can be computed from it
 _MOMENTS = np.array([0.0, 0.7, 1.9])  # at which a field without a period is compared
 
 
@@ -68,10 +77,29 @@ def refuse_period(flows: Sequence[Flow], flights: Sequence[TrajectorySegment], p
         )
 
 
+class _Unasked:
+    """A time that may be shifted, as by differences, and vanish in a product with zero: whatever
+    does more with it asks for it."""
+
+    __array_ufunc__ = None  # arrays leave sums and products to it
+
+    def __add__(self, other: Any) -> _Unasked:
+        return self
+
+    __radd__ = __sub__ = __add__
+
+    def __mul__(self, other: Any) -> Any:
+        if np.any(other):
+            raise TypeError("the time is asked for")
+        return other
+
+    __rmul__ = __mul__
+
+
 def _asks_time(function: Function, x: Array, p: Params) -> bool:
     """Whether a function does anything with its time, which is none here."""
     try:
-        getattr(function, "py_func", function)(_NO_TIME, x, p)
+        np.asarray(undecorated(function)(_Unasked(), x, p), dtype=float)
     except Exception:  # noqa: BLE001 - what is done with it may raise anything
         return True
     return False
@@ -123,15 +151,9 @@ def _same(now: Array, then: Array, least: float = 0.0) -> bool:
 
 def period_at(period: Function, params: Params) -> float:
     """The period at these parameters, or what is wrong with it."""
-    try:
-        length = float(values(period, 0.0, np.zeros((1, 1)), params)[0, 0])
-    except KeyError as error:
-        if error.args[0] in params:
-            raise
-        raise BadInput(
-            f"period asks for the parameter {error}; params has {list(params)}"
-        ) from error
-    if not 0 < length < math.inf:
+    check_function("period", period, (), 0.0, np.zeros(1), params)
+    length = float(at_state(period, 0.0, np.zeros(1), params)[0])
+    if not length > 0:
         raise BadInput(f"the period is {length}; a positive time was expected")
     return length
 

@@ -32,12 +32,9 @@ def _slowest(point: Point) -> float:
 
 def _slowest_locus(point: Point) -> DefiningSystem:
     orbit: Cycle = point.base_point.solution
-    number = int(paces(orbit.equations, orbit.x, orbit.params).argmin())
-    ends = [i for i, flow in enumerate(orbit.equations.flows) if flow.until]
-    until = orbit.equations.flows[ends[number]].until
-    assert until is not None
-    slow = _Reached(orbit.equations, ends[number], until, 1.0, slice(1, 2))  # it does not change
-    return DefiningSystem({}, slow.conditions, slow.derivative)
+    ended = [(i, flow.until) for i, flow in enumerate(orbit.equations.flows) if flow.until]
+    i, until = ended[int(paces(orbit.equations, orbit.x, orbit.params).argmin())]
+    return _Reached(orbit.equations, i, until, 1.0, slice(1, 2)).system()  # it does not change
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +47,9 @@ class _Reached:
     wall: Function
     place: float | None  # 1 the end of the flow
     rows: slice  # which of both vanish there
+
+    def system(self, **extra: float) -> DefiningSystem:
+        return DefiningSystem(extra, self.conditions, self.derivative)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         x, p, s = z[: curve.size], curve.params(z), self._place(extra)
@@ -176,10 +176,8 @@ def _clearance_locus(point: Point) -> DefiningSystem:
         raise Undefined("no wall comes close between the ends of a flow")
     flow = equations.flows[touch.flow]
     if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
-        corner = _Reached(equations, touch.flow, touch.wall, touch.place, slice(1))
-        return DefiningSystem({}, corner.conditions, corner.derivative)
-    touched = _Reached(equations, touch.flow, touch.wall, None, slice(2))
-    return DefiningSystem({"touch": touch.place}, touched.conditions, touched.derivative)
+        return _Reached(equations, touch.flow, touch.wall, touch.place, slice(1)).system()
+    return _Reached(equations, touch.flow, touch.wall, None, slice(2)).system(touch=touch.place)
 
 
 # --- where a surface is reached ------------------------------------------------------------------
@@ -197,8 +195,7 @@ class _Arrivals:
 
     def locus(self, point: Point) -> DefiningSystem:
         _, i, field = min(self._arrivals(point), key=lambda arrival: arrival[0])
-        tangent = _Reached(equations_of(point.base_point), i, field, 1.0, slice(1))
-        return DefiningSystem({}, tangent.conditions, tangent.derivative)
+        return _Reached(equations_of(point.base_point), i, field, 1.0, slice(1)).system()
 
     def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:
         orbit: Cycle = point.base_point.solution

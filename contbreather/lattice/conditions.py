@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.checks import whole
+from contbreather.checks import MOST, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.finite import Lattice
@@ -62,11 +62,25 @@ class Walls:
             return walls or cls()
         if isinstance(walls, Mapping):
             pairs = (
-                (whole("walls of site", site, 0), _pair(pair, f"walls[{site!r}]"))
+                (whole("walls of site", site, -MOST), _pair(pair, f"walls[{site!r}]"))
                 for site, pair in walls.items()
             )
             return cls(own=tuple(sorted(pairs)))
         return cls(_pair(walls, "walls"))
+
+    def placed(self, lattice: Any) -> Walls:
+        """With their sites looked up on a lattice, negative ones counted from its end."""
+        sites, own = lattice.sites, dict[int, Pair]()
+        for site, pair in self.own if sites is not None else ():
+            if not -sites < site < sites:
+                raise BadInput(
+                    f"walls of site {site}: there is no such site on the {lattice.describe()}; "
+                    f"sites are 0 to {sites - 1}."
+                )
+            if site % sites in own:
+                raise BadInput(f"walls of site {site % sites} are given twice.")
+            own[site % sites] = pair
+        return Walls(self.of_all, tuple(sorted(own.items()))) if own else self
 
     @cached_property
     def _by_site(self) -> dict[int, Pair]:
@@ -125,6 +139,9 @@ class Conditions:
     forcing: Forcing = field(default_factory=Harmonic)
     walls: Walls = Walls()
     lattice: Any = field(default_factory=InfiniteChain)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "walls", self.walls.placed(self.lattice))
 
     def checked(self) -> Conditions:
         """The same, or what is wrong with it. Derivatives by differences look beyond the edges of

@@ -294,7 +294,7 @@ def multibreathers(
     catalogue: list[Multibreather] = []
     with partial_result(lambda: tuple(catalogue)):
         for count in range(1, most + 1):
-            for sites, copies in _classes(lattice, count, at):
+            for sites, copies in _classes(lattice, count, on.walls):
                 catalogue.append(_entry(sites, copies, on))
     return tuple(catalogue)
 

@@ -248,13 +248,7 @@ def _whole(value: object) -> bool:
 def check_walls(section: Section, on: Conditions) -> None:
     """`BadInput` where a site hits a wall that is not there, or half an orbit cannot stand for the
     other half."""
-    walls, lattice = on.walls, on.lattice
-    for site, _ in walls.own:
-        if lattice.sites is not None and not 0 <= site < lattice.sites:
-            raise BadInput(
-                f"walls of site {site}: there is no such site on the {lattice.describe()}; sites "
-                f"are 0 to {lattice.sites - 1}."
-            )
+    walls = on.walls
     for site, wall in section.impacts:
         if math.isinf(walls.position(site, wall)):
             raise ImpossibleSequence(

@@ -122,6 +122,11 @@ class States(Columns, HtmlRepr):
         """Whole periods completed."""
         return len(self.times) - 1
 
+    @property
+    def length(self) -> str:
+        """Its periods as they are told, with the fraction at its end."""
+        return f"{(self.end - float(self.times[0])) / PERIOD:.10g}"
+
     def since(self, period: int) -> Any:
         """Its whole periods from one on, as a run that begins with that one."""
         # without the fraction of a period at its end: sections are of whole ones
@@ -195,7 +200,7 @@ class SimulationRun(States):
     def __repr__(self) -> str:
         what = self.reason or self.stop.value
         return (
-            f"<Run of {self.sites} sites over {self.periods} periods: "
+            f"<Run of {self.sites} sites over {self.length} periods: "
             f"{len(self.impacts)} impacts; {what}>"
         )
 

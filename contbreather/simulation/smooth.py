@@ -299,7 +299,7 @@ class SmoothRun(States):
 
     def __repr__(self) -> str:
         return (
-            f"<SmoothRun of {self.sites} sites over {self.periods} periods, "
+            f"<SmoothRun of {self.sites} sites over {self.length} periods, "
             f"m = {self.conditions.m:g}; {self.stop.value}>"
         )
 

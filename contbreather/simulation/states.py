@@ -84,14 +84,9 @@ def conditions_of(
             f"simulate and all that simulates takes {', '.join(NEEDED)}, and, where wanted, "
             f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
         )
-    around, where = Walls.given(walls), lattice_for(sites, lattice)
-    for site, _ in around.own:
-        if not 0 <= site < sites:
-            raise BadInput(
-                f"walls of site {site}: there is no such site on the {where.describe()}; sites are "
-                f"0 to {sites - 1}."
-            )
-    conditions = Conditions(forcing=forcing_of(forcing), walls=around, lattice=where, **numbers)
+    where = lattice_for(sites, lattice)
+    around, drive = Walls.given(walls), forcing_of(forcing)
+    conditions = Conditions(forcing=drive, walls=around, lattice=where, **numbers)
     return ranged(conditions).at({})
 
 

@@ -27,6 +27,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.defining_systems import extended
 from contbreather.errors import BadInput
 
+from .lines import kinds
 from .zoo import (
     ALL,
     CUSP,
@@ -48,10 +49,6 @@ WINDOW = {"b2": (-1.5, 1.5)}
 @pytest.fixture(scope="module")
 def planar() -> Branch:
     return trace(takens(), "b1", within={"b1": (-1.0, 1.0)}, events=[fold(), hopf()])
-
-
-def kinds(branch: Branch) -> list[str]:
-    return [point.kind for point in events_of(branch)]
 
 
 # --- the curves themselves --------------------------------------------------------------------

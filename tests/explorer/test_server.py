@@ -10,7 +10,6 @@ import subprocess
 import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,18 +29,17 @@ def port_of(url: str) -> int:
     return int(found[1])
 
 
-@contextmanager
-def serving() -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The command itself, and where it says that it is."""
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The command itself, and where it says that it is. Ctrl-C ends it with 130 and one line."""
     with begun("-m", "contbreather", "explore", "--headless") as process:
         assert process.stdout is not None
         yield process, process.stdout.readline().split()[4]
-
-
-@pytest.fixture(scope="module")
-def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
-    with serving() as server:
-        yield server
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate()
+    assert process.returncode == 130
+    assert errors.splitlines()[-1] == "contbreather: interrupted"
+    assert "KeyboardInterrupt" not in errors
 
 
 def answer(url: str, request: str) -> str:
@@ -78,15 +76,6 @@ def test_pages_from_elsewhere_may_not_talk_to_it(served: Any) -> None:
     assert answer(url, handshake("http://evil.example:80")).split()[1] == "403"
     # its own origin is let in; what is missing then is the token of a session
     assert answer(url, handshake(own)).split()[1] != "403"
-
-
-def test_ctrl_c_ends_it_with_130_and_one_line() -> None:
-    with serving() as (process, _):
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate()
-    assert process.returncode == 130
-    assert errors.splitlines()[-1] == "contbreather: interrupted"
-    assert "KeyboardInterrupt" not in errors
 
 
 def test_a_port_that_is_taken_is_refused(run: Run) -> None:

@@ -145,7 +145,7 @@ EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalu
          "pendulum clock", "rimless wheel", "neuron"],
 )  # fmt: skip
 def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
-    problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=300)
+    problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=60)
     ((free, value),) = params.items()
     branch = cb.trace(problem, free, towards="up" if end > value else "down", **how)
     assert [at.kind for at in branch.special if at.kind != "LP"] == ["EP", "HOM"]

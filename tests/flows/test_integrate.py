@@ -191,7 +191,7 @@ def relayed(h: Any) -> Any:
         (
             lambda: cb.integrate(lambda t, x, p: [-math.sqrt(x[0])], [1.0], {}, time=5),
             Undefined,
-            "f raised ValueError",
+            "raised ValueError: .*, at t = ",
         ),
         (
             lambda: cb.integrate(

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import TABLE
+from .zoo import STICK_SLIP, TABLE
 
 TAU = 2 * np.pi
 REST = {"x": 0.0, "v": 0.0}
@@ -152,6 +152,10 @@ def never_met() -> cb.Problem:
          "f depends on t"),
         *((lambda period=period: guessed(period), "does not depend on time, its period is unknown")
           for period in (5.0, 6.5, 6.66)),
+        (lambda: cb.cycle(lambda t, x, p: [x[1] + 0 * t, (1 - x[0] ** 2) * x[1] - x[0]],
+                          {"x": 2.0, "v": 0.0}, {}, period=6.66), "does not depend on time"),
+        (lambda: cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {"F": 1.0, "V": 1.0, "d": 0.1},
+                          period=6.44, settle=60), "does not depend on time"),
         (true_or_false, r"until is True at t = 0.*; a number was expected, positive"),
         (never_met, r"was not met within \d{3,4}(\.\d+)? from t = 0"),
     ],

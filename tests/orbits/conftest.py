@@ -54,10 +54,12 @@ def _expansion(gamma, n):
         ]
 
 
+@cache  # of a time, which all sites share
 def _odd_cosines(order, s):
     return mp.clcos(order, s) - mp.clcos(order, 2 * s) / mp.mpf(2) ** order
 
 
+@cache
 def _odd_sines(order, s):
     return mp.clsin(order, s) - mp.clsin(order, 2 * s) / mp.mpf(2) ** order
 

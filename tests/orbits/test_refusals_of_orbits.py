@@ -96,6 +96,11 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
     ),
     (
         BREATHER,
+        {"sites": 5, "walls": {-5: (-1, 1)}},
+        "walls of site -5: there is no such site on the ring of 5; sites are 0 to 4",
+    ),
+    (
+        BREATHER,
         {"sites": 5, "walls": {0: (-1, None)}},
         "the walls are not symmetric|has no wall on that side",
     ),
@@ -105,7 +110,7 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
             {"sites": 6, "walls": {site: (None, 0.5)}},
             f"walls of site = {site!r}: a whole number",
         )
-        for site in (1.7, "a", True, -1)
+        for site in (1.7, "a", True)
     ),
     (BREATHER.state(6), {"t": "0"}, "t = '0': the time of a state, a finite number, was expected"),
     (BREATHER.state(6), {"t": math.nan}, "t = nan: the time of a state"),

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 
 from contbreather.orbits.zones import zones
@@ -15,6 +17,16 @@ from contbreather.paper.figures234 import TRANSITIONS, Figure2
 from contbreather.paper.time_series import Panel, SampledCurve, TimeSeries
 
 T = np.linspace(0.0, 2.0, 9)
+
+
+MADE = {3: figure3(), 4: figure4()}
+both_of_them = pytest.mark.parametrize("number", MADE)
+
+
+@cache
+def axes_of(number: int) -> list[Axes]:
+    """Of a figure that is drawn once, for all that look at it."""
+    return MADE[number].draw().axes
 
 
 def reddish(colour) -> bool:
@@ -97,7 +109,7 @@ def test_figure_2_letters_both_sides_and_names_both_transitions(second: Figure2)
 
 
 def test_figure_2_starts_its_arrows_at_the_parameters_of_figures_3_and_4() -> None:
-    for (_, start, end, a), figure in zip(TRANSITIONS, (figure3(), figure4()), strict=True):
+    for (_, start, end, a), figure in zip(TRANSITIONS, MADE.values(), strict=True):
         assert [(b.gamma, b.a, b.k) for b in figure.breathers] == [(start, a, 0.8), (end, a, 0.8)]
 
 
@@ -128,10 +140,9 @@ def test_chain_lengths_at_the_spot_of_the_notes() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", [figure3, figure4])
-def test_moduli_are_drawn_over_the_angle_in_thousandths(made) -> None:
-    figure = made()
-    for ax, breather in zip(figure.draw().axes[2:], figure.breathers, strict=True):
+@both_of_them
+def test_moduli_are_drawn_over_the_angle_in_thousandths(number) -> None:
+    for ax, breather in zip(axes_of(number)[2:], MADE[number].breathers, strict=True):
         mu = np.asarray(breather.multipliers(sites=400, half=True))
         mu = mu[mu.imag >= 0]
         dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
@@ -150,11 +161,10 @@ def test_moduli_are_drawn_over_the_angle_in_thousandths(made) -> None:
         assert (low, high) == pytest.approx((-4.8, 12.0))
 
 
-@pytest.mark.parametrize("made", [figure3, figure4])
-def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(made) -> None:
-    figure = made()
-    axes = figure.draw().axes
-    before, after = figure.breathers
+@both_of_them
+def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(number) -> None:
+    axes = axes_of(number)
+    before, after = MADE[number].breathers
     titles = [ax.get_title(loc="left") for ax in axes]
     assert titles == [
         rf"(a) $\gamma$ = {before.gamma:g}",
@@ -168,9 +178,8 @@ def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(made) -> No
 
 
 def test_an_arrow_stands_at_the_angle_of_the_multiplier_that_it_stands_for() -> None:
-    figure = figure3()
-    mu = next(m for m in figure.breathers[1].stability().multipliers if m.imag > 0)
-    ax = figure.draw().axes[3]
+    mu = next(m for m in MADE[3].breathers[1].stability().multipliers if m.imag > 0)
+    ax = axes_of(3)[3]
     number, arrow = ax.texts
     assert arrow.xy[0] == number.xy[0] == pytest.approx(np.angle(mu) / math.pi)
     assert arrow.xy[1] > arrow.xyann[1]  # upwards, beyond the axis
@@ -178,23 +187,23 @@ def test_an_arrow_stands_at_the_angle_of_the_multiplier_that_it_stands_for() -> 
 
 
 @pytest.mark.parametrize(
-    ("figure", "unstable", "top"),
-    [(figure3(), 2, -0.2447945960 + 1.0231123432j), (figure4(), 1, 1.0627500064)],
+    ("number", "unstable", "top"),
+    [(3, 2, -0.2447945960 + 1.0231123432j), (4, 1, 1.0627500064)],
 )
-def test_panels_lie_on_both_sides_of_the_bifurcation(figure, unstable: int, top: complex) -> None:
+def test_panels_lie_on_both_sides_of_the_bifurcation(number, unstable: int, top: complex) -> None:
     """With the leading multipliers of the notes."""
-    before, after = figure.breathers
+    before, after = MADE[number].breathers
     assert (before.stability().unstable, after.stability().unstable) == (0, unstable)
     assert (before.stability(sites=400).stable, after.stability(sites=400).stable) == (True, False)
-    rows = rows_of(figure, panel="b")[:unstable]
+    rows = rows_of(MADE[number], panel="b")[:unstable]
     (mu,) = [complex(r["half_re"], r["half_im"]) for r in rows if r["half_im"] >= 0]
     assert mu == pytest.approx(top, abs=1e-10)
 
 
-@pytest.mark.parametrize("figure", [figure3(), figure4()])
-def test_rows_are_all_multipliers_and_their_squares(figure) -> None:
-    for panel, breather in zip("ab", figure.breathers, strict=True):
-        rows = rows_of(figure, panel=panel)
+@both_of_them
+def test_rows_are_all_multipliers_and_their_squares(number) -> None:
+    for panel, breather in zip("ab", MADE[number].breathers, strict=True):
+        rows = rows_of(MADE[number], panel=panel)
         half = np.array([complex(r["half_re"], r["half_im"]) for r in rows])
         full = np.array([complex(r["full_re"], r["full_im"]) for r in rows])
         assert len(rows) == 800
@@ -208,21 +217,18 @@ def test_rows_are_all_multipliers_and_their_squares(figure) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("figure", [figure3(), figure4()])
-def test_isolated_multiplier_beyond_the_axis_is_pointed_at_with_its_value(figure) -> None:
-    figure_axes = figure.draw().axes
-    after = figure.breathers[1]
-    top = np.abs(after.stability().multipliers[0]) ** 2 - 1
-    words = [text.get_text() for text in figure_axes[3].texts]
-    assert f"{1e3 * top:.1f}" in words
-    assert not any(text.get_text() for text in figure_axes[2].texts)  # nothing comes out in (a)
+@both_of_them
+def test_isolated_multiplier_beyond_the_axis_is_pointed_at_with_its_value(number) -> None:
+    before, after = axes_of(number)[2:]
+    top = np.abs(MADE[number].breathers[1].stability().multipliers[0]) ** 2 - 1
+    assert f"{1e3 * top:.1f}" in [text.get_text() for text in after.texts]
+    assert not any(text.get_text() for text in before.texts)  # nothing comes out in (a)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("figure", [figure3, figure4])
-def test_caption_describes_the_arrows_that_are_there(figure) -> None:
-    made = figure()
-    panels = made.draw().axes[2:]
+@both_of_them
+def test_caption_describes_the_arrows_that_are_there(number) -> None:
+    made, panels = MADE[number], axes_of(number)[2:]
     arrows = [any(getattr(word, "arrow_patch", None) for word in ax.texts) for ax in panels]
     assert arrows == [False, True]
     assert "arrow in (b):" in made.caption
@@ -232,22 +238,22 @@ def test_caption_describes_the_arrows_that_are_there(figure) -> None:
 
 
 def test_tick_labels_of_neighbouring_panels_stand_apart() -> None:
-    figure = figure3().draw()
+    left, right = axes_of(3)[2:]
+    figure = left.figure
     figure.draw_without_rendering()
-    left, right = figure.axes[2:]
     gap = right.get_xticklabels()[0].get_window_extent().x0
     gap -= left.get_xticklabels()[-1].get_window_extent().x1
     assert gap > figure.dpi / 72 * 7  # the height of a letter
 
 
 def test_verdicts_of_a_figure_name_both_chains() -> None:
-    for sentence in figure3().verdicts():
+    for sentence in MADE[3].verdicts():
         assert "ring of 400:" in sentence
         assert "infinite chain" in sentence
 
 
 def test_isolated_multipliers_within_the_axis_are_crosses() -> None:
-    figure = replace(figure4(), threshold=2.0)
+    figure = replace(MADE[4], threshold=2.0)
     for ax, breather in zip(figure.draw().axes[2:], figure.breathers, strict=True):
         crosses = [line for line in ax.get_lines() if line.get_marker() == "x"]
         alone = breather.stability().multipliers
