@@ -259,7 +259,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     unwanted = shutil.ignore_patterns("__pycache__", "_objects")
     shutil.copytree(PACKAGE, root / "contbreather", ignore=unwanted)
     text = root / "contbreather" / "kernels.py"
-    one = 'TEXTS = ("contbreather.lattice.free_flight",)'
+    one = 'TEXTS = ("contbreather.lattice.modal_flow",)'
     text.write_text(re.sub(r"(?s)^TEXTS = \(.*?^\)", one, text.read_text(), flags=re.MULTILINE))
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         if (ROOT / name).exists():
@@ -273,15 +273,15 @@ if "numba" in sys.argv:
     import numba
 import numpy as np
 from contbreather import kernels
-from contbreather.lattice.free_flight import MEETINGS
-before = MEETINGS.code is not None
+from contbreather.lattice.modal_flow import PROPAGATORS
+before = PROPAGATORS.code is not None
 end = time.monotonic() + 500
 while "wait" in sys.argv and time.monotonic() < end and not [*kernels.place().glob("*.o")]:
     time.sleep(0.1)
 import contbreather as cb
 two = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12))
 assert two.admissibility().ok
-print(before, MEETINGS.code is not None, "numba" in sys.modules)
+print(before, PROPAGATORS.code is not None, "numba" in sys.modules)
 """
 
 
@@ -323,7 +323,7 @@ def test_a_wheel_has_objects_beside_their_source_and_says_where_it_fits(
     wheel = built(scratch, tmp_path, "standard", "1")
     names = zipfile.ZipFile(wheel).namelist()
     [name] = [name for name in names if name.endswith(".o")]
-    assert name.startswith("contbreather/_objects/meetings.cpython-")
+    assert name.startswith("contbreather/_objects/propagators.cpython-")
     assert f"cp{sys.version_info[0]}{sys.version_info[1]}" in wheel.name
     assert not wheel.name.endswith("any.whl")
     # and in the tree, which Python started there imports
@@ -357,7 +357,7 @@ def test_of_a_checkout_the_objects_are_in_its_tree_and_only_those_of_its_text(
     path = os.pathsep.join(filter(None, [str(scratch), os.environ.get("PYTHONPATH")]))
     python("-c", line, str(scratch), PYTHONPATH=path, CONTBREATHER_COMPILE="1")
     [found] = [path.name for path in beside.iterdir()]
-    assert found.startswith("meetings")
+    assert found.startswith("propagators")
     shutil.rmtree(beside)
 
 

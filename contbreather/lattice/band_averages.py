@@ -113,8 +113,12 @@ def _shift(spring: float) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def moments_of(lattice: Any, sites: tuple[int, ...]) -> FloatArray:
-    """Its moments of several sites, in rows."""
-    return np.array([lattice.moments(site) for site in sites]).reshape(len(sites), TERMS + 1)
+    """Its moments of several sites, in rows; those farther off than there are moments have none."""
+    apart = lattice.distance(np.array(sites, dtype=int))
+    rows = np.zeros((apart.size, TERMS + 1))
+    for i in np.flatnonzero(apart <= TERMS).tolist():
+        rows[i] = lattice.moments(sites[i])
+    return rows
 
 
 @lru_cache(maxsize=1024)
@@ -213,10 +217,10 @@ class UniformLattice:
         slopes = self.moments(n) * (4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0))
         return slopes @ _shift(self.spring).T if self.spring else slopes
 
-    def spring_powers(self, gamma: float, n: int) -> FloatArray:
+    def spring_powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """Derivative of `powers` with respect to the spring."""
         # d/ds of (s + x)^j = j (s + x)^(j - 1)
-        slopes = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1)
+        slopes = np.arange(TERMS + 1) * np.roll(self.powers(gamma, n), 1, axis=-1)
         return np.asarray(slopes)
 
     def first_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
@@ -233,7 +237,7 @@ class UniformLattice:
         """Derivative of `first_harmonic` with respect to gamma."""
         m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
         r, rho, sign, lap = self._laps(4.0 * self.check(gamma) / rest)
-        turn, profile = np.where(m > 0, m * rho ** np.maximum(m - 1, 0), 0.0), rho**m
+        turn, profile = m * rho ** abs(m - 1), rho**m  # 0 for m = 0
         if size:
             profile = profile + sign * rho ** (size - m)
             turn += sign * (size - m) * rho ** (size - m - 1)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
+from contbreather.kernels import Cube, Kernel, Vector, inlined
 from contbreather.lattice.finite import Finite
 from contbreather.lattice.forcing import Forcing, Harmonics
 
@@ -67,40 +68,38 @@ def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagato
     >>> quarter(np.ones(2), np.zeros(2))[0].round(12) + 0.0
     array([1., 0.])
     """
-    if damping or z.min() < 0.0:
-        half = 0.5 * damping
-        c, s = _waves((z - half * half) * time * time, half * time)
-        reach = time * s
-        return ModalPropagator(c + half * reach, reach, z * reach, c - half * reach)
-    w = np.sqrt(z)
-    angle = w * time
-    sine = np.sin(angle)
-    # sin(x)/x for x -> 0, without a warning at the mode that only drifts
-    reach = np.empty_like(angle)
-    reach[...] = time
-    np.divide(sine, w, out=reach, where=w > 0.0)
-    cosine = np.cos(angle)
-    return ModalPropagator(cosine, reach, w * sine, cosine)
+    times = np.asarray(time, dtype=float)
+    out = np.empty((3, times.size, z.size))
+    PROPAGATORS(z, float(damping), times.ravel(), out)
+    cosine, reach, swing = out.reshape(3, *times.shape[:-1], z.size)
+    return ModalPropagator(cosine, reach, z * reach, swing)
 
 
-def _waves(x: FloatArray, lost: Any) -> tuple[FloatArray, FloatArray]:
-    """``cos sqrt(x)`` and ``sin(sqrt x)/sqrt(x)`` for x of either sign, times ``exp(-lost)``: taken
-    together neither overflows."""
-    root, decay = np.sqrt(abs(x)), np.exp(-lost)
-    c, s = decay * np.cos(root), decay * np.sin(root)
-    np.divide(s, root, out=s, where=root > 0.0)
-    over = x <= 0.0
-    if over.any():  # few modes drift or are overdamped
-        c[over], s[over] = _falling(root[over], np.broadcast_to(lost, x.shape)[over])
-    return c, s
+@inlined
+def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
+    """C, S and S' of a mode, the solutions that start with (1, 0) and (0, 1); S is finite at z = 0,
+    and overdamped modes neither overflow nor cancel."""
+    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
+    root, decay = math.sqrt(abs(x)), math.exp(-lost)
+    if x >= 0.0:
+        c, s = decay * math.cos(root), decay * math.sin(root)
+    else:
+        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
+        c = 0.5 * (grown + fallen)
+        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
+    S = t * (s / root if root > 0.0 else decay)
+    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
 
 
-def _falling(root: FloatArray, lost: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``cosh(root)`` and ``sinh(root)/root``, times ``exp(-lost)``."""
-    decay, grown, fallen = np.exp(-lost), np.exp(root - lost), np.exp(-root - lost)
-    sinh = np.where(root < 1.0, decay * np.sinh(np.minimum(root, 1.0)), 0.5 * (grown - fallen))
-    safe = np.where(root > 0.0, root, 1.0)
-    return 0.5 * (grown + fallen), np.where(root > 0.0, sinh / safe, decay)
+def propagators(z: Vector, damping: float, times: Vector, out: Cube) -> None:
+    """C, S and S' of each mode after each time."""
+    for i in range(times.size):
+        for j in range(z.size):
+            C, S, dS = mode_solutions(z[j], damping, times[i])
+            out[0, i, j], out[1, i, j], out[2, i, j] = C, S, dS
+
+
+PROPAGATORS = Kernel(propagators)
 
 
 def propagator_slope(
@@ -186,8 +185,7 @@ class Driven:
     def at(self, site: int, t: float) -> tuple[float, float, float]:
         """Displacement, velocity and acceleration of one site."""
         if self.alike:
-            f = self.forcing
-            return f.f(t), f.df(t), f.d2f(t)
+            return self.forcing.motion(t)
         return self._spectrum.at(site, t)
 
     def harmonics(self, site: int) -> Harmonics:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.periodic_green import periodic_green, sinc, wave_slope
+from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit import Orbit
@@ -107,9 +108,10 @@ class AsymmetricEquations:
             means = 0.5 * (at.f1 + at.f2), 0.5 * (at.df1 + at.df2)
             return np.array((*means, at.ratio, -0.5 * (at.f2 - at.f1)))
         if name == "gamma":
-            slope = wave_slope(self.lattice, at.gamma, 0)
-            h = slope.about(at.delta)[0] - slope.about(math.pi)[0]
-            pull = slope.slope_ratio(at.delta)[0]
+            slope = periodic_green(self.lattice, at.gamma, (0,), by="gamma")
+            h, own = slope.at([math.pi - at.delta, 0.0])[0]
+            pull = slope_ratio(slope, at.delta)[0]
+            h -= own
             return np.array((2.0 * at.p * h, 0.0, 4.0 * at.p * pull, 0.0))
         if name == "k":
             return np.array((0.0, 2.0 * at.p / (1.0 + at.k) ** 2, 0.0, 0.0))
@@ -130,8 +132,14 @@ class AsymmetricEquations:
             ratio = change(middle, 2) + at.delta**2 / 24.0 * change(middle, 4)
         return np.array((0.5 * (f1 + f2), 0.5 * (df1 + df2), ratio, -0.5 * (f2 - f1)))
 
-    def _at(self, x: FloatArray, params: Params) -> _Place:
-        return _Place(self.forcing, self.lattice, x, params)
+    def _at(self, x: FloatArray, params: Params) -> Any:
+        return _place(self, np.asarray(x, dtype=float).tobytes(), tuple(params.items()))
+
+
+@lru_cache(maxsize=16)
+def _place(of: AsymmetricEquations, unknowns: bytes, params: tuple[tuple[str, float], ...]) -> Any:
+    # kept by the unknowns' bits: Newton's method asks for equations and slopes at the same place
+    return _Place(of.forcing, of.lattice, np.frombuffer(unknowns), dict(params))
 
 
 class _Place:
@@ -156,10 +164,10 @@ class _Place:
         self.f1, self.f2 = f.f(self.t1), f.f(self.s2)
         self.df1, self.df2 = f.df(self.t1), f.df(self.s2)
         # times off mid period: delta since the impact on the other wall, pi since the site's own
-        answer = periodic_green(lattice, self.gamma, 0)
-        value, self.h_slope, _, _ = answer.about(self.delta)
-        self.h = value - answer.about(math.pi)[0]
-        self.pull, self.pull_slope = answer.slope_ratio(self.delta)
+        answer = periodic_green(lattice, self.gamma, (0,))
+        (value, own), (slope, _) = answer.at([math.pi - self.delta, 0.0])[:2].tolist()
+        self.h, self.h_slope = value - own, -slope
+        self.pull, self.pull_slope = slope_ratio(answer, self.delta)
         self.ratio, self.ratio_middle, self.ratio_across = divided(f, self.t1, self.s2)
 
 

@@ -20,18 +20,15 @@ from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import (
     FOUND,
-    IMPULSE,
     LENGTH,
     MARGIN,
     MARGINS,
     NEXT,
     STEEP,
     TIE,
-    TIME,
     WHEN,
-    points_of,
 )
-from contbreather.orbits.site_motion import USUAL, SiteMotion
+from contbreather.orbits.site_motion import IMPULSE, TIME, USUAL, SiteMotion, points_of
 
 if TYPE_CHECKING:
     from contbreather.tables import Sheet
@@ -167,11 +164,8 @@ def clearance(orbit: SiteMotion) -> Admissibility:
     (True, 0.667948289045)
     """
     measured = measured_margins(orbit, orbit.idle, orbit.beside)
-    far, centre = (
-        Clearance(orbit.far, None, orbit.far_time()),
-        smallest_margins(of_flights(orbit, measured)),
-    )
-    idle = of_idle(orbit, measured)
+    far = Clearance(orbit.far, None, orbit.far_time())
+    centre, idle = smallest_margins(of_flights(orbit, measured)), of_idle(orbit, measured)
     neighbours = smallest_margins(idle) if idle else _nobody(orbit)
     places = {"neighbours": neighbours, "centre": centre, "far": far}
     # those that there are; an impact that vanishes before what comes with it
@@ -186,11 +180,8 @@ def clearance(orbit: SiteMotion) -> Admissibility:
         reason=_reason(orbit, worst),
         site=worst.site,
         time=worst.time,
-        places={
-            name: (smallest_margins.site, smallest_margins.time)
-            for name, smallest_margins in places.items()
-        },
-        **{name: smallest_margins.margin for name, smallest_margins in places.items()},
+        places={name: (least.site, least.time) for name, least in places.items()},
+        **{name: least.margin for name, least in places.items()},
     )
 
 
@@ -278,7 +269,7 @@ def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     motion, site = _motion_of(orbit), whole("n", n, -(10**9))
     if n == 1 and not motion.idle:
         return motion.start, 0.0
-    motion.representation.at(site, motion.start)  # says why where there is no such site
+    motion.at(site, motion.start)  # says why where there is no such site
     distance = getattr(orbit.lattice, "distance", abs)
     if any(distance(n - hit) == 0 for hit in motion.hit):
         raise BadInput(f"n = {n}: that is the impacting site; ask about one that must not impact.")
@@ -325,7 +316,7 @@ def _height(orbit: SiteMotion, least: Clearance) -> float:
     """How far a site is displaced where it comes closest to a wall."""
     if orbit.walls(least.site) == USUAL:
         return 1.0 - least.margin
-    return abs(float(orbit.representation.at(least.site, least.time)[0]))
+    return abs(float(orbit.at(least.site, least.time)[0]))
 
 
 def _reason(orbit: SiteMotion, worst: Clearance) -> str:
@@ -347,7 +338,7 @@ def _reach(orbit: SiteMotion, worst: Clearance) -> str:
         return _reach_between(orbit, worst, site)
     if orbit.walls(site) == USUAL:
         return f"site {site} reaches |u| = {1.0 - margin:.6g} at t = {time:.6g}"
-    return f"site {site} reaches u = {orbit.representation.at(site, time)[0]:.6g} at t = {time:.6g}"
+    return f"site {site} reaches u = {orbit.at(site, time)[0]:.6g} at t = {time:.6g}"
 
 
 def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
@@ -357,7 +348,7 @@ def _reach_between(orbit: SiteMotion, worst: Clearance, site: int) -> str:
     at_start = time == orbit.impacts[flight].time
     hits = [hit for hit in orbit.impacts if (hit.time, hit.site) == (time, site)]
     if not hits:
-        u = orbit.representation.at(site, time)[0]
+        u = orbit.at(site, time)[0]
         return f"site {site} between its impacts is at u = {u:.6g} at t = {time:.6g}"
     if orbit.k == 0.0 and at_start:
         way = "inwards" if margin > 0.0 else "into the wall, so it sticks"

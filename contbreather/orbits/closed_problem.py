@@ -30,7 +30,6 @@ from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import (
     Closure,
     ClosureTerms,
-    driven,
     fold_derivative,
     fold_scalar,
     pitchfork_derivative,
@@ -43,7 +42,7 @@ from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
 from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
-from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather, flight_slope_of
+from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
 from contbreather.stability.verdict import THRESHOLD
@@ -286,20 +285,10 @@ def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
 
 
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
-    """Of displacement and velocity at a fixed time, u = a f + p times a `Flight` of that site."""
-    breather: SymmetricBreather = orbit.representation
-    y, sign = breather.phase(t)
-    p, (u, v, w) = sign * breather.p, breather.flight(site).at(y)
-    place = breather.lattice, breather.gamma, breather.lattice.distance(site)
-    rows = []
-    for name in _names(curve):
-        # the flight depends on t - phi: its derivative in phi is minus that in time
-        free = {"p": (sign * u, sign * v), "phi": (-p * v, -p * w)}.get(name, (0.0, 0.0))
-        if name in ("gamma", "spring"):
-            slope = flight_slope_of(*place, name).at(y)
-            free = p * slope[0], p * slope[1]
-        rows.append(np.add(free, driven(breather, t, name)[:2]))
-    return np.array(rows).T
+    """Of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
+    slopes = orbit.motion.slopes(site, t, curve.free)
+    slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
+    return np.array([slopes[name] for name in (*_names(curve), "t")]).T
 
 
 def _with_contact(

@@ -270,8 +270,8 @@ def _momentum(j: int, point: Point) -> float:
 
 
 def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:
-    slopes: FloatArray = orbit.representation.slopes_at(site, t, curve.free)
-    return slopes
+    slopes = orbit.representation.slopes_at(site, t, curve.free)
+    return np.column_stack([slopes, orbit.motion.at(site, t)[1:]])
 
 
 def _speed_slope(j: int, curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:

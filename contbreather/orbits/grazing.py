@@ -55,9 +55,9 @@ class GrazingSite:
 
     site: int
     slopes: Callable[[Curve, Orbit, float], Any]
-    """Derivatives of displacement and velocity in all unknowns and free parameters, (2, n)."""
+    """Derivatives of displacement and velocity in all unknowns, free parameters and the time."""
     motion: Callable[[Orbit, float], Terms] | None = None
-    """Of the site, unless it is that of the representation."""
+    """Of the site, unless it is that of the orbit."""
     loops: Callable[[float, Loops, int], Loops | None] | None = None
     """The equations of an orbit with a contact at a wall, as functions that can be compiled."""
     further: tuple[Event, ...] = ()
@@ -71,20 +71,14 @@ class GrazingSite:
         conditions = partial(self._conditions, wall)
         return DefiningSystem({"t": t}, conditions, self._derivative, loops=loops, **more)
 
-    def _terms(self, orbit: Orbit, t: float) -> Terms:
-        if self.motion is not None:
-            return self.motion(orbit, t)
-        terms: Terms = orbit.representation.at(self.site, t)
-        return terms
-
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
-        u, v, _ = self._terms(solution_at(Point(curve, z)), float(extra[0]))
+        orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        u, v, _ = self.motion(orbit, t) if self.motion else orbit.motion.at(self.site, t)
         return np.array([u - wall, v])
 
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        orbit, t = solution_at(Point(curve, z)), float(extra[0])
-        # the last column is in t, of u and u': u' and u''
-        return np.column_stack([self.slopes(curve, orbit, t), self._terms(orbit, t)[1:]])
+        slopes: Array = self.slopes(curve, solution_at(Point(curve, z)), float(extra[0]))
+        return slopes
 
 
 def grazing() -> Event:
@@ -117,7 +111,7 @@ def _locus(point: Point) -> DefiningSystem:
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
-    displacement = orbit.representation.at(site, t)[0]
+    displacement = orbit.motion.at(site, t)[0]
     place = min(orbit.walls.at(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
     other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
@@ -149,7 +143,7 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
     if orbit.symmetric or orbit.section.turns % 2 == 0:
         return False
-    displacements = [orbit.representation.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
+    displacements = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
     return abs(sum(displacements)) < SAME
 
 
@@ -211,13 +205,13 @@ def other_contacts(
     says nothing; 1 where rounding decides that sign. On a finite lattice sites may be as near and
     still differ by a higher power of the coupling: by what is found that many bonds away.
     """
-    idle = [*orbit.idle]
-    size, near = orbit.influence(site), set(orbit.beside)
+    idle, near = [*orbit.idle], set(orbit.beside)
     if site not in orbit.hit:
         idle += [] if site in idle else [site]
         # margins are told apart by the larger of two influences: of those that feel the impacts
         # less the least is enough
-        near |= {site, *(n for n in idle if orbit.influence(n) > size)}
+        size, *sizes = orbit.influences((site, *idle))
+        near |= {site, *(n for n, felt in zip(idle, sizes, strict=True) if felt > size)}
     measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:
@@ -228,9 +222,9 @@ def other_contacts(
         period = orbit.period
         own = [Clearance(margin, site, orbit.start + when % period) for margin, when in crests]
         gaps = own + gaps
+    sizes = orbit.influences((gap.site for gap in gaps), site)
     told = []
-    for gap in gaps:
-        size = orbit.influence(site, gap.site)
+    for gap, size in zip(gaps, sizes, strict=True):
         margin = 1.0 if size < TELLING else gap.margin / (abs(gap.margin) + size)
         told.append(gap._replace(margin=margin))
     return told

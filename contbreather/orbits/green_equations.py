@@ -31,8 +31,8 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.free_flight import MEETINGS
-from contbreather.lattice.periodic_green import periodic_green, responses
+from contbreather.lattice.free_flight import MEETINGS, Responses
+from contbreather.lattice.periodic_green import periodic_green
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
 
@@ -103,16 +103,19 @@ class OrbitEquations:
             stiffness[j, i] += 1.0 / bonds
         return stiffness
 
-    def meetings(self, gamma: float, times: FloatArray, *, slope: bool = False) -> FloatArray:
+    def meetings(self, gamma: float, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and its first three derivatives at t_i - t_j, shape (4, m, m).
 
         On the diagonal the first derivative is left out: its jump is in the reset law.
         """
-        sites = tuple(site for site, _ in self.section.impacts)
-        mutual = responses(self.lattice, gamma, sites, sites, self.section.turns, slope=slope)
         out = np.empty((4, times.size, times.size))
-        MEETINGS(mutual, np.ascontiguousarray(times, dtype=float), out)
+        MEETINGS(self._responses(gamma, by), np.ascontiguousarray(times, dtype=float), out)
         return out
+
+    def _responses(self, gamma: float, by: str = "") -> Responses:
+        """Of the sites of all impacts to each of them."""
+        sites = tuple(site for site, _ in self.section.impacts)
+        return periodic_green(self.lattice, gamma, sites, sites, self.section.turns, by)
 
     def _in_turn(self, h: FloatArray, times: FloatArray) -> FloatArray:
         """As if impacts of one site at one wall kept their order: smooth where they become one."""
@@ -149,12 +152,11 @@ class OrbitEquations:
         times, impulses, offsets = self.split(x)
 
         def speed(i: int, j: int, since: FloatArray) -> FloatArray:
-            velocity, late = a * f.df(times[i] + since), times[j] - times[i]
-            for time, J, (site, _) in zip(times, impulses, self.section.impacts, strict=True):
-                apart = self.lattice.distance(site - self.section.impacts[i][0])
-                answer = periodic_green(self.lattice, gamma, apart, self.section.turns)
-                velocity = velocity + J * np.array(answer.at(times[i] + since - time)[1])
-            return np.asarray(velocity + (impulses[i] - impulses[j] if late < 0.0 else 0.0))
+            h = self._responses(gamma)
+            at = times[i] + since
+            velocity = a * f.df(at) + h.at(at[:, None] - times, h.which[i])[1] @ impulses
+            late = times[j] < times[i]
+            return np.asarray(velocity + (impulses[i] - impulses[j] if late else 0.0))
 
         walls = a * f.f(times) + offsets[self.own] + h[0] @ impulses - self.walls
         return told_apart(self.section, times, walls, speed)
@@ -198,7 +200,7 @@ class OrbitEquations:
         if name == "a":
             walls, resets = f.f(times), f.df(times)
         elif name == "gamma":
-            h = self.meetings(gamma, times, slope=True)
+            h = self.meetings(gamma, times, name)
             walls, resets = h[0] @ impulses, h[1] @ impulses
             balance = self.section.period * (self.links @ offsets)
         elif name == "k":

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from contbreather.continuation.boundary import meeting
 from contbreather.continuation.curve import Curve
@@ -20,7 +19,7 @@ from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
-from contbreather.lattice.periodic_green import Wave, check_coupling, periodic_green, wave_slope
+from contbreather.lattice.periodic_green import check_coupling
 from contbreather.orbits.asymmetric_breather import (
     EQUAL,
     LEAST,
@@ -28,7 +27,6 @@ from contbreather.orbits.asymmetric_breather import (
     params_of,
     pitchfork_of_arms,
 )
-from contbreather.orbits.closure import EPS
 from contbreather.orbits.grazing import GrazingSite, solution_at
 from contbreather.orbits.green_equations import OrbitEquations, Params, green_equations_of
 from contbreather.orbits.orbit import Orbit, orbit_of
@@ -44,7 +42,7 @@ from contbreather.orbits.orbit_problem import (
 )
 from contbreather.orbits.representation import Impacts, Offsets, Representation
 from contbreather.orbits.section import Impact, Section, check_order
-from contbreather.orbits.site_motion import GreenMotion, Terms
+from contbreather.orbits.site_motion import ChainMotion, Terms
 from contbreather.parameters import parameter
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, ring_map
@@ -132,69 +130,6 @@ class GreensFunction:
         h = self.equations.meetings(on.gamma, times)
         return np.asarray(on.a * on.forcing.d2f(times) + h[2] @ impulses)
 
-    def offset(self, n: ArrayLike) -> FloatArray:
-        """Static displacement of sites: straight lines between the impacting ones, level beyond.
-
-        At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
-        """
-        sites = np.asarray(n, dtype=float)
-        places, values = list(self.section.hit), list(self.offsets)
-        ring = self.conditions.lattice.sites
-        if self.conditions.gamma == 0.0:
-            return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
-        if ring is None or len(places) == 1:
-            return np.asarray(np.interp(sites, places, values))
-        return np.asarray(np.interp(sites % ring, places, values, period=ring))
-
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        n, t = np.broadcast_arrays(n, t)
-        on = self.conditions
-        f = on.forcing
-        total = np.array(on.a * (f.f, f.df, f.d2f)[order](t), dtype=float)
-        if order == 0:
-            total += self.offset(n)
-        for impact in self.impacts:
-            since = self._since(t, impact.time)
-            # one wave serves all sites at a distance
-            for m in np.unique(np.abs(n - impact.site)):
-                at = np.abs(n - impact.site) == m
-                distance = on.lattice.distance(int(m))
-                answer = periodic_green(on.lattice, on.gamma, distance, self.section.turns)
-                total[at] += impact.impulse * answer.at(since[at])[order]
-        return total
-
-    def answers(
-        self, site: int, t: float, make: Callable[..., Wave] = periodic_green
-    ) -> FloatArray:
-        """What a unit impulse of each impact does to a site: value, slope, curvature."""
-        on, rows = self.conditions, []
-        for impact in self.impacts:
-            distance = on.lattice.distance(site - impact.site)
-            answer = make(on.lattice, on.gamma, distance, self.section.turns)
-            rows.append(answer.at(t - impact.time)[:3])
-        return np.array(rows)
-
-    def without_offset(self, site: int, t: float) -> FloatArray:
-        """Displacement, velocity and acceleration but for the static part."""
-        on, impulses = self.conditions, self.equations.split(self.x)[1]
-        return on.a * np.array(on.forcing.motion(t)) + impulses @ self.answers(site, t)
-
-    def at(self, site: int, t: float) -> Terms:
-        u, v, w = self.without_offset(site, t).tolist()
-        return u + float(self.offset(site)), v, w
-
-    def _since(self, t: FloatArray, impact: float) -> FloatArray:
-        """Time since the last occurrence of an impact; within rounding of one it counts as one."""
-        T = self.section.period
-        s = (t - impact) % T
-        # one rounding each of t, of the impact, of their difference and of its remainder
-        return np.where(T - s <= 4.0 * EPS * (T + np.abs(t) + abs(impact)), 0.0, s)
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a ring at one time."""
-        sites, time = np.arange(self.conditions.lattice.sites), np.array(t)
-        return self.profile(sites, time, 0), self.profile(sites, time, 1)
-
     @cached_property
     def map(self) -> OrbitMap | ModalMap:
         """The map of small perturbations over one period, of a ring by its modes."""
@@ -254,8 +189,8 @@ class GreensFunction:
         return impact_problem(Orbit(self), THRESHOLD)
 
     @property
-    def motion(self) -> GreenMotion:
-        return GreenMotion(self)
+    def motion(self) -> ChainMotion:
+        return ChainMotion(self)
 
     def weakly(self, gamma: float) -> None:
         """Where there is no coupling, the closest site is meant."""
@@ -374,8 +309,9 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
 
 
 def _motion(site: int, share: FloatArray, orbit: Orbit, t: float) -> Terms:
-    u, v, w = orbit.representation.without_offset(site, t)
-    return u + float(share @ orbit.offsets), v, w
+    motion = orbit.representation.motion
+    u, v, w = motion.at(site, t)
+    return u + float(share @ orbit.offsets - motion.offset(site)), v, w
 
 
 def _offset_share(orbit: Orbit, site: int) -> FloatArray:
@@ -388,28 +324,21 @@ def _offset_share(orbit: Orbit, site: int) -> FloatArray:
         return np.zeros(size)
     flight = orbit.representation
     # the static displacement is linear in the offsets: what each of size 1 does
-    unit = [replace(flight, offsets=tuple(row)).offset(site) for row in np.eye(size).tolist()]
+    rows = np.eye(size).tolist()
+    unit = [replace(flight, offsets=tuple(row)).motion.offset(site) for row in rows]
     return np.array(unit, dtype=float)
 
 
 def _motion_slopes(
     site: int, share: FloatArray, curve: Curve, orbit: Orbit, t: float
 ) -> FloatArray:
-    """Of displacement and velocity at a fixed time."""
-    f, a, impulses = orbit.forcing, orbit.a, orbit.impulses
-    answers = orbit.representation.answers(site, t)
-    slopes: dict[str, Any] = {"a": (f.f(t), f.df(t)), "k": (0.0, 0.0), "c": (share[0], 0.0)}
+    """Of displacement and velocity, in the time at last."""
+    slopes = orbit.representation.motion.slopes(site, t, curve.free)
     # of two impacts J = -2p and 2p
-    slopes["p"] = 2.0 * np.sign(impulses) @ answers[:, :2]
-    for i, (row, impulse) in enumerate(zip(answers, impulses, strict=True), start=1):
-        # an answer is a function of t - t_i: its derivative in t_i is minus that in t
-        slopes[f"J{i}"], slopes[f"t{i}"] = row[:2], -impulse * row[1:]
-    slopes |= {f"c{i}": (weight, 0.0) for i, weight in enumerate(share, start=1)}
-    if "gamma" in curve.free:
-        slopes["gamma"] = impulses @ orbit.representation.answers(site, t, wave_slope)[:, :2]
-    for name in {*f.params} & {*curve.free}:
-        slopes[name] = a * f.f_param(name, t, 0), a * f.f_param(name, t, 1)
-    return np.array([slopes[name] for name in (*curve.problem.start, *curve.free)]).T
+    slopes["p"] = 2.0 * sum(np.sign(J) * slopes[f"J{i}"] for i, J in enumerate(orbit.impulses, 1))
+    names = ["c"] if orbit.section.local else [f"c{i + 1}" for i in range(share.size)]
+    slopes |= {name: np.array([weight, 0.0]) for name, weight in zip(names, share, strict=True)}
+    return np.array([slopes[name] for name in (*curve.problem.start, *curve.free, "t")]).T
 
 
 def _towards(side: float, point: Point) -> float:

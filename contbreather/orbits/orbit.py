@@ -97,7 +97,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         return self._profile(n, t, 2)
 
     def _profile(self, n: ArrayLike, t: ArrayLike, order: int) -> Any:
-        values = self.representation.profile(whole_sites(n), numbers("t", t), order)
+        values = self.motion.states(whole_sites(n), numbers("t", t))[order]
         return float(values) if np.ndim(values) == 0 else values
 
     def state(self, sites: int | None = None, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -117,7 +117,9 @@ class Orbit(ImpactSequence, HtmlRepr):
         orbit = self._on_ring(sites)
         if orbit.lattice.sites is None:
             raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
-        return orbit.representation.state(number("t", t, -math.inf, math.inf, "a time"))
+        time = number("t", t, -math.inf, math.inf, "a time")
+        u, v, _ = orbit.motion.states(np.arange(orbit.lattice.sites), time)
+        return u, v
 
     # ------------------------------------------------------------------ what it is asked about
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import SiteMotion, Terms
+from contbreather.orbits.site_motion import SiteMotion
 
 if TYPE_CHECKING:
     from contbreather.continuation.point import DefiningSystem, Point
@@ -53,16 +53,6 @@ class Representation(Protocol):
     def error(self) -> float:
         """Largest error of the equations of the orbit."""
 
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        """Displacement, velocity or acceleration of sites at times, broadcast against each other;
-        at an impact the value just after it."""
-
-    def at(self, site: int, t: float) -> Terms:
-        """Displacement, velocity and acceleration of one site at one time."""
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a finite lattice."""
-
     @property
     def map(self) -> Any:
         """What small perturbations become over a section; of a finite lattice it has all
@@ -84,7 +74,7 @@ class Representation(Protocol):
 
     @property
     def motion(self) -> SiteMotion:
-        """What the clearance from the walls is measured on."""
+        """How its sites move."""
 
     def weakly(self, gamma: float) -> SiteMotion | None:
         """The same with so little coupling, if that is at hand: it tells idle sites apart."""

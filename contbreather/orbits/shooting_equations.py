@@ -32,13 +32,13 @@ from contbreather.lattice.modal_flow import (
     propagator_slope_in_damping,
 )
 from contbreather.orbits.section import Impact, Section, in_turn, told_apart, told_apart_slopes
+from contbreather.orbits.site_motion import MODES, FreeModes, in_flight
 from contbreather.stability.modal_map import ModalMap, ModalSaltation
 from contbreather.stability.saltation import saltation, saltation_entry
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
-EPS = float(np.finfo(float).eps)
 NOWHERE = -1  # in place of the index of an impact: a time that does not move
 
 
@@ -225,81 +225,18 @@ class SectionFlight:
         place = self.conditions.walls.position(impact.site, impact.wall)
         return 2.0 * (place - a * self.forced.at(impact.site, impact.time)[0]) / abs(impact.impulse)
 
-    def at(self, n: int, t: float) -> tuple[float, float, float]:
-        """Displacement, velocity and acceleration of one site at one time."""
-        _, leg, sign = self._cut(t)
-        q, r, a = sign * leg.q_end, sign * leg.r_end, self.conditions.a
-        e = self.basis.at(n)
-        u, v, w = self.forced.at(n, t)
-        bend = float(e.dot(self.pulled(q, r)))
-        return float(e.dot(q)) + a * u, float(e.dot(r)) + a * v, bend + a * w
-
-    def displacements(self, times: FloatArray) -> FloatArray:
-        """Displacements of all sites at many times, shape (times, sites)."""
-        free = self.basis.to_sites(self.modes(times)[0])
-        return free + self.conditions.a * self.forced.everywhere(times, 0)
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        a, free = self.conditions.a, self.modes(np.array(t))
-        forced = (a * self.forced.everywhere(t, order) for order in (0, 1))
-        u, v = (self.basis.to_sites(modal) + f for modal, f in zip(free, forced, strict=True))
-        return u, v
-
-    def modes(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Free part of displacements and velocities of the modes, shape (..., K)."""
-        flight, ahead, sign = self._places(times)
-        sign, (_, starts_q, starts_r) = sign[..., None], self._flights
-        now, fast = starts_q[flight], starts_r[flight]
-        flown = propagator(self.z, ahead[..., None], self.conditions.damping)
-        return (
-            sign * (flown.cosine * now + flown.reach * fast),
-            sign * (flown.swing * fast - flown.pull * now),
-        )
-
-    def _places(self, times: FloatArray) -> tuple[Array, FloatArray, Array]:
-        """In which flight after the first impact times fall, how far ahead of its start, and with
-        which sign the section repeats there."""
-        starts = self._flights[0]
-        T, first = self.section.length, starts[0]  # sections repeat from the first impact on
-        sections = np.floor((times - first) / T)
-        since = times - first - sections * T
-        # an impact time + T in floating point is not quite an impact; it is meant to be one
-        slack = 4.0 * EPS * (T + np.abs(times) + abs(first))
-        late = T - since <= slack
-        sections, since = np.where(late, sections + 1.0, sections), np.where(late, 0.0, since)
-        flight = np.searchsorted(starts - first, since + slack, side="right") - 1
-        ahead = np.maximum(since - (starts - first)[flight], 0.0)
-        return flight, ahead, np.where(sections % 2.0 == 0.0, 1, self.section.sign)
-
-    def _cut(self, t: float) -> tuple[int, ShootingInterval, int]:
-        """The same at one time: which leg it falls on, that leg up to there, and its sign."""
-        flight, ahead, sign = self._places(np.array(t))
-        i, time = int(flight) + 1, float(ahead)
-        leg = self.legs[i]
-        fly = propagator(self.z, time, self.conditions.damping)
-        q, r = fly(leg.q, leg.r)
-        return (
-            i,
-            ShootingInterval(leg.start, NOWHERE, leg.since, time, fly, leg.q, leg.r, q, r, None),
-            int(sign),
-        )
+    def modes(self, times: FloatArray) -> FloatArray:
+        """Free part of displacements and velocities of the modes at times, shape (2, times, K)."""
+        out = np.empty((2, times.size, self.z.size))
+        MODES(self.free_modes, self.section.length, float(self.section.sign), times, out)
+        return out
 
     @cached_property
-    def _flights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Start, displacements and velocities of the modes of each flight of a section."""
-        legs = self.legs[1:]
-        rows = (np.array([getattr(leg, name) for leg in legs]) for name in ("since", "q", "r"))
-        return tuple(rows)  # type: ignore[return-value]
-
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        q, r = self.modes(t)
-        amplitudes = (q, r, self.pulled(q, r))[order]
-        free = np.einsum("...k,...k->...", self.basis.at(n), amplitudes)
-        forced = self.forced.everywhere(t, order)
-        if forced.shape[-1] == 1:
-            return np.asarray(free + self.conditions.a * forced[..., 0])
-        i, n = np.broadcast_arrays(np.arange(t.size).reshape(t.shape), n)
-        return np.asarray(free + self.conditions.a * forced.reshape(t.size, -1)[i, n])
+    def free_modes(self) -> FreeModes:
+        """The flight after each impact, as kernels take them; without shapes and profiles."""
+        legs, nobody = self.legs[1:], np.empty((0, 0))
+        starts, q, r = (np.array([getattr(leg, x) for leg in legs]) for x in ("since", "q", "r"))
+        return FreeModes(starts, q, r, self.z, float(self.conditions.damping), nobody, nobody)
 
     # ---------------------------------------------------------------- equations and their slopes
 
@@ -404,8 +341,14 @@ class SectionFlight:
     def slopes_at(self, site: int, time: float, names: Sequence[str]) -> FloatArray:
         """Derivatives of displacement and velocity of a site at a fixed time in t, q, r and
         `names`, shape ``(2, ...)``."""
-        i, leg, sign = self._cut(time)
-        Y, R = self._carried(leg, *self.tangents(names).starts[i], names)
+        section = self.section
+        i, ahead, sign = in_flight(self.free_modes, section.length, float(section.sign), time)
+        after: int = i + 1  # the first leg ends at the first impact
+        flown = self.legs[after]
+        fly = propagator(self.z, ahead, self.conditions.damping)
+        end = fly(flown.q, flown.r)
+        leg = flown._replace(stop=NOWHERE, flight=ahead, propagator=fly, q_end=end[0], r_end=end[1])
+        Y, R = self._carried(leg, *self.tangents(names).starts[after], names)
         e = self.basis.at(site)
         rows = np.array([sign * (e @ Y), sign * (e @ R)])
         for column, name in enumerate(names, start=rows.shape[1] - len(names)):

@@ -1,5 +1,10 @@
-"""The motion of the sites of an orbit by the closed form of the symmetric breather, by the Green's
-function of chain and ring, or by the modes of any finite lattice.
+"""The motion of the sites of an orbit, whatever represents it,
+
+    ``u_n(t) = c_n + a f_n(t) + sum over impacts j of J_j h_nj(t - t_j)
+               + sum over modes i of e_ni y_i(t)``:
+
+a forced motion, the responses to impacts that recur (closed form and Green's function of chain and
+ring), the free flights of the modes (any finite lattice). What an orbit does not have is empty.
 
 Beyond a dozen sites from the last that impacts the response of the chain is one harmonic, whose
 amplitude shrinks and changes sign from site to site. The largest displacement is a convex function
@@ -9,19 +14,20 @@ of that amplitude, so the first two such sites and the far field bound all the o
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
-from contbreather.lattice.free_flight import POWERS, Responses, response_weights
-from contbreather.lattice.periodic_green import bounds, is_resonant, responses
-from contbreather.orbits.margins import IMAGE, Forced, FreeModes, Motion, points_of
+from contbreather.lattice.free_flight import LATE, RESPONSES, SLACK, Responses, response_since
+from contbreather.lattice.modal_flow import mode_solutions
+from contbreather.lattice.periodic_green import half_period_green, periodic_green
 from contbreather.orbits.section import Section
 
 FloatArray = NDArray[np.float64]
@@ -34,9 +40,145 @@ USUAL = (-1.0, 1.0)
 NO_WALLS = (-math.inf, math.inf)
 _ORDERS = 12  # of the coupling by which sites may be told apart; beyond them all is rounding
 _ALIKE = 1e-9  # relative: sites that differ by less are told alike
-LOW = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
+NEARLY = 0.1  # sites whose lowest distance on the grid is this close to the least may have it
 
-_NO_VECTOR, _NO_MATRIX = np.empty(0), np.empty((0, 0))
+OFFSET, LOW, HIGH = range(3)  # columns of places
+TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
+IMAGE = 1e-9  # sites whose motions differ by less are images of each other
+MANY = 4096  # sites whose responses are written down at once
+
+
+@fixed
+class Forced(NamedTuple):
+    """The motion at unit amplitude: ``sum over m of A cos mt + B sin mt``."""
+
+    orders: Vector  # m
+    cosines: Matrix  # A of each site, in one row where all move alike
+    sines: Matrix  # B
+    peak: float  # largest of all values
+
+
+@fixed
+class FreeModes(NamedTuple):
+    """Free flights of the modes ``y'' + damping y' + z y = 0``, one after each impact."""
+
+    starts: Vector
+    q: Matrix  # displacements and velocities at the start of each flight
+    r: Matrix
+    z: Vector
+    damping: float
+    shapes: Matrix  # e, a row for each site
+    profiles: Matrix  # displacements at equal steps of the section, of each site without impacts
+
+
+class Motion(NamedTuple):
+    """Of sites that impact, and behind them of sites that do not."""
+
+    a: float
+    k: float
+    start: float  # of a section
+    length: float
+    sign: float  # with which the motion goes on after it
+    fine: int  # points of a grid to half a period of the forcing
+    forced: Forced
+    responses: Responses
+    modes: FreeModes
+    impacts: Matrix  # of a period: times, impulses, sites, walls
+    flights: int  # impacts of a section
+    busy: int  # sites that impact
+    places: Matrix  # of each site c, its low and its high wall
+
+
+@inlined
+def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
+    """Displacement, velocity and acceleration; at an impact just after it."""
+    forced, responses = motion.forced, motion.responses
+    row = site if forced.cosines.shape[0] > 1 else 0
+    f = df = d2f = 0.0
+    for i in range(forced.orders.size):
+        m = forced.orders[i]
+        c, s = math.cos(m * t), math.sin(m * t)
+        value = forced.cosines[row, i] * c + forced.sines[row, i] * s
+        f += value
+        df += m * (forced.sines[row, i] * c - forced.cosines[row, i] * s)
+        d2f -= m * m * value
+    u, v, w = motion.places[site, OFFSET] + motion.a * f, motion.a * df, motion.a * d2f
+    for j in range(responses.which.shape[1]):
+        J = motion.impacts[IMPULSE, j]
+        h, dh, d2h, _ = response_since(
+            responses, responses.which[site, j], t - motion.impacts[TIME, j]
+        )
+        u, v, w = u + J * h, v + J * dh, w + J * d2h
+    if motion.modes.z.size > 0:
+        y, dy, d2y = free(motion, site, t)
+        u, v, w = u + y, v + dy, w + d2y
+    return u, v, w
+
+
+def state(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
+    """The same, for whoever asks once: `site_state` is written out in loops."""
+    return site_state(motion, site, t)
+
+
+def free(motion: Motion, site: int, t: float) -> tuple[float, float, float]:
+    """The share of the modes in displacement, velocity and acceleration of a site."""
+    modes = motion.modes
+    i, since, flip = in_flight(modes, motion.length, motion.sign, t)
+    u = v = w = 0.0
+    for j in range(modes.z.size):
+        e = flip * modes.shapes[site, j]
+        y, dy = mode_state(modes, i, j, since)
+        u, v, w = u + e * y, v + e * dy, w - e * (modes.z[j] * y + modes.damping * dy)
+    return u, v, w
+
+
+@inlined
+def in_flight(modes: FreeModes, length: float, sign: float, t: float) -> tuple[int, float, float]:
+    """In which flight a time is, how long since its start, and the sign of that section; within
+    rounding of an impact it is in the flight after it."""
+    late = LATE + SLACK * abs(t)
+    past = math.floor((t - modes.starts[0] + late) / length)
+    back, i = t - past * length, modes.starts.size - 1
+    while i > 0 and modes.starts[i] > back + late:
+        i -= 1
+    return i, back - modes.starts[i], sign if past % 2 != 0 else 1.0
+
+
+@inlined
+def mode_state(modes: FreeModes, i: int, j: int, since: float) -> tuple[float, float]:
+    """Displacement and velocity of mode j in flight i."""
+    z, q, r = modes.z[j], modes.q[i, j], modes.r[i, j]
+    C, S, dS = mode_solutions(z, modes.damping, since)
+    return C * q + S * r, dS * r - z * S * q
+
+
+def modes_at(modes: FreeModes, length: float, sign: float, times: Vector, out: Cube) -> None:
+    """Displacements and velocities of all modes at each time."""
+    for k in range(times.size):
+        i, since, flip = in_flight(modes, length, sign, times[k])
+        for j in range(modes.z.size):
+            y, dy = mode_state(modes, i, j, since)
+            out[0, k, j], out[1, k, j] = flip * y, flip * dy
+
+
+def states(motion: Motion, sites: Counts, times: Vector, out: Matrix) -> None:
+    """Displacement, velocity and acceleration of each site at its time, in columns."""
+    for i in range(times.size):
+        out[0, i], out[1, i], out[2, i] = site_state(motion, sites[i], times[i])
+
+
+MODES, STATES = Kernel(modes_at), Kernel(states)
+
+
+def points_of(fine: int, length: float) -> int:
+    """Of a grid over a time."""
+    return math.ceil(fine * max(1.0, length / math.pi) - 1e-9)
+
+
+# --- of an orbit ----------------------------------------------------------------------------------
+
+
+_NO_VECTOR, _NO_MATRIX, _FIRST = np.empty(0), np.empty((0, 0)), np.zeros(1, dtype=np.int64)
 _NO_MODES = FreeModes(_NO_VECTOR, _NO_MATRIX, _NO_MATRIX, _NO_VECTOR, 0.0, _NO_MATRIX, _NO_MATRIX)
 
 
@@ -70,7 +212,8 @@ class SiteMotion:
         return {n for site in self.hit for n in self.lattice.beside(site)}
 
     def walls(self, site: int) -> Wall:
-        return USUAL
+        pair: Wall = self.on.walls.at(site)
+        return pair
 
     @property
     def far(self) -> float:
@@ -85,28 +228,35 @@ class SiteMotion:
         """When it is closest to a wall."""
         return self.start
 
-    def influence(self, site: int, other: int | None = None) -> float:
-        """How strongly a site feels the impacts, or how much it moves otherwise than another does,
+    def influences(self, sites: Iterable[int], other: int | None = None) -> list[float]:
+        """How strongly sites feel the impacts, or how much they move otherwise than another does,
         to first order in the coupling."""
-        order = self._order(site, site if other is None else other)
-        return self._strongest * float(self.on.gamma**order)  # |xi| of (A3) is gamma to first order
+        strongest = 0.5 * max(abs(impact.impulse) for impact in self.impacts)
+        # |xi| of (A3) is gamma to first order
+        orders = self._orders(tuple(sites), other)
+        return [strongest * float(self.on.gamma**order) for order in orders]
 
-    @cached_property
-    def _strongest(self) -> float:
-        return 0.5 * max(abs(impact.impulse) for impact in self.impacts)
-
-    def _order(self, site: int, other: int) -> float:
-        """The power of the coupling in which a site first moves otherwise than another, or, given
-        twice, than without impacts."""
+    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
+        """The power of the coupling in which each site first moves otherwise than another, or,
+        without one, than without impacts."""
         raise NotImplementedError
+
+    def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
+        """Displacements, velocities and accelerations, one after the other, of sites at times,
+        broadcast against each other; at an impact those just after it."""
+        raise NotImplementedError
+
+    def at(self, site: int, t: float) -> Terms:
+        """The same of one site at one time."""
+        u, v, w = self.states(site, t).tolist()
+        return u, v, w
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
     ) -> tuple[Motion, Sequence[int]]:
         """The motion of the sites that impact, and behind them of those of others that are near or
         may come closest to a wall, besides one that touches it; and which these are."""
-        sites = (*self.hit, *idle)
-        return self._motion(sites, *self._parts(sites)), idle
+        raise NotImplementedError
 
     def _motion(
         self, sites: tuple[int, ...], forced: Forced, responses: Responses, modes: FreeModes
@@ -119,9 +269,6 @@ class SiteMotion:
         return Motion(
             float(self.on.a), self.k, *section, *parts, impacts, *counts, self._places(sites)
         )
-
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
-        raise NotImplementedError
 
     def _places(self, sites: Sequence[int]) -> FloatArray:
         """Offset and walls of each site."""
@@ -139,11 +286,90 @@ def _alike(forcing: Forcing) -> Forced:
 
 
 class ChainMotion(SiteMotion):
-    """By its impacts: responses depend on the distance of a site from each of them."""
+    """By its impacts: responses depend on the distance of a site from each of them. Half symmetric
+    orbits are those of site 0 alone."""
+
+    def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
+        n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
+        sites, times, out = n.flatten(), t.flatten(), np.empty((3, t.size))
+        for first in range(0, t.size, MANY):
+            part = slice(first, first + MANY)
+            those, which = np.unique(sites[part], return_inverse=True)
+            out[:, part] = self._states(tuple(those.tolist()), which, times[part])
+        return out.reshape(3, *t.shape)
+
+    def at(self, site: int, t: float) -> Terms:  # the same, sooner
+        (u,), (v,), (w,) = self._states((site,), _FIRST, np.array([t])).tolist()
+        return u, v, w
+
+    def _states(self, sites: tuple[int, ...], which: Any, times: FloatArray) -> FloatArray:
+        out = np.empty((3, times.size))
+        STATES(self._of(sites), which, times, out)
+        return out
+
+    def with_idle(
+        self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
+    ) -> tuple[Motion, Sequence[int]]:
+        return self._of((*self.hit, *idle)), idle
+
+    def _of(self, sites: tuple[int, ...]) -> Motion:
+        return self._motion(sites, _alike(self.forcing), self._responses(sites), _NO_MODES)
+
+    def _responses(self, sites: tuple[int, ...], by: str = "") -> Responses:
+        """Of sites to the impacts of a section, or their derivatives in a parameter."""
+        if self.section.symmetric:
+            return half_period_green(self.lattice, self.on.gamma, sites, by)
+        hits = tuple(impact.site for impact in self.impacts)
+        return periodic_green(self.lattice, self.on.gamma, sites, hits, self.section.turns, by)
+
+    def slopes(self, site: int, t: float, names: Collection[str]) -> dict[str, FloatArray]:
+        """Derivatives of displacement and velocity at a time: in the impulses J1, J2, ... and times
+        t1, t2, ... of the impacts of a section, in a, k and parameters named; and in the time t."""
+        f, a, impacts = self.forcing, self.on.a, self.representation.impacts
+        since = np.array([t - impact.time for impact in impacts])
+        impulses = np.array([impact.impulse for impact in impacts])
+
+        def answers(by: str) -> FloatArray:
+            out, responses = np.empty((4, since.size)), self._responses((site,), by)
+            RESPONSES(responses, since, responses.which[0], out)
+            return out
+
+        h, forced = answers(""), np.array(f.motion(t))
+        slopes = {"a": forced[:2], "k": np.zeros(2), "t": a * forced[1:] + h[1:3] @ impulses}
+        for i, J in enumerate(impulses):
+            slopes[f"J{i + 1}"] = h[:2, i]
+            # an answer is a function of t - t_i: its derivative in t_i is minus that in t
+            slopes[f"t{i + 1}"] = -J * h[1:3, i]
+        for name in {"gamma", "spring"}.intersection(names):
+            slopes[name] = answers(name)[:2] @ impulses
+        for name in {*f.params}.intersection(names):
+            driven = a * np.array([f.f_param(name, t, order) for order in (0, 1)])
+            slopes[name] = slopes.get(name, 0.0) + driven
+        return slopes
+
+    def _places(self, sites: Sequence[int]) -> FloatArray:
+        places = np.empty((len(sites), 3))
+        places[:, LOW:] = USUAL
+        places[:, OFFSET] = self.offset(sites) if any(self.representation.offsets) else 0.0
+        return places
+
+    def offset(self, n: ArrayLike) -> FloatArray:
+        """Static displacement of sites: straight lines between the impacting ones, level beyond.
+
+        At gamma = 0 nothing holds the others to them: they stay where they are, at 0.
+        """
+        sites, places = np.asarray(n, dtype=float), list(self.hit)
+        values, ring = list(self.representation.offsets), self.lattice.sites
+        if self.on.gamma == 0.0:
+            return np.asarray(np.where(np.isin(sites, places), np.interp(sites, places, values), 0))
+        if ring is None or len(places) == 1:
+            return np.asarray(np.interp(sites, places, values))
+        return np.asarray(np.interp(sites % ring, places, values, period=ring))
 
     @cached_property
     def idle(self) -> Sequence[int]:
-        resonant = is_resonant(self.lattice, self.on.gamma, self.section.turns)
+        # of a ring with modes at or above the lowest harmonic of the orbit all
+        resonant = not self.endless and 4.0 * self.section.turns**2 * self.on.gamma >= 1.0
         return _around(self.lattice, self.hit, resonant)
 
     @property
@@ -163,17 +389,25 @@ class ChainMotion(SiteMotion):
             return self.start
         return _highest(self.forcing, math.copysign(1.0, self._far_offset))
 
-    def _order(self, site: int, other: int) -> float:
-        return _bonds(self.lattice, self.hit, site, other)
+    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
+        return _bonds(self.lattice, self.hit, sites, other)
 
 
-@lru_cache(maxsize=4096)
-def _bonds(lattice: UniformLattice, hit: tuple[int, ...], site: int, other: int) -> float:
+@lru_cache(maxsize=256)
+def _bonds(
+    lattice: UniformLattice, hit: tuple[int, ...], sites: tuple[int, ...], other: int | None
+) -> list[float]:
     """How far away the impacts are that one of two sites feels before the other, or that the one
     site feels first."""
-    far = [[lattice.distance(n - busy) for busy in hit] for n in (site, other)]
-    unlike = [min(pair) for pair in zip(*far, strict=True) if len({*pair}) == 2]
-    return min(unlike if site != other else far[0], default=math.inf)
+
+    def order(site: int) -> float:
+        own = [lattice.distance(site - busy) for busy in hit]
+        if other is None or other == site:
+            return min(own)
+        pairs = zip(own, (lattice.distance(other - busy) for busy in hit), strict=True)
+        return min((min(pair) for pair in pairs if len({*pair}) == 2), default=math.inf)
+
+    return [order(site) for site in sites]
 
 
 @lru_cache(maxsize=64)
@@ -184,49 +418,6 @@ def _around(lattice: UniformLattice, hit: tuple[int, ...], everywhere: bool) -> 
     if len(hit) == 1:  # both sides are alike
         sites = {hit[0] + lattice.distance(site - hit[0]) for site in sites}
     return sorted({site % ring for site in sites} - set(hit) if ring else sites - set(hit))
-
-
-class ClosedFormMotion(ChainMotion):
-    """A symmetric breather, of which site 0 impacts."""
-
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
-        responses = _odd_responses(self.lattice, self.on.gamma, sites)
-        return _alike(self.forcing), responses, _NO_MODES
-
-
-@lru_cache(maxsize=64)
-def _odd_responses(lattice: UniformLattice, gamma: float, sites: tuple[int, ...]) -> Responses:
-    """To the impulse -2p, of which `FreeFlight` is the response per unit p."""
-    table = np.zeros((len(sites), POWERS + 2))
-    np.matmul(lattice.powers(gamma, sites), -0.5 * _WEIGHTS, out=table[:, :POWERS])
-    # in `FreeFlight` it is -(4/pi) g sin y; J = -2p halves it and takes the sign away
-    table[:, POWERS] = 2.0 / math.pi * lattice.first_harmonic(gamma, np.array(sites))  # of sin y
-    rows, none = np.arange(len(sites))[:, None], np.empty((len(sites), 0))
-    largest = bounds(table, _odd_basis())
-    return Responses(rows, table, _NO_VECTOR, none, none, largest, 1.0, True)
-
-
-_WEIGHTS = response_weights()[::-1].T  # the highest power first
-
-
-@lru_cache(maxsize=1)
-def _odd_basis() -> FloatArray:
-    y, odd = np.linspace(0.0, 0.5 * math.pi, 65), 2.0 * np.arange(POWERS)[::-1, None] + 1.0
-    return np.vstack([y**odd, np.sin(y), np.sin(2.0 * y)])
-
-
-class GreenMotion(ChainMotion):
-    """An orbit with any impacts, by the periodic Green's function."""
-
-    def _parts(self, sites: tuple[int, ...]) -> tuple[Forced, Responses, FreeModes]:
-        hits = tuple(impact.site for impact in self.impacts)
-        to_impacts = responses(self.lattice, self.on.gamma, sites, hits, self.section.turns)
-        return _alike(self.forcing), to_impacts, _NO_MODES
-
-    def _places(self, sites: Sequence[int]) -> FloatArray:
-        places = super()._places(sites)
-        places[:, 0] = self.representation.offset(sites)
-        return places
 
 
 @lru_cache(maxsize=64)
@@ -242,22 +433,42 @@ def _highest(forcing: Forcing, sign: float) -> float:
 class ModalMotion(SiteMotion):
     """A shot orbit of any finite lattice."""
 
-    def walls(self, site: int) -> Wall:
-        pair: Wall = self.on.walls.at(site)
-        return pair
-
     @cached_property
     def idle(self) -> Sequence[int]:
         sites = self.lattice.idle(self.hit).tolist()
         return [n for n in sites if self.walls(n) != NO_WALLS]
 
-    def _order(self, site: int, other: int) -> float:
-        if self.walls(site) != self.walls(other):
-            return 0.0
+    def _orders(self, sites: tuple[int, ...], other: int | None) -> list[float]:
         walks = _walks(self.lattice, self.hit)
-        apart = walks[:, site, 1:] if site == other else walks[:, site] - walks[:, other]
-        unlike = (abs(apart) > _ALIKE).any(axis=1)
-        return float(unlike.argmax()) if unlike.any() else math.inf
+
+        def order(site: int) -> float:
+            if other is not None and self.walls(site) != self.walls(other):
+                return 0.0
+            alone = other is None or site == other
+            unlike = abs(walks[:, site, 1:] if alone else walks[:, site] - walks[:, other]) > _ALIKE
+            return float(unlike.any(axis=1).argmax()) if unlike.any() else math.inf
+
+        return [order(site) for site in sites]
+
+    def states(self, n: ArrayLike, t: ArrayLike) -> FloatArray:
+        n, t = np.broadcast_arrays(n, np.asarray(t, dtype=float))
+        sites, i = np.unique(n.ravel(), return_inverse=True)
+        times, j = np.unique(t.ravel(), return_inverse=True)
+        flight, basis = self.representation, self.representation.basis
+        q, r = flight.modes(times)
+        free = np.stack([q, r, flight.pulled(q, r)])
+        every = np.array_equal(sites, np.arange(self.lattice.sites))  # sooner, by transforms
+        paths = basis.to_sites(free) if every else free @ basis.at(sites).T
+        for order in range(3):
+            forced = self.on.a * flight.forced.everywhere(times, order)
+            paths[order] += forced if forced.shape[-1] == 1 else forced[:, sites]
+        return np.asarray(paths[:, j, i]).reshape(3, *t.shape)
+
+    def displacements(self, times: FloatArray) -> FloatArray:
+        """Of all sites at many times, shape (times, sites)."""
+        flight = self.representation
+        free = flight.basis.to_sites(flight.modes(times)[0])
+        return np.asarray(free + self.on.a * flight.forced.everywhere(times, 0))
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
@@ -265,14 +476,14 @@ class ModalMotion(SiteMotion):
         flight, candidates = self.representation, np.array(idle, dtype=int)
         size = points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
-        profiles = flight.displacements(times)[:, candidates].T
+        profiles = self.displacements(times)[:, candidates].T
         if candidates.size:
             low, high = self._places(candidates.tolist())[:, 1:].T[:, :, None]
             gaps = np.minimum(high - profiles, profiles - low).min(axis=1)
             if touching is not None and touching in candidates:
                 image = profiles[candidates == touching]
                 gaps[abs(profiles - image).max(axis=1) <= IMAGE] = math.inf
-            wanted = gaps <= gaps.min() + LOW * max(abs(gaps.min()), LOW)
+            wanted = gaps <= gaps.min() + NEARLY * max(abs(gaps.min()), NEARLY)
             # far away sites move alike: of those the first
             wanted &= np.isin(
                 np.arange(candidates.size), np.unique(gaps.round(12), return_index=True)[1]
@@ -281,12 +492,8 @@ class ModalMotion(SiteMotion):
             candidates, profiles = candidates[wanted], profiles[wanted]
         idle = candidates.tolist()
         sites = (*self.hit, *idle)
-        legs = flight.legs[1:]
-        starts = np.array([leg.since for leg in legs])
-        q, r = np.array([leg.q for leg in legs]), np.array([leg.r for leg in legs])
         shapes = np.ascontiguousarray(flight.basis.at(sites))
-        z, damping = flight.z, float(flight.conditions.damping)
-        modes = FreeModes(starts, q, r, z, damping, shapes, np.ascontiguousarray(profiles))
+        modes = flight.free_modes._replace(shapes=shapes, profiles=np.ascontiguousarray(profiles))
         return self._motion(sites, self._forced(sites), _no_responses(len(sites)), modes), idle
 
     def _forced(self, sites: tuple[int, ...]) -> Forced:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.free_flight import TERMS, FreeFlight, free_flight
 from contbreather.orbits.closure import (
-    EPS,
     ClosureTerms,
     closure_equations,
     fold_scalar,
@@ -32,7 +30,7 @@ from contbreather.orbits.closure import (
     terms_at,
 )
 from contbreather.orbits.section import Impact, Section
-from contbreather.orbits.site_motion import ClosedFormMotion, Terms
+from contbreather.orbits.site_motion import ChainMotion
 from contbreather.parameters import parameter
 
 if TYPE_CHECKING:
@@ -41,24 +39,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 HALF = Section(((0, 1),), sign=-1)
-
-
-@lru_cache(maxsize=4096)
-def flight_of(lattice: UniformLattice, gamma: float, distance: int) -> FreeFlight:
-    """One site between impacts, per unit p; kept, because profiles ask for it again and again."""
-    return free_flight(
-        float(lattice.first_harmonic(gamma, distance)), lattice.powers(gamma, distance)
-    )
-
-
-@lru_cache(maxsize=1024)
-def flight_slope_of(lattice: Any, gamma: float, distance: int, name: str = "gamma") -> FreeFlight:
-    """Derivative of `flight_of` in gamma or the spring, at the same time since the impact."""
-    if name == "spring":
-        first, powers = lattice.first_by_spring, lattice.spring_powers
-    else:
-        first, powers = lattice.dfirst_harmonic, lattice.dpowers
-    return free_flight(float(first(gamma, distance)), powers(gamma, distance))
 
 
 @dataclass(frozen=True)
@@ -152,59 +132,10 @@ class SymmetricBreather:
         w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.eta(self.gamma)
         return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
 
-    # ------------------------------------------------------------------------------- profile
-
-    def flight(self, n: int) -> FreeFlight:
-        """Site n between two impacts per unit p, as a function of ``t - phi - pi/2``."""
-        return flight_of(self.lattice, self.gamma, self.lattice.distance(int(n)))
-
-    def profile(self, n: NDArray[np.int64], t: FloatArray, order: int) -> FloatArray:
-        """Eq. (12) in closed form, and its derivatives."""
-        n, t = np.broadcast_arrays(n, t)
-        y, sign = self._phases(t)
-        # beyond as many bonds as there are powers of w^2 nothing but the first harmonic is left
-        first = 4.0 / math.pi * self.lattice.first_harmonic(self.gamma, n)
-        response = np.asarray(FreeFlight(first, ()).at(y)[order])
-        away = self.lattice.distance(n)
-        for m in np.unique(away[away <= TERMS]):
-            at = away == m
-            response[at] = self.flight(int(m)).at(y[at])[order]
-        f = self.forcing
-        # u = a f + p v, eqs. (5) and (12)
-        return np.asarray(self.a * (f.f, f.df, f.d2f)[order](t) + self.p * sign * response)
-
-    def at(self, site: int, t: float) -> Terms:
-        """Displacement, velocity and acceleration of a site at one time."""
-        (y, sign), (f, df, d2f) = self.phase(t), self.forcing.motion(t)
-        (u, v, w), a, p = self.flight(site).at(y), self.a, sign * self.p
-        return a * f + p * u, a * df + p * v, a * d2f + p * w
-
-    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Displacements and velocities of all sites of a ring at one time."""
-        sites, time = np.arange(self.lattice.sites or 0), np.array(t)
-        return self.profile(sites, time, 0), self.profile(sites, time, 1)
-
-    def phase(self, t: float) -> tuple[float, float]:
-        """Time from the middle of the flight, in [-pi/2, pi/2), and the sign of that flight."""
-        flights = math.floor((t - self.phi) / math.pi)  # v(t + pi) = -v(t), eq. (3)
-        sign = -1.0 if flights % 2 else 1.0
-        return t - self.phi - (flights + 0.5) * math.pi, sign
-
-    def _phases(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same of many times; one within rounding of an impact is in the flight after it."""
-        since = t - self.phi
-        flights = np.floor(since / math.pi)
-        s = since - flights * math.pi  # time since the last impact, in [0, pi)
-        # phi + pi in floating point is not quite an impact; it is meant to be one
-        late = math.pi - s <= 4.0 * EPS * (math.pi + np.abs(t) + abs(self.phi))
-        flights = np.where(late, flights + 1.0, flights)
-        s = np.where(late, 0.0, np.maximum(s, 0.0))
-        return s - 0.5 * math.pi, np.where(flights % 2.0 == 0.0, 1.0, -1.0)
-
     @property
-    def motion(self) -> ClosedFormMotion:
-        """What its clearance from the walls is measured on."""
-        return ClosedFormMotion(self, self.forcing, self.lattice)
+    def motion(self) -> ChainMotion:
+        """Eq. (12) in closed form."""
+        return ChainMotion(self, self.forcing, self.lattice)
 
     # ----------------------------------------------------------------------------- stability
 

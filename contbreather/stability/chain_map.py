@@ -101,7 +101,7 @@ class OrbitMap:
     ------
     BadInput
         Without impacts, times out of order or beyond one period, gamma or k out of range, or a
-        resonance (see `contbreather.lattice.periodic_green.wave`).
+        resonance (see `contbreather.lattice.periodic_green`).
 
     Examples
     --------

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import mpmath as mp
-import numpy as np
 
-from contbreather.lattice.free_flight import free_flight
+from contbreather.lattice.periodic_green import half_period_green
 
 MEANS = {
     "chi": lambda w: mp.tan(mp.pi * w / 2) / w if w else mp.pi / 2,
@@ -30,7 +29,6 @@ def ring_mean(of: Callable[[Any], Any], gamma: Any, sites: int, n: int = 0) -> A
     )
 
 
-def response(lattice: Any, gamma: float, n: int, s: Any) -> tuple[Any, ...]:
-    """v, v' and v'' of site n between two impacts of site 0, per unit p, s after the first."""
-    flight = free_flight(float(lattice.first_harmonic(gamma, n)), lattice.powers(gamma, n))
-    return flight.at(np.asarray(s, dtype=float) - 0.5 * np.pi)
+def response(lattice: Any, gamma: float, n: int, s: Any, by: str = "") -> tuple[Any, ...]:
+    """v, v' and v'' of site n, per unit p, s after an impact of site 0."""
+    return tuple(-2.0 * half_period_green(lattice, gamma, (n,), by).at(s)[:3])

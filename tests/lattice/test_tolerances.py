@@ -144,10 +144,12 @@ def test_a_mode_next_to_a_harmonic_is_summed_and_one_on_it_refused() -> None:
     W = 4 * math.sqrt(near)
     s = 1.3
     own = math.cos(W / 2 * (2 * math.pi - s)) / (W * math.sin(W * math.pi))
-    assert periodic_green(Ring(8), near, 0, 2).at(s)[0] == pytest.approx(own / 8, rel=1e-5)
+    assert periodic_green(Ring(8), near, (0,), periods=2).at(s)[0] == pytest.approx(
+        own / 8, rel=1e-5
+    )
     for close in (0.0, 4e-10):
         with pytest.raises(BadInput, match="is in resonance with an orbit of 2 forcing periods"):
-            periodic_green(Ring(8), 0.0625 * (1 + close), 0, 2)
+            periodic_green(Ring(8), 0.0625 * (1 + close), (0,), periods=2)
 
 
 # --- the closure ----------------------------------------------------------------------------------

@@ -461,7 +461,7 @@ def test_an_orbit_upside_down_keeps_off_its_one_wall_as_well(wall: int) -> None:
     q = margins.Quotient(0, orbit.times[0], *orbit.walls.at(0), orbit.period)
     for t in (0.4, 2.0, 5.5):  # the ratio's own slopes, by differences
         h = 1e-5
-        of = [margins.margin_terms(q, 0.5, t + d, *orbit.representation.at(0, q.origin + t + d))
+        of = [margins.margin_terms(q, 0.5, t + d, *orbit.motion.at(0, q.origin + t + d))
               for d in (-h, 0.0, h)]  # fmt: skip
         before, here, after = np.array(of).reshape(3, 2, 3)
         assert here[:, 1] == pytest.approx((after[:, 0] - before[:, 0]) / (2 * h), abs=1e-6)

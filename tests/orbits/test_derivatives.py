@@ -227,7 +227,9 @@ def test_beside_the_crest_that_grazes_all_others_are_watched() -> None:
         grazing = max(height for _, height in crests(orbit, 1))
         assert grazing == pytest.approx(1.0, abs=1e-6)
         own, *others = other_contacts(orbit.motion, 1, point["t"])
-        size = orbit.motion.influence(1)  # a margin m of those that vanish together is m/(m + size)
+        (size,) = orbit.motion.influences(
+            [1]
+        )  # a margin m of those that vanish together is m/(m + size)
         margins = [size * gap.margin / (1.0 - gap.margin) for gap in others if gap.flight < 0]
         assert min(margins) == pytest.approx(1.0 - max(heights), rel=1e-4)
         least = min(gap.margin for gap in (own, *others))

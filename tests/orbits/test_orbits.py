@@ -117,7 +117,7 @@ def test_mean_impulses_tilt_the_chain_between_two_sites():
     orbit = orbit_from(impacts, (tilt, 0.0), a=0.3, gamma=0.1)
     flight = orbit.representation
     assert np.abs(flight.equations.residual(flight.x, orbit.conditions.params)[8:]).max() < 1e-14
-    assert flight.offset([-5, 0, 1, 2, 3, 9]) == pytest.approx(
+    assert orbit.motion.offset([-5, 0, 1, 2, 3, 9]) == pytest.approx(
         [tilt, tilt, tilt * 2 / 3, tilt / 3, 0, 0]
     )
     ring = OrbitEquations(orbit.section, lattice=Ring(9))
@@ -162,9 +162,9 @@ def test_at_an_impact_the_motion_is_the_one_just_after_it_in_any_period(which: i
                 bend = orbit.acceleration(hit.site, same)
                 assert bend == pytest.approx(hit.acceleration, abs=1e-9)
                 if isinstance(orbit.representation, ExactModes):
-                    one = orbit.representation.at(hit.site, same)[:2]
+                    one = orbit.motion.at(hit.site, same)[:2]
                     assert one == pytest.approx((wall, hit.after), abs=1e-11 + rounded)
-                one = orbit.representation.at(hit.site, t + 1e-9)
+                one = orbit.motion.at(hit.site, t + 1e-9)
                 assert one == pytest.approx((wall, hit.after, hit.acceleration), abs=1e-6)
             before = np.array([t - 1e-7, t - 1e-8])
             assert orbit.velocity(hit.site, before) == pytest.approx(hit.before, abs=1e-5)

@@ -203,7 +203,7 @@ def test_slopes_of_a_watched_site_are_the_derivatives(itinerary: Itinerary) -> N
         rows = section_of(itinerary, x, DAMPED).slopes_at(site, time, names)
 
         def motion(x: np.ndarray, time=time, site=site, **params: float) -> np.ndarray:
-            return np.array(section_of(itinerary, x, DAMPED, **params).at(site, time))
+            return np.array(section_of(itinerary, x, DAMPED, **params).motion.states(site, time))
 
         columns = [slope(lambda h, e=e: motion(x + h * e), 1e-5) for e in np.eye(x.size)]
         columns += [slope(lambda h, n=n: motion(x, **{n: here[n] + h}), 1e-5) for n in names]
@@ -255,9 +255,7 @@ def test_every_site_sits_off_centre_by_the_same_offset() -> None:
     total = np.zeros(RING)
     for start, end in ((times[0], times[1]), (times[1], times[0] + orbit.period)):
         half = 0.5 * (end - start)
-        total += (
-            half * weights @ orbit.representation.displacements(0.5 * (start + end) + half * nodes)
-        )
+        total += half * weights @ orbit.motion.displacements(0.5 * (start + end) + half * nodes)
     assert total / orbit.period == pytest.approx(np.full(RING, orbit.c), abs=1e-13)
 
 

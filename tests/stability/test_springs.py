@@ -10,7 +10,6 @@ import pytest
 
 import contbreather as cb
 from contbreather.lattice import InfiniteChain
-from contbreather.lattice.free_flight import free_flight
 from contbreather.stability import (
     D,
     neimark_sacker,
@@ -72,7 +71,7 @@ def test_slopes_are_those_of_the_means(name: str, spring: float, gamma: float) -
 @pytest.mark.parametrize("n", [0, 1, 4])
 def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) -> None:
     chain, (theta, w) = InfiniteChain(spring), modes(spring, gamma)
-    s = np.linspace(0, math.pi, 9)
+    s = np.linspace(0, math.pi, 9)[:-1]
     y = 0.5 * math.pi - s[:, None]
     share = np.cos(n * theta) / np.cos(0.5 * np.pi * w)
     exact = (
@@ -83,15 +82,13 @@ def test_flights_are_sums_over_the_modes(spring: float, gamma: float, n: int) ->
     scale = float(chain.first_harmonic(gamma, 0))
     for found, wanted in zip(response(chain, gamma, n, s), exact, strict=True):
         assert found == pytest.approx(wanted, abs=3e-14 * scale)
-    first = (chain.first_by_spring(gamma, n), chain.dfirst_harmonic(gamma, n))
-    powers = (chain.spring_powers(gamma, n), chain.dpowers(gamma, n))
-    moved = (
-        lambda e: response(InfiniteChain(spring + e), gamma, n, s)[0],
-        lambda e: response(chain, gamma + e, n, s)[0],
-    )
-    for one, more, of in zip(first, powers, moved, strict=True):
+    moved = {
+        "spring": lambda e: response(InfiniteChain(spring + e), gamma, n, s)[0],
+        "gamma": lambda e: response(chain, gamma + e, n, s)[0],
+    }
+    for name, of in moved.items():
         if spring > 0.01:
-            answer = free_flight(float(one), more).at(s - 0.5 * math.pi)[0]
+            answer = response(chain, gamma, n, s, name)[0]
             assert answer == pytest.approx(slope(of, 1e-4), rel=2e-5, abs=1e-7)
 
 
