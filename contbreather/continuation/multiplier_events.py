@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,10 @@ from . import normal_forms
 from .boundary import meeting
 from .branch_points import branches_cross, crossed
 from .curve import Curve
-from .linear_algebra import LeastSingular, least_singular, solved
+from .linear_algebra import by_inverses, least_singular, solved
 from .newton import Array, Undefined
 from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point
-from .sparse import Matrix, above, any_vector, beside, is_large, scaled
+from .sparse import Factors, Matrix, above, any_vector, beside, is_large, scaled
 
 Values = NDArray[np.complex128]
 Events = Mapping[str, Event]  # LP, PD and NS of one family, each of which speaks of the others
@@ -37,6 +37,7 @@ _RANK = 1e-7  # a singular value this small is that of a second eigenvector
 _ROUNDING = 1e-12  # relative error of a product of two multipliers
 _ROUGHLY = 1e-7  # error of differences in coefficients that are asked for all along a curve
 _STEP = 1e-5  # of differences along a null vector, relative to what that moves
+_BESIDE = 1e-12  # how far off -1 a multiplier is taken to be where the cycle is singular with it
 _ASIDE = 1e-2  # of the angle 0 or pi at which a curve ends, where it sets out from that end
 _FLAT = 1e-3  # a sine this small is rounded off to where it changes its sign
 _NOTHING = 1e-300  # one of two null vectors may vanish
@@ -171,25 +172,49 @@ def _examine_rotation(point: Point) -> Examined:
 # --- as equations -----------------------------------------------------------------------------
 
 
-def _weak(curve: Curve, z: Array) -> LeastSingular:
-    weak: LeastSingular = curve.cached(
-        "flip", z, lambda z: least_singular(closed(curve, curve.jacobian(z), -1.0))
-    )
+class _Weak(NamedTuple):
+    """The least singular value of a square matrix with the sign of its determinant, its vectors,
+    ``B right = value left``, and what it is multiplied by."""
+
+    value: float
+    left: Array
+    right: Array
+    weight: float = 1.0
+
+
+def _weak(curve: Curve, z: Array) -> _Weak:
+    """Of the problem closed with -1."""
+
+    def make(z: Array) -> _Weak:
+        matrix = curve.jacobian(z)
+        B = closed(curve, matrix, -1.0)
+        if not is_large(B):
+            weak = least_singular(B)
+            value, left = weak.sign * weak.size, weak.sign * weak.left
+            return _Weak(value, left, weak.right, min(1.0, weak.second))
+        # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
+        factors = (Factors(closed(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        regular = next((each for each in factors if each.sign()), None)
+        if regular is None:
+            raise Undefined("the cycle is singular whatever multiplies its start")
+        return _Weak(*by_inverses(regular, len(B), refined=False))
+
+    weak: _Weak = curve.cached("flip", z, make)
     return weak
 
 
 def _flipped(curve: Curve, z: Array, extra: Array) -> Array:
-    """The problem closed with -1 is singular: its least singular value, times the next one, for
-    where both vanish two curves cross."""
+    """The problem closed with -1 is singular: its least singular value, of a small one times the
+    next, for where both vanish two curves cross. On a mesh all are small, and that says nothing."""
     weak = _weak(curve, z)
-    return np.array([weak.sign * weak.size * min(1.0, weak.second)])
+    return np.array([weak.value * weak.weight])
 
 
 def _slope_of_flipped(curve: Curve, z: Array, extra: Array) -> Array:
     weak, units = _weak(curve, z), _units(curve)
     # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
     change = _turned(curve, z, weak.left / units, weak.right * units)
-    return weak.sign * min(1.0, weak.second) * change[None, :]
+    return weak.weight * change[None, :]
 
 
 def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -13,17 +12,16 @@ from ..continuation import normal_forms
 from ..continuation.branch_points import bordered_matrix, crossing_event
 from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
+from ..continuation.linear_algebra import by_inverses
 from ..continuation.multiplier_events import least_beside, linked, meetings, unresolved
 from ..continuation.newton import OUT_OF_DOMAIN
 from ..continuation.point import Event, Examined, Point
-from ..continuation.sparse import Dense, any_vector
+from ..continuation.sparse import Dense
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
 from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT
 
-_TURNS = 4  # of inverse iteration for singular vectors; two are enough where the value vanishes
-_SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
 
@@ -60,19 +58,7 @@ def _branches(point: Point) -> float:
     if not isinstance(matrix, np.ndarray):
         return signed_smallest(matrix)
     factors = Dense(matrix)
-    if not factors.exact:
-        return 0.0
-    left, value = any_vector(len(matrix)), 0.0
-    # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
-    for _ in range(_TURNS):
-        right, before = factors.solve(left), left
-        assert right is not None
-        value = 1 / math.sqrt(right @ right)
-        left = factors.transposed(value * right)
-        left = left / math.sqrt(left @ left)
-        if abs(left @ before) >= _SAME:
-            break
-    return factors.sign() * value
+    return by_inverses(factors, len(matrix))[0] if factors.exact else 0.0
 
 
 def _examine_crossing(point: Point) -> Examined:
