@@ -29,7 +29,7 @@ from .linear_algebra import Bordered, LeastSingular, inverses_between, least_sin
 from .newton import Undefined
 from .point import DefiningSystem, Event, Point
 from .problem import Problem
-from .sparse import Dense, Matrix, above, beside, plus_diagonal
+from .sparse import Dense, Matrix, above, beside
 
 Array = NDArray[np.float64]
 Values = NDArray[np.complex128]
@@ -126,11 +126,9 @@ def oriented_overlap(matrix: Matrix) -> float:
     return float(weak.sign * weak.left @ weak.right)
 
 
-def overlap(shift: float, point: Point) -> float:
-    """The test of a double eigenvalue where one of ``F_x + shift`` is zero all along a curve."""
-    return oriented_overlap(
-        plus_diagonal(point.base_point.jacobian()[:, : point.base_point.curve.size], shift)
-    )
+def overlap(point: Point) -> float:
+    """The test of a double zero where one eigenvalue of F_x is zero all along a curve."""
+    return oriented_overlap(point.base_point.jacobian()[:, : point.base_point.curve.size])
 
 
 def null_vector(matrix: Array, scales: Array) -> Array:

@@ -441,7 +441,7 @@ _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 _BT_ON_HOPF = CodimensionTwo(
     "BT", itemgetter("omega2"), examine=_examine_double_zero, ends="domain", base=_FOLD
 )
-_BT = CodimensionTwo("BT", partial(systems.overlap, 0.0), examine=_examine_takens, base=_HOPF)
+_BT = CodimensionTwo("BT", systems.overlap, examine=_examine_takens, base=_HOPF)
 
 
 def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> CodimensionTwo:

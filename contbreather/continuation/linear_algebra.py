@@ -16,6 +16,8 @@ from .sparse import Factors, Matrix, any_vector, beside, factorised, is_large, i
 
 Array = NDArray[np.float64]
 
+_TURNS = 4  # of inverse iteration
+_SAME = 1 - 1e-15  # cosine of the angle between directions that are the same
 _FEW = 8  # sparse matrices of fewer rows are taken as dense ones
 _LEADS = 0.37  # no fraction of small numbers: entries of vectors are often those of each other
 _AT_ONCE = 60  # branch points that are looked for on one step
@@ -106,6 +108,24 @@ def _dense(matrix: Array) -> LeastSingular:
         lambda value: right[:n].T @ (left[:, :n].T @ value / sizes[:n]),
         lambda: float(np.linalg.det(left) * np.linalg.det(right)),
     )
+
+
+def by_inverses(factors: Any, size: int, **how: bool) -> tuple[float, Array, Array]:
+    """The least singular value of a square matrix with the sign of its determinant, and its vectors
+    w and v: ``w* B v = value``; about, by a few turns of inverse iteration, two where it vanishes.
+    """
+    left = right = any_vector(size)
+    value = 0.0
+    # v = B^-1 w and w = B^-* v, each to length 1: 1/|B^-1 w| tends to the least singular value
+    for _ in range(_TURNS):
+        right, before = factors.solve(left, **how), left
+        value = 1 / math.sqrt(right @ right)
+        right = value * right
+        left = factors.transposed(right)
+        left = left / math.sqrt(left @ left)
+        if abs(left @ before) >= _SAME:
+            break
+    return factors.sign() * value, factors.sign() * left, right
 
 
 def _sparse(factors: Factors) -> LeastSingular:

@@ -6,7 +6,6 @@ the eigenvalues of F_x + 1.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -19,12 +18,11 @@ from numpy.typing import NDArray
 from ..checks import whole
 from ..errors import BadInput
 from . import defining_systems as systems
-from . import normal_forms
-from .boundary import meeting
-from .branch_points import branches_cross, crossed, crossing_event
+from . import multiplier_events
+from .branch_points import crossing_event
 from .curve import Params
-from .equilibria import cusp, fold
-from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
+from .equilibria import fold
+from .point import Event, Examined, Point, UnstableDimension
 from .problem import Problem
 from .settings import all_of
 from .sparse import is_sparse
@@ -34,8 +32,7 @@ Array = NDArray[np.float64]
 Map = Callable[[Array, Params], Array]
 
 _SAME = 1e-7  # relative distance at which a cycle has closed
-_RANK = 1e-7  # a multiplier this close to +1 or -1 is there
-_ZERO = 1e-5  # double multipliers split by a root
+_RANK = 1e-7  # a multiplier this close to 1 is there
 _ROUNDING = 2e-13  # relative error of a multiplier: area preserving maps have products of 1
 
 
@@ -258,6 +255,11 @@ class MapCycleProblem(Problem):
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return _doubled if kind == "PD" else None
 
+    def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
+        """All of them, and what rounding may leave in each."""
+        matrix = units(point)
+        return np.linalg.eigvals(matrix).astype(complex), _ROUNDING * float(np.linalg.norm(matrix))
+
 
 # --- the events on a branch -------------------------------------------------------------------
 
@@ -276,232 +278,16 @@ def _flip_matrix(point: Point) -> Array:
     return units(point) + np.eye(point.curve.size)
 
 
-def _flip_locus(point: Point) -> DefiningSystem:
-    # (A + 1) v = 0 with A = F_x + 1
-    null = systems.null_vector(_flip_matrix(point), point.curve.scales[: point.curve.size])
-    on_flip = (_GENERALISED_FLIP, _R2_ON_FLIP)
-    return replace(systems.null_locus(null, 2.0), events=on_flip, meets=MEETINGS["PD"])
-
-
-def _examine_flip(point: Point) -> Examined:
-    sizes = np.linalg.svd(_flip_matrix(point), compute_uv=False)
-    if sizes[-1] > _RANK * max(1.0, sizes[0]):
-        return f"no multiplier is -1: the nearest is {sizes[-1]:.2g} off"
-    if sizes.size > 1 and sizes[-2] < _RANK * max(1.0, sizes[0]):
-        return "two multipliers are -1, with two eigenvectors: not a simple period doubling"
-    return normal_forms.criticality("c", lambda: normal_forms.flip(point), stable_if_negative=False)
-
-
 def _doubled(point: Point) -> SwitchingProblem:
     """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
     twice = with_period(point.problem, 2 * point.curve.problem.period)
     return SwitchingProblem(twice, point.curve.free[0], both=False)
 
 
-def _off_circle(everywhere: tuple[float, ...], point: Point) -> float:
-    """The smallest ``mu_i mu_j - 1`` of all multipliers but those that the curve has
-    `everywhere`, with the sign of the product of all of them."""
-    matrix = units(point.base_point)
-    values = np.linalg.eigvals(matrix).astype(complex)
-    first, second = systems.pairs(systems.without(values, *everywhere))
-    if not first.size:
-        return math.nan
-    # mu_i mu_j are the eigenvalues of the bialternate product of A with itself; an error e in each
-    # multiplier moves a product by e (|mu_i| + |mu_j|)
-    rounding = _ROUNDING * float(np.linalg.norm(matrix))
-    return systems.least_with_sign(first * second - 1, rounding * (abs(first) + abs(second)))
-
-
-def _multipliers(point: Point) -> NDArray[np.complex128]:
-    return np.linalg.eigvals(units(point.base_point)).astype(complex)
-
-
-def _circle_pair(point: Point) -> tuple[float, Array, Array]:
-    """cos(angle) of the pair nearest the unit circle, and two vectors of its plane."""
-    matrix = multiplier_matrix(point)
-    small = _ZERO * max(1.0, float(np.linalg.norm(matrix, 2)))
-    mu, first, second = systems.critical_plane(
-        matrix, (1.0, -1.0), small, lambda values: np.abs(np.abs(values) - 1)
-    )
-    return mu.real / abs(mu), first, second
-
-
-def _rotation_locus(point: Point) -> DefiningSystem:
-    """``(A^2 - 2 cos(angle) A + 1) v = 0`` in the plane of the pair."""
-    cosine, first, second = _circle_pair(point)
-    # A^2 - 2 cos(angle) A + 1 = (A - mu) (A - conj(mu)) with |mu| = 1
-    locus = systems.pair_locus("cosine", cosine, (first, second), 1.0, b=(0, -2), c=(1, 0))
-    return replace(locus, events=_ON_ROTATION, meets=MEETINGS["NS"])
-
-
-def _examine_rotation(point: Point) -> Examined:
-    """Of the two multipliers with product 1: are they a complex pair?"""
-    values = np.linalg.eigvals(multiplier_matrix(point)).astype(complex)
-    first, second = systems.pairs(values)
-    nearest = int(abs(first * second - 1).argmin())
-    pair = np.array([first[nearest], second[nearest]])
-    for sign, name in ((1, "R1"), (-1, "R2")):
-        if (abs(pair - sign) < 1e-4).all():
-            return f"both multipliers are {sign}: the resonance {name}"
-    if not pair.imag.any():
-        return f"a neutral saddle: the multipliers {pair[0].real:.4g} and {pair[1].real:.4g}"
-    ground = point.base_point
-    angle = math.acos(max(-1.0, min(1.0, point.detail.get("cosine", _circle_pair(ground)[0]))))
-    return {"angle": angle} | normal_forms.criticality(
-        "d", lambda: normal_forms.rotation_coefficient(point, angle), stable_if_negative=True
-    )
-
-
-# --- what their curves in two parameters meet -------------------------------------------------
-
-
-def _fold_locus(point: Point) -> DefiningSystem:
-    assert _PLAIN_FOLD.locus is not None
-    return replace(_PLAIN_FOLD.locus(point), events=(cusp(), _R1_ON_FOLD), meets=MEETINGS["LP"])
-
-
-def _examine_double(sign: int, point: Point) -> Examined:
-    """Two multipliers there, with one eigenvector."""
-    matrix = units(point.base_point)
-    size = max(1.0, float(np.linalg.norm(matrix, 2)))
-    critical = abs(np.linalg.eigvals(matrix) - sign) < 1e-4 * size
-    if critical.sum() != 2:
-        return f"{critical.sum()} multipliers are {sign}; two were expected"
-    # rank n - 2 is two eigenvectors, rank n - 1 a Jordan block
-    sizes = np.linalg.svd(matrix - sign * np.eye(len(matrix)), compute_uv=False)
-    return f"two multipliers are {sign}, with two eigenvectors" if sizes[-2] < _RANK * size else {}
-
-
-def _examine_double_one(point: Point) -> Examined:
-    """Where it has to be distinguished from that: whether branches cross as well."""
-    return _examine_double(1, point) or crossed(point.base_point)
-
-
-def _on_circle(wanted: str, fold: bool, point: Point) -> Examined:
-    """Whether the multipliers on the unit circle are those of `wanted`: of ``+1``, ``-1`` and
-    ``pair`` each at most once. With `fold` the multiplier 1 must be that of a fold."""
-    if fold and branches_cross(point.base_point):
-        return "a branch point, not a fold"
-    values = _multipliers(point)
-    on = values[abs(abs(values) - 1) < 1e-4]
-    critical = ["+1"] * int((abs(on - 1) < 1e-3).sum()) + ["-1"] * int((abs(on + 1) < 1e-3).sum())
-    critical += ["pair"] * ((len(on) - len(critical)) // 2)
-    if sorted(critical) != sorted(wanted.split()):
-        shown, these = np.array2string(on, precision=6), wanted.replace(" ", " and ")
-        return f"on the unit circle are {shown}, where {these} are expected"
-    return ""
-
-
-def _flip_coefficient(point: Point) -> float:
-    """c without its poles, at R2 and fold-flips."""
-    ground = point.base_point
-    # <p, q> = 0 at R2, where -1 is double; F_x, which c is solved with, is singular at a fold-flip
-    poles = systems.overlap(2.0, point) if ground.curve.size > 1 else 1.0
-    c = normal_forms.value_or_nan(lambda: normal_forms.flip(point))
-    return c * poles * systems.signed_smallest(units(ground) - np.eye(ground.curve.size))
-
-
-def _examine_generalised_flip(point: Point) -> str:
-    return normal_forms.not_zero("the coefficient c =", normal_forms.flip(point), point)
-
-
-def _rotation_coefficient(point: Point) -> float:
-    """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
-    is another."""
-    # d has a pole where 1 is a multiplier, det(A - 1) = 0: the test is their product
-    ground, cosine = point.base_point, point["cosine"]
-    if not -1 < cosine < 1:
-        return math.nan
-    d = normal_forms.value_or_nan(
-        lambda: normal_forms.rotation_coefficient(point, math.acos(cosine))
-    )
-    return d * systems.signed_smallest(units(ground) - np.eye(ground.curve.size))
-
-
-def _examine_chenciner(point: Point) -> str:
-    d = normal_forms.rotation_coefficient(point, math.acos(point["cosine"]))
-    return normal_forms.not_zero("Re d =", d, point)
-
-
-def _resonance(k: int) -> Event:
-    """Rk on a curve of NS: multipliers ``exp(+-2 pi i / k)``."""
-    test = partial(_from_angle, 1, math.cos(2 * math.pi / k))
-    return Event(f"R{k}", test, examine=partial(_on_circle, "pair", False))
-
-
-def _from_angle(sign: int, cosine: float, point: Point) -> float:
-    # the cosine is an unknown of the curve: no eigenvalue has to be asked for
-    return float(sign * (point["cosine"] - cosine))
-
-
-def _beside_pair(multiplier: int, point: Point) -> float:
-    """Zero where one of the multipliers beside the pair on a curve of NS is 1 or -1."""
-    cosine = point["cosine"]
-    if not -1 < cosine < 1:
-        return math.nan
-    # on the circle: mu = cos(angle) + i sin(angle)
-    pair = cosine + 1j * math.sqrt(1 - cosine**2)
-    others = systems.without(_multipliers(point), pair, pair.conjugate())
-    return systems.least_with_sign(others - multiplier, 0.0) if others.size else math.nan
-
-
 _PLAIN_FOLD = fold()
-_FOLD = replace(_PLAIN_FOLD, locus=_fold_locus, examine=partial(_examine_one, _PLAIN_FOLD))
-_FLIP = Event("PD", systems.Singular(_flip_matrix), locus=_flip_locus, examine=_examine_flip)
-_ROTATION = Event("NS", partial(_off_circle, ()), locus=_rotation_locus, examine=_examine_rotation)
-_DOUBLE_ONE, _DOUBLE_MINUS_ONE = (partial(_examine_double, sign) for sign in (1, -1))
-_R1_ON_FOLD = CodimensionTwo(
-    "R1", partial(systems.overlap, 0.0), examine=_DOUBLE_ONE, base=_ROTATION
+_LINKED = multiplier_events.linked(
+    replace(_PLAIN_FOLD, examine=partial(_examine_one, _PLAIN_FOLD)), systems.Singular(_flip_matrix)
 )
-_R2_ON_FLIP = CodimensionTwo(
-    "R2", partial(systems.overlap, 2.0), examine=_DOUBLE_MINUS_ONE, base=_ROTATION
-)
-_GENERALISED_FLIP = Event("GPD", _flip_coefficient, examine=_examine_generalised_flip)
-_ON_ROTATION = (
-    # beyond R1 and R2 the multipliers are real, their product still 1: neutral saddles
-    CodimensionTwo(
-        "R1", partial(_from_angle, -1, 1.0), examine=_examine_double_one, ends="domain", base=_FOLD
-    ),
-    CodimensionTwo(
-        "R2", partial(_from_angle, 1, -1.0), examine=_DOUBLE_MINUS_ONE, ends="domain", base=_FLIP
-    ),
-    _resonance(3),
-    _resonance(4),
-    Event("CH", _rotation_coefficient, examine=_examine_chenciner),
-)
-
-
-def _named(
-    on: str, event: Event, kind: str, wanted: str, test: Callable[[Point], float] | None = None
-) -> CodimensionTwo:
-    examine = partial(_on_circle, wanted, "+1" in wanted and on != "BP")
-    plain = meeting(on, event)
-    return replace(plain, kind=kind, examine=examine, test=test or plain.test)
-
-
-# On the boundary of one kind, what the meeting with another is called, which multipliers are on
-# the unit circle there, and the test of the other for those that the boundary has not.
-MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
-    "LP": {
-        "PD": (_named("LP", _FLIP, "LPPD", "+1 -1"),),
-        "NS": (_named("LP", _ROTATION, "LPNS", "+1 pair", partial(_off_circle, (1,))),),
-    },
-    "PD": {
-        "LP": (_named("PD", _FOLD, "LPPD", "+1 -1"),),
-        "NS": (_named("PD", _ROTATION, "PDNS", "-1 pair", partial(_off_circle, (-1,))),),
-    },
-    "NS": {
-        "LP": (_named("NS", _FOLD, "LPNS", "+1 pair", partial(_beside_pair, 1)),),
-        "PD": (_named("NS", _FLIP, "PDNS", "-1 pair", partial(_beside_pair, -1)),),
-    },
-    "BP": {
-        "PD": (_named("BP", _FLIP, "BP-PD", "+1 -1"),),
-        "NS": (
-            replace(_R1_ON_FOLD, examine=_examine_double_one),
-            _named("BP", _ROTATION, "BP-NS", "+1 pair", partial(_off_circle, (1,))),
-        ),
-    },
-}
-_PLAIN_BRANCH_POINT = crossing_event(MEETINGS["BP"])
+_PLAIN_BRANCH_POINT = crossing_event(multiplier_events.meetings("BP", _LINKED))
 _BRANCH_POINT = replace(_PLAIN_BRANCH_POINT, examine=partial(_examine_one, _PLAIN_BRANCH_POINT))
-EVENTS = (_FOLD, _BRANCH_POINT, _FLIP, _ROTATION)
+EVENTS = (_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"])

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .curve import Curve
 from .linear_algebra import least_singular, sense, solved
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Point
@@ -35,6 +36,7 @@ from .sparse import (
     Matrix,
     above,
     beside,
+    first_columns,
     is_large,
     is_sparse,
     null_vectors,
@@ -88,6 +90,14 @@ class Coefficient:
         return 0.0 if abs(self.value.real) <= self.rounding * self.size else float(self.value.real)
 
 
+def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
+    """The square derivative whose null vectors are perturbations that have grown by mu when they
+    come back: ``A - mu`` of a map, with A = F_x + 1."""
+    if curve.problem.closing is not None:
+        return curve.problem.closing(matrix, mu)
+    return plus_diagonal(first_columns(matrix, curve.size), 1 - mu)
+
+
 class Forms:
     """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
@@ -122,9 +132,7 @@ class Forms:
 
     def closed(self, mu: complex) -> Matrix:
         """What maps a perturbation to zero that has grown by mu when it comes back."""
-        if self.closing is None:
-            return plus_diagonal(self.A, 1 - mu)
-        return self._scaled(self.closing(self.curve.in_unknowns(self.z), mu))
+        return self._scaled(closed(self.curve, self.curve.in_unknowns(self.z), mu))
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
         """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""

@@ -244,6 +244,10 @@ class CycleProblem(Problem):
     def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
         return closing_matrix(self.residual, matrix, mu)
 
+    def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
+        """Those of the orbit but for the trivial one: small ones are as exact as large ones."""
+        return point.solution.others, 0.0
+
     @property
     def perturbed(self) -> NDArray[np.intp]:
         return np.delete(

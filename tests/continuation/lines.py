@@ -298,7 +298,7 @@ HENON = {
         tuple((kind, {"alpha": alpha, "beta": 1})
               for kind, alpha in (("R1", -1), ("R4", 0), ("R3", 1.25), ("R2", 3))),
         {"beta": (0.0, 2.0)}, PLANE,
-        lambda line: np.concatenate([line["beta"] - 1, line["cosine"] + line["y"]]),
+        lambda line: np.concatenate([line["beta"] - 1, np.cos(line["angle"]) + line["y"]]),
     ),
 }  # fmt: skip
 

@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from contbreather.continuation import Branch, Steps, boundary, maps, trace
+from contbreather.continuation import Branch, Steps, boundary, maps, multiplier_events, trace
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.point import CodimensionTwo
 from contbreather.continuation.switching import NothingToSwitch, switch
@@ -263,12 +263,14 @@ def test_scales_of_a_map_are_heeded() -> None:
 MULTIPLIERS = {"BP": "+1", "LP": "+1", "PD": "-1", "NS": "pair"}
 
 
-@pytest.mark.parametrize("on", maps.MEETINGS)
+@pytest.mark.parametrize("on", ["LP", "PD", "NS", "BP"])
 def test_two_kinds_of_maps_that_meet_have_one_name_whichever_is_followed(on: str) -> None:
     """Both kinds, the one with the larger multiplier first; and what is looked for are theirs."""
     order = list(MULTIPLIERS)
-    assert set(maps.MEETINGS[on]) == {"LP", "PD", "NS"} - {on, "LP" if on == "BP" else ""}
-    for met, events in maps.MEETINGS[on].items():
+    listed = {event.kind: event for event in maps.EVENTS}
+    meetings = multiplier_events.meetings(on, listed)
+    assert set(meetings) == {"LP", "PD", "NS"} - {on, "LP" if on == "BP" else ""}
+    for met, events in meetings.items():
         first, second = sorted((on, met), key=order.index)
         meeting = events[-1]
         assert meeting.kind == f"{first}{'-' if first == 'BP' else ''}{second}"

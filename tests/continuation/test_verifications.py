@@ -261,7 +261,7 @@ def test_the_pair_is_followed_though_a_real_multiplier_is_nearer_to_the_circle(t
     assert point["m"] == pytest.approx(0.0, abs=1e-10)
     assert point.detail["angle"] == pytest.approx(1.1, abs=1e-9)
     located = events[0].locus(middle(branch))
-    assert located.extra["cosine"] == pytest.approx(c, abs=1e-9)
+    assert located.extra["angle"] == pytest.approx(1.1, abs=1e-9)
 
 
 # --- of orbits with impacts ---------------------------------------------------------------------
