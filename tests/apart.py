@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,17 @@ def until(happened: Callable[[], object]) -> None:
     while not happened():
         assert time.monotonic() - since < HUNG
         time.sleep(0.01)
+
+
+def workers_of(number: int) -> dict[int, float]:
+    """The processes that compute for this one, and for how many seconds they have."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended meanwhile
+            numbers = (folder / "stat").read_text().rpartition(")")[2].split()
+            if int(numbers[1]) == number and "popen_loky" in (folder / "cmdline").read_text():
+                found[int(folder.name)] = int(numbers[11]) / os.sysconf("SC_CLK_TCK")
+    return found
 
 
 # --- copies of a process that has loaded what tests load, and done nothing ------------------------

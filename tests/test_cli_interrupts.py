@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -20,7 +19,7 @@ import contbreather as cb
 from contbreather.cli import DONE, INTERRUPTED, main
 from contbreather.progress import Counter
 
-from .apart import begun, ended, until
+from .apart import begun, ended, until, workers_of
 from .typed import Run
 
 ZONES = "zones --k 0.8 --gamma-window 0.02 0.1 --json --csv zones.csv"
@@ -177,17 +176,6 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path, after: in
     assert json.loads(out)["interrupted"]
 
 
-def workers_of(number: int) -> set[int]:
-    """The processes that compute for this one."""
-    found = set()
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):  # it has ended meanwhile
-            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if parent == number and "popen_loky" in (folder / "cmdline").read_text():
-                found.add(int(folder.name))
-    return found
-
-
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up there")
 @pytest.mark.parametrize(
     ("line", "to_all"),
@@ -199,7 +187,7 @@ def test_sigterm_ends_workers_too_and_leaves_nothing_to_clean_up(
     (tmp_path / "study.toml").write_text("[zones.z]\nk = {from = 0.3, to = 0.9, count = 400}\n")
     with begun("-m", "contbreather", *shlex.split(line), cwd=tmp_path) as one:
         until(lambda: workers_of(one.pid) or one.poll() is not None)
-        workers = workers_of(one.pid)
+        workers = {*workers_of(one.pid)}
         os.killpg(one.pid, signal.SIGTERM) if to_all else one.terminate()
         _, err = one.communicate()  # until nobody has its streams open any more
     assert one.returncode == 143

@@ -200,7 +200,7 @@ class Branch(Columns, HtmlRepr):
         there = f"no {kind!r} on this branch; it has {[p.label for p in self.special]}"
         asked = self.settings.events if self.settings else None
         looked = {event.kind for event in (self.problem.events if asked is None else asked)}
-        wanted = kind.rstrip("0123456789")
+        wanted = str(kind).rstrip("0123456789")
         # breathers, maps and cycles come with their events, a problem of one's own without
         if wanted in _ASKED and wanted not in looked and type(self.problem) is Problem:
             there += f"; it is looked for with events=[{_ASKED[wanted]}]"
