@@ -197,7 +197,7 @@ def _weak(curve: Curve, z: Array) -> _Weak:
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        return _Weak(*by_inverses(regular, len(B), refined=False))
+        return _Weak(*by_inverses(regular, B.shape[0], refined=False))
 
     weak: _Weak = curve.cached("flip", z, make)
     return weak
