@@ -47,6 +47,7 @@ ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unl
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
     "contbreather.lattice.free_flight",
+    "contbreather.lattice.modal_flow",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
     "contbreather.orbits.closure_kernels",
@@ -252,6 +253,7 @@ FRAME = 5 * "p"  # one address, of words that are i8, f8, and addresses of f8, i
 _PLAIN = {float: "f8", int: "i8", bool: "b1"}
 
 
+@cache  # kernels have tuples in common
 def _shapes(annotated: Any) -> tuple[Shape, ...]:
     hints = get_type_hints(annotated, include_extras=True)
     hints.pop("return", None)

@@ -50,8 +50,7 @@ MARGIN, WHEN, LENGTH, NEXT = range(4)  # columns of what is found
 # --- on a grid ------------------------------------------------------------------------------------
 
 
-# Of a section: STEEP times at the start of a flight, then equal steps from one before the section to
-# its end.
+# Of a section: STEEP times at its start, then equal steps, from one before it to its end.
 
 
 @inlined
@@ -100,7 +99,8 @@ def sample_path(
             flip = motion.sign if (step // points) % 2 != 0 else 1.0
             work[row, p] = flip * motion.modes.profiles[site - motion.busy, step % points]
         else:
-            work[row, p] = site_state(motion, site, motion.start + since_start(motion, p, points))[0]
+            t = motion.start + since_start(motion, p, points)
+            work[row, p] = site_state(motion, site, t)[0]
 
 
 def largest_displacement(motion: Motion, site: int) -> float:
@@ -159,9 +159,7 @@ def margin_terms(
     return n, n1, n2, d * z, d1 * z + d * z1, d2 * z + 2.0 * d1 * z1 + d * z2
 
 
-def polished(
-    motion: Motion, q: Quotient, s: float, low: float, high: float
-) -> tuple[float, float]:
+def polished(motion: Motion, q: Quotient, s: float, low: float, high: float) -> tuple[float, float]:
     """The minimum of a quotient next to s, and where: Newton's method on the numerator of its
     derivative, bisection where that leaves the bracket."""
     if q.length == 0.0 and q.contact < 0.0:

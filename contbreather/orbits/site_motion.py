@@ -25,8 +25,14 @@ from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, in
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
-from contbreather.lattice.free_flight import LATE, RESPONSES, SLACK, Responses, response_since
-from contbreather.lattice.modal_flow import mode_solutions
+from contbreather.lattice.free_flight import (
+    LATE,
+    RESPONSES,
+    SLACK,
+    Responses,
+    mode_solutions,
+    response_since,
+)
 from contbreather.lattice.periodic_green import half_period_green, periodic_green
 from contbreather.orbits.section import Section
 
