@@ -36,6 +36,7 @@ from contbreather.orbits.closure import (
     ClosureTerms,
     closure_equations,
     fold_scalar,
+    forcing_at,
     roots,
     saltation_of,
     sprung,
@@ -120,9 +121,8 @@ class ClosedForm:
     ) -> ClosedForm:
         """With these roots p and phi."""
         p, phi = map(float, x)
-        if forcing.params:
-            forcing = forcing.at(**{name: params[name] for name in forcing.params})
-        return cls(params["a"], params["gamma"], params["k"], p, phi, forcing, lattice)
+        drive = forcing_at(forcing, params)
+        return cls(params["a"], params["gamma"], params["k"], p, phi, drive, lattice)
 
     # ------------------------------------------------------------------------ as any motion
 

@@ -49,8 +49,7 @@ MARGIN, WHEN, LENGTH, NEXT = range(4)  # columns of what is found
 
 # --- on a grid ------------------------------------------------------------------------------------
 
-
-# Of a section: STEEP times at its start, then equal steps, from one before it to its end.
+# The grid of a section: STEEP times at its start, then equal steps from one before it to its end.
 
 
 @inlined
