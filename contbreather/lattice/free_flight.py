@@ -143,20 +143,4 @@ def meetings(responses: Responses, times: Vector, out: Cube) -> None:
             out[0, j, i], out[1, j, i], out[2, j, i], out[3, j, i] = h, -dh, d2h, -d3h
 
 
-@inlined
-def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
-    """C, S and S' of a mode, the solutions that start with (1, 0) and (0, 1); S is finite at z = 0,
-    and overdamped modes neither overflow nor cancel."""
-    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
-    root, decay = math.sqrt(abs(x)), math.exp(-lost)
-    if x >= 0.0:
-        c, s = decay * math.cos(root), decay * math.sin(root)
-    else:
-        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
-        c = 0.5 * (grown + fallen)
-        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
-    S = t * (s / root if root > 0.0 else decay)
-    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
-
-
 RESPONSES, MEETINGS = Kernel(responses_at), Kernel(meetings)

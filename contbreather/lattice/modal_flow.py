@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
 from contbreather.kernels import Cube, Kernel, Vector
-from contbreather.lattice.finite import Finite
+from contbreather.lattice.finite import Finite, mode_solutions
 from contbreather.lattice.forcing import Forcing, Harmonics
-from contbreather.lattice.free_flight import mode_solutions
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
