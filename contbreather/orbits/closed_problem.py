@@ -29,7 +29,6 @@ from contbreather.lattice.conditions import SpringResponse, restitution_ratio, s
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, TrigonometricSeries
 from contbreather.lattice.free_flight import response_weights
 from contbreather.orbits import closure_kernels as kernels
-from contbreather.orbits.closed_form import HALF, ClosedForm
 from contbreather.orbits.closure import (
     ClosureTerms,
     closure_derivative,
@@ -56,6 +55,7 @@ from contbreather.stability.arc import arc_table
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
+Breather = Any  # `ClosedForm`, whose methods fetch what is here
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
 # forcing that is at a = 1, where the far field grazes.
@@ -188,7 +188,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
-        events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
+        events=(saddle_node(), *events_without_losses(breather.section, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
@@ -257,7 +257,7 @@ class SymmetricProblem(OrbitProblem):
 
 def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
     """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
-    breather: ClosedForm = point.solution.representation
+    breather = point.solution.representation
     if nu is not None:
         endless = of.map(point.solution).lattice.sites is None
         loops = _with_pair if endless else None
@@ -272,9 +272,8 @@ def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> D
     return DefiningSystem({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
 
 
-def _breather(curve: Curve, z: Array) -> ClosedForm:
-    flight: ClosedForm = Point(curve, z).solution.representation
-    return flight
+def _breather(curve: Curve, z: Array) -> Breather:
+    return Point(curve, z).solution.representation
 
 
 def _names(curve: Curve) -> tuple[str, ...]:
@@ -290,8 +289,8 @@ class Scalar(NamedTuple):
 
     value: Callable[[ClosureTerms], Any]
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
-    terms: Callable[[ClosedForm], ClosureTerms]
-    terms_in: Callable[[ClosedForm, ClosureTerms, str], ClosureTerms]
+    terms: Callable[[Breather], ClosureTerms]
+    terms_in: Callable[[Breather, ClosureTerms, str], ClosureTerms]
     evaluate: Any  # both in compiled steps, beside (11)
     derive: Any
 
@@ -308,7 +307,7 @@ class Scalar(NamedTuple):
         return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
-def _turning(breather: ClosedForm, edge: float | None = None) -> ClosureTerms:
+def _turning(breather: Breather, edge: float | None = None) -> ClosureTerms:
     """Those of the pitchfork."""
     lattice: Any = breather.lattice
     terms = terms_at(breather, "sigma")
@@ -319,7 +318,7 @@ def _turning(breather: ClosedForm, edge: float | None = None) -> ClosureTerms:
     return terms._replace(mean=terms.mean + held)
 
 
-def _turning_derivative(breather: ClosedForm, t: ClosureTerms, name: str) -> ClosureTerms:
+def _turning_derivative(breather: Breather, t: ClosureTerms, name: str) -> ClosureTerms:
     lattice: Any = breather.lattice
     slope = terms_derivative(breather, t, name, "sigma")
     if not lattice.spring or name not in ("gamma", "k"):
@@ -384,7 +383,7 @@ def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def local_maximum(breather: ClosedForm, site: int) -> GrazingSite:
+def local_maximum(breather: Breather, site: int) -> GrazingSite:
     loops = partial(_with_contact, breather.lattice, breather.lattice.distance(site))
     return GrazingSite(site, partial(_slopes, site), loops=loops)
 
