@@ -2,7 +2,7 @@
 some hundred times slower.
 
 They are compiled when the package is installed (`compiler`), an object file each, and loaded by
-llvmlite alone: 1 ms each, and 0.04 s for llvmlite, where to import numba and begin takes 0.5 s.
+llvmlite alone: 0.4 ms each, and 0.04 s for llvmlite, where to import numba and begin takes 0.5 s.
 What is at hand is looked up once: what a process computes with never changes. Where there is
 nothing for this processor, the first process to miss it starts the compiler, far behind everything
 else, for later ones; nobody ever waits for it.
