@@ -22,7 +22,7 @@ from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED
 from contbreather.files import write_csv
 from contbreather.orbits import neighbour_peak, smallest_amplitude
-from contbreather.orbits.symmetric_breather import SymmetricBreather
+from contbreather.orbits.closed_form import ClosedForm
 from contbreather.stability.arc import on_arc
 
 from .apart import ended
@@ -417,7 +417,7 @@ def pitchfork(row: dict[str, float]) -> bool:
 
 def neimark(row: dict[str, float]) -> bool:
     # next to a fold p is worth more than a: b from p and phi as they were written
-    breather = SymmetricBreather(*(row[name] for name in ("a", "gamma", "k", "p", "phi")))
+    breather = ClosedForm(*(row[name] for name in ("a", "gamma", "k", "p", "phi")))
     F = on_arc(row["gamma"], row["nu"], row["k"], breather.b).value
     return breather.error < 1e-10 and bool(np.abs(F).max() < 1e-9)
 

@@ -378,7 +378,7 @@ def test_a_kernel_is_compiled_from_what_its_annotations_say(own: None) -> None:
     kernel = Kernel(doubled)
     code = compiler.object_of(kernel)
     given = np.arange(3.0), np.array([1, 0, 1]), np.eye(3), 2.0, 2, True
-    address, _alive = kernels.load_object(code)
+    address = kernels.load_object(code)
     kernel.__dict__["code"] = kernels.callable_at(address, kernels.FRAME)
     compiled, plain = given[0].copy(), given[0].copy()
     kernel(compiled, *given[1:])

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import flag, one_of, whole
 from contbreather.errors import BadInput
+from contbreather.kernels import inlined
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -80,6 +81,22 @@ class NormalModes(NamedTuple):
     def from_sites(self, values: FloatArray) -> FloatArray:
         """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
         return np.asarray((values * self.masses) @ self.shapes)
+
+
+@inlined
+def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
+    """C, S and S' of a mode, see `contbreather.lattice.modal_flow`: the solutions that start with
+    (1, 0) and (0, 1); S is finite at z = 0, and overdamped modes neither overflow nor cancel."""
+    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
+    root, decay = math.sqrt(abs(x)), math.exp(-lost)
+    if x >= 0.0:
+        c, s = decay * math.cos(root), decay * math.sin(root)
+    else:
+        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
+        c = 0.5 * (grown + fallen)
+        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
+    S = t * (s / root if root > 0.0 else decay)
+    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -291,10 +308,9 @@ def _matrix(stiffness: Any) -> FloatArray:
     """The stiffness as a dense matrix, or what is wrong with it."""
     if hasattr(stiffness, "toarray"):
         _count("sites", max(stiffness.shape))
+        stiffness = stiffness.toarray()
     try:
-        matrix = np.array(
-            stiffness.toarray() if hasattr(stiffness, "toarray") else stiffness, dtype=float
-        )
+        matrix = np.array(stiffness, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:

@@ -13,9 +13,9 @@ import pytest
 import shapely
 
 import contbreather as cb
+from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.regions import regions
-from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import neimark_sacker, unstable_count
 from tests.campaigns import existence
 
@@ -288,13 +288,13 @@ def test_zones_of_another_forcing() -> None:
 def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Breathers that are made for a whole diagram, not seconds."""
     made = Counter[str]()
-    check = SymmetricBreather.__post_init__
+    check = ClosedForm.__post_init__
 
-    def counted(breather: SymmetricBreather) -> None:
+    def counted(breather: ClosedForm) -> None:
         made["breathers"] += 1
         check(breather)
 
-    monkeypatch.setattr(SymmetricBreather, "__post_init__", counted)
+    monkeypatch.setattr(ClosedForm, "__post_init__", counted)
     cb.zones(k=0.6)
     assert made["breathers"] < 500
 
