@@ -21,8 +21,8 @@ from contbreather.orbits.symmetric_breather import SymmetricBreather
 CHAIN = InfiniteChain()
 upper = partial(symmetric, root=1)  # admissible or not
 TWO = Fourier.from_response(cos={1: 1.0, 3: 0.3})
-GAMMAS = [0.0, 0.12, 0.2499]
-KS = [0.05, 0.8, 0.99]
+GAMMAS = [0.0, 0.04, 0.12, 0.24, 0.2499]
+KS = [0.05, 0.4, 0.8, 0.99]
 
 
 def fold(gamma, k):
@@ -58,6 +58,14 @@ def test_close_to_the_fold_only_its_conditioning_is_lost(paper, gamma, k, above)
         assert abs(b.phi - phi) < 4 * allowed
 
 
+def test_spot_values():
+    b = symmetric(a=0.5, gamma=0.12, k=0.4)
+    assert b.chi == pytest.approx(2.06787397039377, abs=1e-14)
+    assert b.p == pytest.approx(0.680056001966491, abs=1e-15)
+    assert b.phi == pytest.approx(-2.51929314335911, abs=1e-14)
+    assert fold(0.1, 0.8) == pytest.approx(0.057029037182, abs=5e-13)
+
+
 def test_the_phase_printed_in_13_is_a_solution_only_for_weak_forcing():
     gamma, k = 0.1, 0.8
     chi, q = CHAIN.chi(gamma), (1 - k) / (1 + k)
@@ -71,10 +79,21 @@ def test_the_phase_printed_in_13_is_a_solution_only_for_weak_forcing():
         assert b.residual < 1e-15
 
 
+@settings(max_examples=100)
+@given(st.floats(0.0, 0.2499), st.floats(0.0, 1.0), st.floats(0.0, 1.5))
+def test_both_signs_of_13_solve_the_closure_and_meet_at_the_fold(gamma, k, above):
+    a = fold(gamma, k) + above
+    assume(a > 1e-6)
+    found = symmetric_roots(a, gamma, k)
+    assert all(b.residual < 1e-15 * (1 + b.p * b.chi) for b in found)
+    assert [b.p for b in found] == sorted((b.p for b in found), reverse=True)
+    assert len(found) == (1 if above == 0.0 or a >= 1.0 else 2) or above < 1e-15
+
+
 # ------------------------------------------------------------------------------- the profile
 
 
-@pytest.mark.parametrize("n", [0, 1, 300])
+@pytest.mark.parametrize("n", [0, 1, 10, 300])
 @pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.12, 0.05), (0.2499, 0.4)])
 def test_profile_and_velocity_are_the_paper_s_series_up_to_and_at_the_impacts(paper, gamma, k, n):
     a = 0.5 * (1.0 + fold(gamma, k))
@@ -107,6 +126,26 @@ def test_shapes_follow_the_arguments():
     for i, n in enumerate(range(-2, 3)):
         np.testing.assert_array_equal(both[i], b.displacement(n, t))
         assert [b.velocity(n, float(x)) for x in t] == pytest.approx(b.velocity(n, t), abs=4e-16)
+
+
+@settings(max_examples=60)
+@given(st.floats(0.0, 0.2499), st.floats(0.0, 1.0), st.integers(-40, 40), st.floats(-50.0, 50.0))
+def test_every_site_is_antisymmetric_and_the_breather_even_in_space(gamma, k, n, t):
+    b = symmetric(max(0.9, fold(gamma, k)), gamma, k)
+    u = b.displacement(n, t)
+    assert u == pytest.approx(-b.displacement(n, t + math.pi), abs=2e-14 * (1 + b.incoming[0]))
+    assert u == b.displacement(-n, t)
+
+
+@pytest.mark.parametrize("turns", [-1001, -2, -1, 0, 1, 2, 7, 1000])
+def test_velocity_at_an_impact_is_the_value_just_after(turns):
+    for b in (symmetric(0.5, 0.12, 0.4), symmetric(0.3, 0.12, 0.7, forcing=TWO)):
+        t = b.phi + turns * math.pi
+        way = 1.0 if turns % 2 == 0 else -1.0
+        assert b.displacement(0, t) == pytest.approx(way, abs=1e-11)
+        assert b.velocity(0, t) == pytest.approx(-way * b.k * b.incoming[0], abs=1e-11)
+        assert b.velocity(0, t - 1e-9) == pytest.approx(way * b.incoming[0], abs=1e-7)
+        assert b.velocity(1, t) == pytest.approx(b.velocity(1, t - 1e-9), abs=1e-7)
 
 
 # ------------------------------------------------------------------------ the motion itself
@@ -224,7 +263,7 @@ EXACT = [Harmonic(), TWO, Fourier(cos={1: -1.0, 5: 4.0}, sin={3: 2.0})]
 FAINT = Fourier(cos={1: -1.0, 3: -2.7, 9: 1e-7})  # too faint for the companion matrix
 # a rounded square wave from samples, its harmonics far beyond a companion matrix
 SQUARE = Samples(-np.tanh(6 * np.cos(2 * np.pi * np.arange(2048) / 2048)))
-PLACES = [(0.1, 0.6), (0.2499, 0.05), (0.0, 0.3), (0.2, 0.0)]
+PLACES = [(0.1, 0.8), (0.1, 0.6), (0.2499, 0.05), (0.0, 0.3), (0.2, 0.0)]
 
 
 @pytest.mark.parametrize("forcing", [*EXACT, FAINT, SQUARE])
@@ -240,6 +279,23 @@ def test_the_fold_is_the_smallest_amplitude_and_a_double_root(forcing, gamma, k)
     with pytest.raises(NoSolution, match="below the fold") as refusal:
         symmetric(lowest * (1 - 1e-10), gamma, k, forcing=forcing)
     assert repr(lowest) in str(refusal.value)
+
+
+@settings(max_examples=50)
+@given(
+    st.floats(0.0, 0.2499),
+    st.floats(0.0, 1.0),
+    st.floats(1.0 + 1e-9, 60.0),
+    st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3),
+)
+def test_above_the_fold_there_is_always_a_breather(gamma, k, times, c):
+    forcing = Fourier.from_response(cos={1: 1.0, 5: c[0] / 3}, sin={3: c[1], 9: c[2] / 5})
+    a = max(smallest_amplitude(gamma, k, forcing), 1e-3) * times
+    b = symmetric(a, gamma, k, forcing=forcing)
+    assert b.p > 0
+    # phi is a float: its last bit moves a f' by eps |phi| a |F|
+    strongest = np.abs(forcing.d2f(np.linspace(0, math.pi, 200))).max()
+    assert b.residual < 1e-15 * (1 + a * strongest)
 
 
 def test_forcing_with_many_harmonics_is_solved_too():
