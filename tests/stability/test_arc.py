@@ -57,25 +57,10 @@ def test_the_points_of_theory_are_found_by_their_explicit_b(a, k, gamma, nu):
     assert (below, above) == (0, 2)
 
 
-def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():
-    rng = np.random.default_rng(0)
-    found = 0
-    for _ in range(150):
-        gamma, k = rng.uniform(1e-4, 0.2499), rng.uniform()
-        points = neimark_sacker(gamma, k)
-        assert len(points) in (0, 2)
-        for nu, b in points:
-            F = on_arc(gamma, nu, k, b)
-            rounding = 1e-13 * (1 + abs(b)) + 4e-16 * np.abs(F.d_nu).max()
-            assert np.abs(F.value).max() < rounding
-        found += len(points)
-    assert found > 50
-
-
 def test_no_neimark_sacker_point_is_overlooked():
     # the count can change with b only where a multiplier crosses the circle
     rng = np.random.default_rng(1)
-    for _ in range(25):
+    for _ in range(12):
         gamma, k = rng.uniform(0.001, 0.249), rng.uniform()
         b = np.linspace(-6, 3, 400)
         pairs = np.array([unstable_count(gamma, k, x).pairs for x in b])
