@@ -17,8 +17,13 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import SimulationRun, completed, simulate
-from contbreather.simulation.smooth import SmoothRun, let_go
+from contbreather.simulation.simulate import (
+    SimulationRun,
+    SmoothRun,
+    completed,
+    let_go,
+    simulate,
+)
 from contbreather.simulation.states import State
 
 Array = NDArray[Any]

@@ -29,8 +29,13 @@ from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, st
 from contbreather.simulation.classify import classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import SimulationRun, completed, simulate
-from contbreather.simulation.smooth import SmoothRun, simulate_smooth
+from contbreather.simulation.simulate import (
+    SimulationRun,
+    SmoothRun,
+    completed,
+    simulate,
+    simulate_smooth,
+)
 from contbreather.simulation.states import PERIOD, State
 from contbreather.simulation.sweep import sweep
 

@@ -21,7 +21,7 @@ from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import advance, completed
+from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
     ModelParameters,
     State,
@@ -254,7 +254,7 @@ def _outcome(
     low, high = wall_rows(conditions.walls, start.u.size)
     if ((start.u < low) | (start.u > high)).any():
         return Outcome.OUTSIDE, np.nan
-    run = completed(advance(start, conditions, **settings))
+    run = completed(let_go(start, conditions, **settings))
     gap = float(np.abs(np.subtract(run.final, reference)).max())
     if run.stop is not RunStop.DONE:
         return Outcome.SPREAD, gap

@@ -17,9 +17,8 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
-from contbreather.simulation.simulate import SimulationRun, completed
-from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
-from contbreather.simulation.states import ModelParameters, State, check_state
+from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go
+from contbreather.simulation.states import ModelParameters, State, check_state, conditions_of
 from contbreather.tables import Sheet
 
 Array = NDArray[Any]
@@ -125,7 +124,7 @@ def classify(
     ('PERIODIC', 0.876)
     """
     start = check_state(state)
-    conditions = rigid_or_smooth(start.u.size, m, **on)
+    conditions = conditions_of(start.u.size, m=m, **on)
     length = whole("periods", periods, LEAST)
     run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:

@@ -260,13 +260,10 @@ def event_log(size: int) -> EventLog:
 
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
     """Where the samples of so many periods are written."""
-    if sample is None:
-        empty = np.empty((periods, 0, 0))
-        return DenseOutput(np.empty(0, np.int64), np.empty(0), empty, empty)
-    chosen = np.array([n % sites for n in sample.sites], np.int64)
-    grid: Array = PERIOD / sample.per_period * np.arange(sample.per_period)
-    u, v = np.full((2, periods, grid.size, chosen.size), np.nan)
-    return DenseOutput(chosen, grid, u, v)
+    chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
+    count = sample.per_period if sample else 0
+    u, v = np.full((2, periods, count, chosen.size), np.nan)
+    return DenseOutput(chosen, PERIOD / max(count, 1) * np.arange(count), u, v)
 
 
 # --- the integrator -------------------------------------------------------------------------------

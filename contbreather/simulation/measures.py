@@ -30,11 +30,11 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.modal_flow import driven_modes
-from contbreather.simulation.smooth import SmoothConditions, rigid_or_smooth
 from contbreather.simulation.states import (
     PERIOD,
     LatticeParameters,
     ModelParameters,
+    SmoothConditions,
     State,
     check_state,
     conditions_of,
@@ -363,7 +363,7 @@ def lyapunov(
     True
     """
     start = check_state(state)
-    conditions = rigid_or_smooth(start.u.size, m, **on)
+    conditions = conditions_of(start.u.size, m=m, **on)
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: {sites} sites have {2 * sites} exponents.")

@@ -154,12 +154,9 @@ class Recording:
                 start = State(chunk.u[-1], chunk.v[-1])
             else:
                 chunks.append(chunk)
-        before = chunks[0].first if chunks else self.periods
-        left, tables = joined(chunks, start, self.t0 + PERIOD * before, None)
-        for table in tables.values():
-            table["time"] += self.t0
-            table["period"] -= before
-        return SimulationRun(conditions=self.conditions, **left, **tables).since(first - before)
+        left = joined(chunks, start, self.t0, None)
+        before = chunks[0].first if chunks else 0
+        return SimulationRun(conditions=self.conditions, **left).since(first - before)
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
