@@ -62,31 +62,20 @@ def certify(what: Any, *, within: float = WITHIN) -> Certificate | Covering:
     """
     within = number("within", within, 1e-15, 0.1, "between 1e-15 and 0.1")
     if isinstance(what, Branch):
-        return _certify_branch(what)
-    if isinstance(what, Point):
-        return _certify_place(what, within)
-    on, unknowns = parameters(provable(what).conditions), {"p": what.p, "phi": what.phi}
-    return certify_point(on, unknowns, "", within)
-
-
-def _certify_place(point: Point, within: float) -> Certificate:
-    orbit, kind = provable(point.solution), point.kind
-    line = event_of(point.curve.problem)  # of which boundary it is a point
-    if kind not in DEFINING and line is not None:
-        kind = line.kind
-    if kind not in DEFINING:
-        return certify(orbit, within=within)
-    free = point.curve.free[0]
-    params = parameters(orbit.conditions)
-    unknowns = {"p": orbit.p, "phi": orbit.phi, free: params.pop(free)}
+        if event_of(what.problem) is not None:
+            raise BadInput(
+                "certify() takes branches in one parameter; of a boundary take its points, line[3]."
+            )
+        params = parameters(provable(what[0].solution).conditions)
+        return certify_curve(params, what.free, [tuple(map(float, point.z)) for point in what])
+    point = what if isinstance(what, Point) else None
+    orbit, kind = provable(point.solution if point else what), ""
+    params, unknowns = parameters(orbit.conditions), {"p": orbit.p, "phi": orbit.phi}
+    if point:
+        line = event_of(point.curve.problem)  # of which boundary it is a point
+        kinds = [point.kind] + ([line.kind] if line else [])
+        kind = next((one for one in kinds if one in DEFINING), "")
+    if point and kind:
+        free = point.curve.free[0]
+        unknowns[free] = params.pop(free)
     return certify_point(params, unknowns, kind, within)
-
-
-def _certify_branch(branch: Branch) -> Covering:
-    if event_of(branch.problem) is not None:
-        raise BadInput(
-            "certify() takes branches in one parameter; of a boundary take its points, line[3]."
-        )
-    params = parameters(provable(branch[0].solution).conditions)
-    places = [tuple(float(x) for x in point.z) for point in branch]
-    return certify_curve(params, branch.free, places)

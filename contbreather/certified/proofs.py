@@ -24,7 +24,6 @@ from contbreather.certified.balls import (
     Ball,
     Equations,
     Interval,
-    enclosure_about,
     hull,
     interval,
     jacobian,
@@ -76,10 +75,6 @@ def provable(orbit: Any) -> Any:
     return orbit
 
 
-def box_around(point: Sequence[float], radius: float) -> list[Ball]:
-    return [enclosure_about(x, radius) for x in point]
-
-
 def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:
     """An enclosure of the one zero in a box around a point, or None if none is found."""
     step = newton_step(equations, [arb(x) for x in point])
@@ -87,7 +82,7 @@ def zero_near(equations: Equations, point: Sequence[float], within: float) -> li
         return None
     radius = min(within, 4.0 * max(step) + 1e-30)
     while radius <= within:
-        box = krawczyk(equations, box_around(point, radius))
+        box = krawczyk(equations, [arb(x, radius) for x in point])
         if box is not None:
             return krawczyk(equations, box) or box
         radius *= 16.0
@@ -98,7 +93,7 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
     """Half the width of a box around a zero in which there is no other."""
     middle, radius = [float(x.mid()) for x in zero], FARTHEST
     while radius > 1e-15:
-        box = box_around(middle, radius)
+        box = [arb(x, radius) for x in middle]
         if all(x.contains_interior(y) for x, y in zip(box, zero, strict=True)) and krawczyk(
             equations, box
         ):
@@ -109,7 +104,7 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
 
 def excluded(equations: Equations, point: Sequence[float], within: float) -> bool:
     """Whether there is surely no zero in the box around a point."""
-    return any(not value.contains(0) for value in equations(box_around(point, within)))
+    return any(not value.contains(0) for value in equations([arb(x, within) for x in point]))
 
 
 def certify_point(
@@ -257,9 +252,7 @@ def _proved(sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bo
         for slope, here, there in zip(tangent, middle, chord, strict=True)
     ]
     for wider in (1.0, 2.0, 4.0):
-        alone = [
-            enclosure_about(here, wider * size) for here, size in zip(middle, sizes, strict=True)
-        ]
+        alone = [arb(here, wider * size) for here, size in zip(middle, sizes, strict=True)]
         alone[along] = x
         box = krawczyk(sheet.system, alone, along)
         if box is not None:

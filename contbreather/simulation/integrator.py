@@ -263,7 +263,8 @@ def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput
     chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
     count = sample.per_period if sample else 0
     u, v = np.full((2, periods, count, chosen.size), np.nan)
-    return DenseOutput(chosen, PERIOD / max(count, 1) * np.arange(count), u, v)
+    grid: Array = PERIOD / max(count, 1) * np.arange(count)
+    return DenseOutput(chosen, grid, u, v)
 
 
 # --- the integrator -------------------------------------------------------------------------------

@@ -169,7 +169,8 @@ class PeriodicMotion:
     @property
     def unstable(self) -> int:
         """Multipliers outside the unit circle by more than rounding."""
-        return int((np.abs(self.multipliers) > 1.0 + _slack(self.conditions)).sum())
+        rough = isinstance(self.conditions, SmoothConditions)
+        return int((np.abs(self.multipliers) > 1.0 + (INTEGRATED if rough else OUTSIDE)).sum())
 
     @property
     def growth(self) -> float:
@@ -200,10 +201,6 @@ class PeriodicMotion:
 def _by_size(matrix: Array) -> Array:
     values = np.linalg.eigvals(matrix)
     return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
-
-
-def _slack(on: Conditions | SmoothConditions) -> float:
-    return INTEGRATED if isinstance(on, SmoothConditions) else OUTSIDE
 
 
 def periodic(

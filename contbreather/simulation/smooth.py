@@ -49,9 +49,9 @@ def smooth_parameters(on: SmoothConditions) -> SmoothParameters:
     weight = table.data / np.asarray(on.lattice.masses)[table.row]
     # (site, other, value)
     entries = np.ascontiguousarray(np.array([table.row, table.col, weight], dtype=float).T)
-    numbers: Any = (float(getattr(on, name)) for name in OWN)
+    a, gamma, lam, m, mu, spring = (float(getattr(on, name)) for name in OWN)
     force = forced_motion(on.forcing, 1.0, 0.0)[1]
-    return SmoothParameters(*numbers, force, entries, drive_of(on.lattice))
+    return SmoothParameters(a, gamma, lam, m, mu, spring, force, entries, drive_of(on.lattice))
 
 
 def right_side(on: SmoothConditions, size: int, params: int = 0) -> Rhs:
