@@ -180,16 +180,9 @@ def _against(exact: Orbit, run: SimulationRun | SmoothRun, word: str) -> tuple[P
     panels = []
     for n in SHOWN:
         u = run.record.u[:, sites.index(n % run.sites)]
-        panels.append(
-            Panel(
-                "",
-                (
-                    SampledCurve("exact", n, fine / PERIOD, exact.displacement(n, fine)),
-                    SampledCurve(word, n, times[::step] / PERIOD, u[::step], "circles"),
-                ),
-                (r"$t/2\pi$", f"$u_{{{n}}}$"),
-            )
-        )
+        line = SampledCurve("exact", n, fine / PERIOD, exact.displacement(n, fine))
+        circles = SampledCurve(word, n, times[::step] / PERIOD, u[::step], "circles")
+        panels.append(Panel("", (line, circles), (r"$t/2\pi$", f"$u_{{{n}}}$")))
     return tuple(panels)
 
 

@@ -42,7 +42,7 @@ class Outcome(enum.IntEnum):
 
     words: str
 
-    def __new__(cls, value: int, words: str) -> Outcome:
+    def __new__(cls, value: int, words: str = "") -> Outcome:
         outcome = int.__new__(cls, value)
         outcome._value_, outcome.words = value, words
         return outcome

@@ -369,11 +369,10 @@ def let_go(
         how = Explicit() if solver is None else solver
         left = gathered(SmoothIntegrator(state, on, reduced(t0), sample, how), **shared)
         return SmoothRun(**{name: x for name, x in left.items() if name not in EVENTS})
-    integrator: Any = EventDriven(within(state, on.walls), on, reduced(t0), sample)
-    if noise:
-        if sample is not None:
-            raise BadInput("sample: sites are not recorded densely under noise; leave one out")
-        integrator = Noisy(integrator, noise, seed)
+    start = within(state, on.walls), on, reduced(t0), sample
+    if noise and sample is not None:
+        raise BadInput("sample: sites are not recorded densely under noise; leave one out")
+    integrator = Noisy(*start, noise, seed) if noise else EventDriven(*start)
     return SimulationRun(**gathered(integrator, **shared), noise=noise)
 
 

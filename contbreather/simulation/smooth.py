@@ -226,18 +226,14 @@ class SmoothIntegrator:
         """One period, or one of another length."""
         (u, v) = self.at(np.array([self.t0 + span]))[0]
         self.check(State(u, v), first + 1)
-        # integrated apart, so that looking at a run does not change it
-        dense = self.dense() if span == PERIOD else np.empty((2, 0, 0))
+        dense, sample = np.empty((2, 0, 0)), self.sample
+        if sample is not None and span == PERIOD:
+            # integrated apart, so that looking at a run does not change it
+            times = self.t0 + PERIOD / sample.per_period * np.arange(1, sample.per_period)
+            states = [np.array(self.state)[None], *([self.at(times)] if times.size else [])]
+            dense = np.concatenate(states)[:, :, list(sample.sites)].swapaxes(0, 1)
         self.state = State(u, v)
         return Chunk(first, u[None], v[None], *dense[:, None])
-
-    def dense(self) -> Array:
-        """Displacements and velocities of the sampled sites in the period to come."""
-        if self.sample is None:
-            return np.empty((2, 0, 0))
-        times = self.t0 + PERIOD / self.sample.per_period * np.arange(1, self.sample.per_period)
-        states = [np.array(self.state)[None], *([self.at(times)] if times.size else [])]
-        return np.concatenate(states)[:, :, list(self.sample.sites)].swapaxes(0, 1)
 
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""
