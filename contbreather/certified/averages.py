@@ -100,7 +100,7 @@ def sigma(gamma: Value) -> Value:
 
 @lru_cache(maxsize=1)
 def _weights() -> arb_mat:
-    """``(4/pi) (-1)^i W_ij/(2i+1)!``, W as in `contbreather.lattice.free_flight`: the
+    """``(4/pi) (-1)^i W_ij/(2i+1)!``, W as in `contbreather.lattice.periodic_green`: the
     coefficient of ``<w^2j cos(n theta)>`` and the (2i+1)-th power of the time from mid flight."""
     with working():
         gaps = [1 - arb.pi() / 4] + [1 - _beta(2 * m + 1) for m in range(1, J + 1)]

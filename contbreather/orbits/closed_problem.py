@@ -25,7 +25,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import SpringResponse, spring_response
 from contbreather.lattice.forcing import Fourier
-from contbreather.lattice.free_flight import response_weights
+from contbreather.lattice.periodic_green import response_weights
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import (
     Closure,
