@@ -11,7 +11,6 @@ from contbreather.certified.proofs import (
     certify_curve,
     certify_point,
     parameters,
-    provable,
 )
 from contbreather.checks import number
 from contbreather.continuation.branch import Branch
@@ -66,11 +65,11 @@ def certify(what: Any, *, within: float = WITHIN) -> Certificate | Covering:
             raise BadInput(
                 "certify() takes branches in one parameter; of a boundary take its points, line[3]."
             )
-        params = parameters(provable(what[0].solution).conditions)
+        params = parameters(what[0].solution)
         return certify_curve(params, what.free, [tuple(map(float, point.z)) for point in what])
     point = what if isinstance(what, Point) else None
-    orbit, kind = provable(point.solution if point else what), ""
-    params, unknowns = parameters(orbit.conditions), {"p": orbit.p, "phi": orbit.phi}
+    orbit, kind = (point.solution if point else what), ""
+    params, unknowns = parameters(orbit), {"p": orbit.p, "phi": orbit.phi}
     if point:
         line = event_of(point.curve.problem)  # of which boundary it is a point
         kinds = [point.kind] + ([line.kind] if line else [])

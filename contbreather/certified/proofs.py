@@ -44,26 +44,16 @@ DEFINING = {"LP": fold, "PF": pitchfork}
 FARTHEST = 0.3  # half width of the largest box in which a zero is tried to be the only one
 
 
-def parameters(on: Conditions) -> dict[str, float]:
-    """Those that are exactly what they are given as, by name; or why there is no proof.
+def parameters(orbit: Any) -> dict[str, float]:
+    """Those of a breather that are exactly what they are given as, by name; or why there is no
+    proof.
 
     Raises
     ------
     BadInput
-        Unless this is about the infinite chain without springs, driven by exact harmonics.
+        Unless this is about a symmetric breather with one impacting site on the infinite chain
+        without springs, driven by exact harmonics.
     """
-    if on.lattice != InfiniteChain() or on.spring or on.damping or on.walls != Walls():
-        raise BadInput(
-            "certify() is about breathers of the infinite chain, without springs or damping, walls "
-            f"at -1 and 1; this one is on the {on.lattice.describe()} with spring = {on.spring}, "
-            f"damping = {on.damping}: take it to the chain, orbit.on(InfiniteChain())."
-        )
-    check_forcing(on.forcing)
-    return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
-
-
-def provable(orbit: Any) -> Any:
-    """An orbit that these proofs are about."""
     section = getattr(orbit, "section", None)
     if section is None:
         raise BadInput(f"{orbit!r}: certify() takes a breather, a point or a branch of breathers.")
@@ -72,7 +62,15 @@ def provable(orbit: Any) -> Any:
             "certify() is about symmetric breathers with one impacting site; this one has the "
             f"{section.describe()}."
         )
-    return orbit
+    on: Conditions = orbit.conditions
+    if on.lattice != InfiniteChain() or on.spring or on.damping or on.walls != Walls():
+        raise BadInput(
+            "certify() is about breathers of the infinite chain, without springs or damping, walls "
+            f"at -1 and 1; this one is on the {on.lattice.describe()} with spring = {on.spring}, "
+            f"damping = {on.damping}: take it to the chain, orbit.on(InfiniteChain())."
+        )
+    check_forcing(on.forcing)
+    return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
 
 
 def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:

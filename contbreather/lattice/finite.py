@@ -385,19 +385,16 @@ Basis = NormalModes | PlaneWaves
 @lru_cache(maxsize=128)
 def plane_waves(sites: int, hit: tuple[int, ...]) -> PlaneWaves:
     """The modes of a ring that impacts at the sites ``hit`` can excite."""
-    half = sites // 2
-    order, sine = np.arange(half + 1), np.zeros(half + 1, dtype=bool)
+    cosines, sines = np.arange(sites // 2 + 1), np.arange(1, (sites + 1) // 2)
+    order, rest = cosines, sines  # of one site alone the sines vanish there
     if len(set(hit)) > 1:
-        waves = np.arange(1, (sites + 1) // 2)
-        order = np.concatenate([order, waves])
-        sine = np.concatenate([sine, np.ones(waves.size, dtype=bool)])
+        order, rest = np.concatenate([cosines, sines]), sines[:0]
     alone = (order == 0) | (2 * order == sites)
-    rest = np.arange(1, (sites + 1) // 2) if len(set(hit)) == 1 else np.arange(0)
     return PlaneWaves(
         sites,
         hit[0],
         order,
-        sine,
+        np.arange(order.size) >= cosines.size,
         np.where(alone, 1.0, 2.0) / sites,
         4.0 * np.sin(np.pi * order / sites) ** 2,  # 2 - 2 cos theta
         4.0 * np.sin(np.pi * rest / sites) ** 2,
