@@ -124,7 +124,7 @@ def classify(
     ('PERIODIC', 0.876)
     """
     start = check_state(state)
-    conditions = conditions_of(start.u.size, m=m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     length = whole("periods", periods, LEAST)
     run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:
@@ -337,8 +337,8 @@ def _open(
     found = exponents(_last(run), run.conditions, length, count, settle=settle, t0=t0)
     # an exponent that is zero, as far as can be told
     neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
-    seen: Any = (turn, found.exponents, found.error, neutral, repelling is not None)
-    kind, words, numbers = chaos_or_torus(*seen)
+    beside = repelling is not None
+    kind, words, numbers = chaos_or_torus(turn, found.exponents, found.error, neutral, beside)
     evidence |= numbers
     if kind is Kind.UNDECIDED and repelling is not None:
         return kind, _repels(run, evidence, repelling)

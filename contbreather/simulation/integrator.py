@@ -308,7 +308,7 @@ class EventDriven:
         done, status, site = ended.tolist()
         self.full = status == FULL
         if self.full and not done:
-            return EventDriven.advance(self, periods, first, span=span)
+            return EventDriven.advance(self, periods, first, span=span)  # of a noisy one, too
         if status not in (DONE, CHATTER, FULL):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = event_tables(self.log, self.t0)

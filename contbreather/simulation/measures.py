@@ -360,7 +360,7 @@ def lyapunov(
     True
     """
     start = check_state(state)
-    conditions = conditions_of(start.u.size, m=m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: {sites} sites have {2 * sites} exponents.")

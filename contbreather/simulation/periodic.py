@@ -253,7 +253,7 @@ def periodic(
     0.0863
     """
     start = check_state(state)
-    conditions = conditions_of(start.u.size, m=m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     return closing(start, conditions, periods=periods, symmetric=symmetric, t0=t0)
 
 

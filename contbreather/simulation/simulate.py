@@ -344,7 +344,7 @@ def simulate_smooth(
     """
     start = check_state(state)
     parameter("m", m)
-    conditions = conditions_of(start.u.size, m=m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
     run: SmoothRun = let_go(start, conditions, periods=periods, t0=t0, **settings)
     return run

@@ -128,8 +128,9 @@ class ModelParameters(LatticeParameters, total=False):
 
 def conditions_of(
     sites: int,
-    *,
     m: float | None = None,
+    /,
+    *,
     forcing: Forcing | str | None = None,
     lattice: Finite | None = None,
     walls: Any = None,

@@ -180,7 +180,7 @@ def sweep(
     start = check_state(state)
     check_kind(name, str, "the name of a parameter")
     needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
-    conditions = conditions_of(start.u.size, m=m, **{**on, **needed})
+    conditions = conditions_of(start.u.size, m, **{**on, **needed})
     names = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in names:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")
