@@ -67,14 +67,13 @@ def certify(what: Any, *, within: float = WITHIN) -> Certificate | Covering:
             )
         params = parameters(what[0].solution)
         return certify_curve(params, what.free, [tuple(map(float, point.z)) for point in what])
-    point = what if isinstance(what, Point) else None
-    orbit, kind = (point.solution if point else what), ""
+    orbit, kinds = what, list[str]()
+    if isinstance(what, Point):
+        line = event_of(what.curve.problem)  # of which boundary it is a point
+        orbit, kinds = what.solution, [what.kind] + ([line.kind] if line else [])
     params, unknowns = parameters(orbit), {"p": orbit.p, "phi": orbit.phi}
-    if point:
-        line = event_of(point.curve.problem)  # of which boundary it is a point
-        kinds = [point.kind] + ([line.kind] if line else [])
-        kind = next((one for one in kinds if one in DEFINING), "")
-    if point and kind:
-        free = point.curve.free[0]
+    special = next((kind for kind in kinds if kind in DEFINING), "")
+    if special:
+        free = what.curve.free[0]
         unknowns[free] = params.pop(free)
-    return certify_point(params, unknowns, kind, within)
+    return certify_point(params, unknowns, special, within)

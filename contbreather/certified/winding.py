@@ -153,6 +153,7 @@ class Circle:
 def _off_zero(
     curve: Callable[[float, float], Rectangle], low: float, high: float
 ) -> Rectangle | None:
+    """What encloses a curve over an arc, None where that holds 0."""
     rectangle = curve(low, high)
     return None if all(part.contains(0) for part in rectangle) else rectangle
 

@@ -421,6 +421,7 @@ def _bonds(first: Any, second: Any) -> tuple[FloatArray, tuple[Any, Any]]:
 
 
 def _matrix_of(sites: int, *bonds: tuple[Any, Any]) -> FloatArray:
+    """The stiffness matrix of bonds of unit stiffness."""
     matrix = np.zeros((sites, sites))
     for first, second in bonds:
         entries, where = _bonds(first, second)
