@@ -46,7 +46,7 @@ HOME = Path(__file__).parents[1]
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
-    "contbreather.lattice.free_flight",
+    "contbreather.lattice.periodic_green",
     "contbreather.lattice.modal_flow",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",

@@ -15,7 +15,7 @@ from contbreather.cli.process import computing
 
 if TYPE_CHECKING:
     from contbreather.simulation.integrator import Chunk
-    from contbreather.simulation.smooth import SmoothRun
+    from contbreather.simulation.simulate import SmoothRun
 
 JUDGED = 4096  # periods that a verdict looks at, at most
 ENOUGH = 50  # and at least

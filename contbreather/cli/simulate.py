@@ -41,7 +41,7 @@ from contbreather.tables import Sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from contbreather.simulation.smooth import SmoothRun
+    from contbreather.simulation.simulate import SmoothRun
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
@@ -306,8 +306,7 @@ def draw(run: cb.simulation.SimulationRun | SmoothRun, site: int = 0) -> Figure:
 
 def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.simulation.simulate import completed
-    from contbreather.simulation.smooth import let_go
+    from contbreather.simulation.simulate import completed, let_go
 
     count = min(WINDOW, run.periods)
     state = cb.simulation.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])

@@ -15,8 +15,7 @@ from contbreather.errors import BadInput
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.canvas import BLUE, GREY, Drawn, drawing
 from contbreather.plotting.orbits import chosen_sites, drawn_orbit
-from contbreather.simulation.simulate import Record, SimulationRun
-from contbreather.simulation.smooth import SmoothRun
+from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,8 +28,7 @@ from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motio
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation.basin import Basin
 from contbreather.simulation.classify import Classification
-from contbreather.simulation.simulate import SimulationRun
-from contbreather.simulation.smooth import SmoothRun
+from contbreather.simulation.simulate import SimulationRun, SmoothRun
 from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:

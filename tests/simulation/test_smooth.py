@@ -23,7 +23,7 @@ from contbreather.simulation import (
     simulate_smooth,
     variation,
 )
-from contbreather.simulation.smooth import damping_of, restitution_of
+from contbreather.simulation.states import damping_of, restitution_of
 from tests.simulation.zoo import breather
 
 FIGURE5 = {"a": 0.1, "gamma": 0.08, "k": 0.8, "damping": 0.005}

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.kernels import Kernel
-from contbreather.lattice import free_flight
+from contbreather.lattice import periodic_green
 from contbreather.orbits import closure_kernels
 from contbreather.stability import D, arc, neimark_sacker, on_arc, unstable_count
 from contbreather.stability.half_period import HalfMap
@@ -98,8 +98,8 @@ PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0
 
 
 def test_a_flight_has_as_many_powers_compiled_as_not() -> None:
-    assert closure_kernels.POWERS == free_flight.POWERS
-    assert closure_kernels.TERMS == free_flight.TERMS + 1
+    assert closure_kernels.POWERS == periodic_green.POWERS
+    assert closure_kernels.TERMS == periodic_green.TERMS + 1
 
 
 @pytest.mark.parametrize("spring", [0.0, 0.3])
