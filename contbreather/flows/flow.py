@@ -160,8 +160,12 @@ class Flow:
         clock = self.until
         return replace(self, until=clock.at(t, p)) if isinstance(clock, Clock) else self
 
-    def later(self, periods: int) -> Flow:
-        """The flow some periods later."""
+    def later(self, periods: int, back: Function | None = None) -> Flow:
+        """The flow some periods later: a clock strikes then; what is taken `back` is as before."""
+        if back:
+            reset = self.reset and partial(back, self.reset)
+            walls = tuple(partial(back, wall) for wall in self.walls)
+            return replace(self, f=partial(back, self.f), reset=reset, walls=walls)
         clock = self.until
         if not isinstance(clock, Clock):
             return self
