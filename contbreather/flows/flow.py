@@ -190,9 +190,9 @@ def check_function(
     name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
 ) -> None:
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
-    where = place(t, x, p)
+    where, given, params = place(t, x, p), x.copy(), dict(p)
     try:
-        returned = function(t, x, p)
+        returned = function(t, given, params)
         value = np.asarray(returned, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
@@ -201,6 +201,8 @@ def check_function(
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
     except (ValueError, ArithmeticError, TypeError, IndexError) as error:
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
+    if params != p or not np.array_equal(given, x):
+        raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
     if shape == () and np.asarray(returned).dtype == bool:
         raise BadInput(
             f"{name} is {returned} {where}; a number was expected, positive inside and zero where "
