@@ -2,7 +2,7 @@
 and all solutions of (11) at given parameters.
 
 Eqs. (3) to (13), for any antisymmetric forcing, on the infinite chain and on rings. Between
-impacts everything is in closed form in time (see `contbreather.lattice.free_flight`): no
+impacts everything is in closed form in time (see `contbreather.lattice.periodic_green`): no
 Fourier series of (9) or (12) is summed anywhere.
 """
 

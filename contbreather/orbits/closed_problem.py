@@ -25,15 +25,9 @@ from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, Ring
-<<<<<<< HEAD
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, TrigonometricSeries
-from contbreather.lattice.free_flight import response_weights
-=======
-from contbreather.lattice.conditions import SpringResponse, spring_response
-from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.periodic_green import response_weights
->>>>>>> sim
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import (
     ClosureTerms,

@@ -17,7 +17,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
-from contbreather.lattice.free_flight import response_since
+from contbreather.lattice.periodic_green import response_since
 from contbreather.orbits.site_motion import (
     HIGH,
     IMAGE,

@@ -25,11 +25,6 @@ from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, in
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.finite import Finite, drive_of, mode_solutions, stiffness_of
 from contbreather.lattice.forcing import Forcing
-<<<<<<< HEAD
-from contbreather.lattice.free_flight import LATE, RESPONSES, SLACK, Responses, response_since
-from contbreather.lattice.periodic_green import half_period_green, periodic_green
-=======
-from contbreather.lattice.modal_flow import mode_solutions
 from contbreather.lattice.periodic_green import (
     LATE,
     RESPONSES,
@@ -39,7 +34,6 @@ from contbreather.lattice.periodic_green import (
     periodic_green,
     response_since,
 )
->>>>>>> sim
 from contbreather.orbits.section import Section
 
 FloatArray = NDArray[np.float64]
