@@ -190,7 +190,7 @@ def test_states_are_known_at_all_times() -> None:
 
 
 def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
-    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.3}, settle=400)
+    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.3}, settle=150)
     window = {"c": (2, 4.2)}
     single = cb.trace(ring, "c", within=window, towards="up")
     assert [point.kind for point in single.special] == ["EP", "PD", "EP"]

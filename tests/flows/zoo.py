@@ -266,7 +266,7 @@ def along_langford(at: Any) -> Pairs:
 
 enter(
     "langford",
-    cycle(langford, {"x": 0.9, "y": 0.0, "z": 0.7}, {"rho": 1.0, "l": 0.6}, settle=150),
+    cycle(langford, {"x": 0.9, "y": 0.0, "z": 0.7}, {"rho": 1.0, "l": 0.6}, settle=60),
     "rho", (0.3, 1.2), (("NS", 0.51 / (RADIUS - 0.357)),), along_langford,
 )  # fmt: skip
 
@@ -301,7 +301,7 @@ BAND = {"a": 0.2, "b": 0.2}
 enter(
     "roessler",
     cycle(
-        roessler, {"x": -1.0, "y": -3.0, "z": 0.05}, {**BAND, "c": 2.5}, settle=300,
+        roessler, {"x": -1.0, "y": -3.0, "z": 0.05}, {**BAND, "c": 2.5}, settle=120,
     ),
     "c", (2.0, 3.2), (("PD", 2.8324450278),),
     lambda at: [(at["period"], 5.769820016506)] if at.kind == "PD" else [],
@@ -443,7 +443,7 @@ def along_ball(at: Any) -> Pairs:
 enter(
     "bouncing ball",
     cycle(
-        [TABLE], {"y": 0.5, "v": 3.1}, {"A": 0.6, "e": 0.8}, period=2 * np.pi, t0=0.9, settle=300
+        [TABLE], {"y": 0.5, "v": 3.1}, {"A": 0.6, "e": 0.8}, period=2 * np.pi, t0=0.9, settle=100
     ),
     "A", (0.3, 1.2),
     (("LP", FOLD_OF_BALL), ("PD", math.hypot(FOLD_OF_BALL, S_OF_DOUBLING))), along_ball,
@@ -765,12 +765,12 @@ class Impacting:
 FAST, SLOW = Impacting(1.5), Impacting(0.9)
 enter(
     "impact oscillator, fold",
-    cycle(FAST.flow, {"x": 0.9, "v": -2.0}, {"F": 1.0, "w": 1.5}, period=turn, settle=200),
+    cycle(FAST.flow, {"x": 0.9, "v": -2.0}, {"F": 1.0, "w": 1.5}, period=turn, settle=80),
     "F", (0.3, 1.5), (("LP", FAST.fold), ("VI", FAST.touching)), FAST.along,
 )  # fmt: skip
 enter(
     "impact oscillator, doubling",
-    cycle(SLOW.flow, {"x": 0.9, "v": -1.0}, {"F": 1.0, "w": 0.9}, period=turn, settle=200),
+    cycle(SLOW.flow, {"x": 0.9, "v": -1.0}, {"F": 1.0, "w": 0.9}, period=turn, settle=80),
     "F", (0.1, 1.2), (("PD", SLOW.doubling(0.3, 0.6)), ("VI", SLOW.touching)), SLOW.along,
 )  # fmt: skip
 
@@ -834,7 +834,7 @@ enter(
     "ball in a box",
     cycle(
         [shaken(-1), shaken(1)], {"x": 0.9, "v": -0.7}, {"A": 0.5}, period=2 * np.pi, t0=3.0,
-        settle=200,
+        settle=80,
     ),
     "A", (0.1, 1.2),
     (("LP", K_OF_BOX / math.hypot(1, K_OF_BOX)), ("VI", 1.0),
