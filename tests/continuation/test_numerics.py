@@ -191,7 +191,7 @@ def test_the_derivative_in_the_unknowns_is_the_first_part_of_the_whole() -> None
 
 # --- coefficients in other units ------------------------------------------------------------------
 
-UNITS = [1e-3, 1.0, 1e3]
+UNITS = [1e-3, 1e3]
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -248,7 +248,7 @@ def test_the_coefficient_of_a_cusp_belongs_to_the_unit_of_its_unknown(unit: floa
 
 
 @pytest.mark.parametrize("unit", UNITS)
-@pytest.mark.parametrize("angle", [0.7, 1.1, 2.9])
+@pytest.mark.parametrize("angle", [0.7, 2.9])
 def test_angle_and_coefficient_of_a_neimark_sacker_point(unit: float, angle: float) -> None:
     """``z -> e^(i angle) z (1 + m - |z|^2/unit^2)``: d = -2 over the square of the unit."""
     c, s = math.cos(angle), math.sin(angle)

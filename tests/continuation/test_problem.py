@@ -15,7 +15,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import complex_steps, differences, estimate, misfit
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import LINE, SMALL, Case, counted, scalar, trace_case
+from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, counted, scalar, trace_case
 
 PAIR = {"x": 0.3, "y": -0.2}
 
@@ -186,7 +186,7 @@ def test_a_small_error_is_found_and_rounding_is_forgiven() -> None:
     assert misfit(exact, wanted, doubt) == (1, 0)
 
 
-@pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", [CUSP, ISOLA, LORENZ, STIFF], ids=lambda case: case.name)
 def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
     def real(u, p):
         return case.problem.residual(
