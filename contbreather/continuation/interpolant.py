@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .curve import LEVEL, Curve
-from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined
+from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, newton
 from .point import Point
 
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
@@ -67,7 +67,7 @@ class StepInterpolant:
         if answer:
             z, tangent, residual, _ = answer
         else:
-            solution = curve.newton(guess, self._row, tolerance=self.tolerance)
+            solution = newton(curve, guess, self._row, tolerance=self.tolerance)
             if not solution.converged:
                 raise Undefined("Newton's iteration failed between two points of the curve")
             z, tangent, residual = solution.z, None, solution.residual

@@ -304,9 +304,9 @@ class Problem:
         curve = Curve(self, ())
         before = float(abs(curve.equations(self.x)).max())
         try:
-            approached = approach(curve.equations, curve.jacobian, self.x, curve.metric)
+            approached = approach(curve, self.x)
             z = self.x if approached is None else approached
-            solution = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
+            solution = newton(curve, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
                 f"the start {self.shown()} is not a solution (residual {before:.3g}) and Newton's "

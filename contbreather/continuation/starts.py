@@ -18,7 +18,7 @@ from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .interpolant import closest_tangent
 from .linear_algebra import least_singular, sense
-from .newton import Array, Undefined, approach
+from .newton import Array, Undefined, approach, newton
 from .point import Point
 from .problem import Problem
 from .settings import Within, windows
@@ -113,12 +113,12 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
     """The curve started at a solution near by, by the least correction in unknowns and parameter:
     just beyond a fold there is none at the same parameter."""
     try:
-        z = approach(curve.equations, curve.jacobian, curve.start, curve.metric)
+        z = approach(curve, curve.start)
         if z is None:
             return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = curve.tangent_at(z, np.eye(1, z.size, z.size - 1)[0])
-        solution = curve.newton(z, curve.metric * tangent, tolerance=tolerance)
+        solution = newton(curve, z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)

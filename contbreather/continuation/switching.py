@@ -129,9 +129,7 @@ class SwitchingProblem:
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
         try:
-            solution = newton(
-                curve.equations, curve.jacobian, guess, row=row, tolerance=1e-11, most=20
-            )
+            solution = newton(curve, guess, row, tolerance=1e-11, most=20)
         except Undefined as error:
             raise NotConverged(
                 f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {error}; try a "
@@ -165,7 +163,7 @@ def _beside(point: Point, tangent: Array) -> Array:
     row = curve.metric * tangent
     for distance in (_STRIDE, 2 * _STRIDE):
         try:
-            solution = curve.newton(point.z + distance * tangent, row)
+            solution = newton(curve, point.z + distance * tangent, row)
         except Undefined:
             return tangent
         if not solution.converged:
