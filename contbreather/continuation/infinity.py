@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -141,10 +140,7 @@ class Growth:
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
         """Whether a window says how far something may go that grows with z."""
         for bound in self.bounds:
-            value: Any = z[bound.slot]
-            rate: Any = tangent[bound.slot]
-            if np.ndim(value):  # the window of an array is one of its norm
-                value, rate = np.linalg.norm(value), value @ rate / (np.linalg.norm(value) or 1.0)
+            value, rate = bound.value(z), float(bound.row(z) @ tangent)
             if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):
                 return True
             if rate * size < SHARE * value <= 0.0 and math.isfinite(bound.low):

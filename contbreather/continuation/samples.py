@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import BadInput
+from .branch import Points
 from .defining_systems import Singular, singular_between
 from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN, Undefined
 from .point import Event, Many, Point
-from .points import Points
 
 Value = float | int
 

@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -202,20 +201,17 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
 
 @dataclass(frozen=True)
 class Bound:
-    """The window of what can change: an unknown, a parameter, the norm of an array."""
+    """The window of what can change: an unknown, a parameter, the norm of an array.
+
+    Its `ends` are those that are finite: their side, -1 or 1, value, and how far rounding may leave
+    a step that should end there.
+    """
 
     name: str
     slot: int | slice
     low: float
     high: float
-
-    @cached_property
-    def ends(self) -> list[tuple[int, float, float]]:
-        """The ends that it has: their side, -1 or 1, value, and how far rounding may leave a step
-        that should end there."""
-        both = ((-1, self.low), (1, self.high))
-        finite = [(side, end) for side, end in both if math.isfinite(end)]
-        return [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
+    ends: list[tuple[int, float, float]]
 
     def value(self, z: Array) -> float:
         entries = z[self.slot]
@@ -223,9 +219,9 @@ class Bound:
 
     def row(self, z: Array) -> Array:
         """The derivative of the value."""
-        row = np.zeros(z.size)
+        row, alone = np.zeros(z.size), isinstance(self.slot, int)
         # d|u| = u . du / |u|
-        row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
+        row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
         return row
 
     def with_value(self, z: Array, value: float) -> Array:
@@ -266,5 +262,7 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
         if not low <= size <= high:
             raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if name in curve.slots:
-            bounds.append(Bound(name, curve.slots[name], low, high))
+            finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
+            ends = [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
+            bounds.append(Bound(name, curve.slots[name], low, high, ends))
     return bounds

@@ -11,13 +11,12 @@ import numpy as np
 
 from .. import kernels
 from . import step as rules
-from .branch import Stop
+from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .interpolant import StepInterpolant
 from .newton import Array, Solution, Undefined, correction, newton
 from .point import Point
-from .points import Points
 from .settings import Steps
 from .starts import Bound, StartOnCurve
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size

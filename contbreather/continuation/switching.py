@@ -15,9 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import kind_of
+from ..display import HtmlRepr
 from ..errors import BadInput, NotConverged, add_partial_result
 from ..progress import Counter
-from .branch import Branch, Branches, Stop, labelled
+from ..tables import Column, Sheet
+from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
 from .duplicates import images, lies_on
@@ -196,6 +198,21 @@ class ArmsCoincide(NotConverged):
         self.arm = arm
         self.other = other
         self.distance = distance
+
+
+class Branches(tuple[Branch, ...], HtmlRepr):
+    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
+    notebooks show."""
+
+    __slots__ = ()
+
+    def table(self) -> Sheet:
+        """A line for each, with its special points."""
+        labels = [", ".join(point.label for point in branch.special) for branch in self]
+        what = [branch.describe() for branch in self]
+        return Sheet(
+            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
+        )
 
 
 def switch(
