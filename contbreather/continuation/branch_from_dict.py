@@ -23,7 +23,7 @@ from .maps import Iterate, with_period
 from .newton import Undefined
 from .point import Event, Point, UnstableDimension
 from .problem import Problem
-from .samples import value_of_test
+from .segment import value_of_test
 from .settings import Settings, Steps, active_events
 
 Array = NDArray[Any]

@@ -76,8 +76,11 @@ def newton(
         raise Undefined("the Newton correction is not finite")
     solved = end.status == rules.TAKEN
     if solved and not end.regular:
-        # the shortest correction may be short far from any solution: the residual decides
-        solved = _is_rounding(curve, eq.matrix, end.z)
+        # the shortest correction may be short far from any solution: what is left of the equations
+        # decides, relative to the terms of each; one that no entry of z moves is compared with 1
+        terms = abs(eq.matrix) @ (abs(end.z) + curve.metric**-0.5)
+        terms[terms == 0] = 1.0
+        solved = bool((abs(curve.equations(end.z)) <= _ROUNDING * terms).all())
     return Solution(end.z, solved, end.iterations, end.residual, end.moved)
 
 
@@ -219,14 +222,6 @@ def _shortest(matrix: Array, right: Array) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
-
-
-def _is_rounding(curve: Equations, matrix: Matrix, z: Array) -> bool:
-    """Whether all that is left of the equations is rounding of the terms of each row."""
-    terms = abs(matrix) @ (abs(z) + curve.metric**-0.5)
-    # an equation that no entry of z moves is compared with 1
-    terms[terms == 0] = 1.0
-    return bool((abs(curve.equations(z)) <= _ROUNDING * terms).all())
 
 
 _NEWTON = bound(

@@ -17,9 +17,9 @@ from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
 from .duplicates import lies_on
-from .interpolant import StepInterpolant
 from .newton import Undefined
 from .point import Event, Point
+from .segment import StepInterpolant
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
 from .trace import trace
 

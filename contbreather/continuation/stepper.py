@@ -14,11 +14,11 @@ from . import step as rules
 from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
-from .interpolant import StepInterpolant
+from .ends import Bound, StartOnCurve
 from .newton import Array, Solution, Undefined, correction, newton
 from .point import Point
+from .segment import StepInterpolant
 from .settings import Steps
-from .starts import Bound, StartOnCurve
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
