@@ -242,8 +242,8 @@ def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
     for off, solved in ((0.0, True), (1e-17, True), (1e-14, False)):
         for row in np.eye(3):
             target = matrix @ x + off * row * (abs(matrix) @ x)
-            mine = Problem(lambda u, p, t=target: matrix @ u - t, start, {})
-            assert mine._is_solved(Curve(mine, ())) == solved
+            curve = Curve(Problem(lambda u, p, t=target: matrix @ u - t, start, {}), ())
+            assert (abs(curve.equations(x)) <= curve.rounding(x)).all() == solved
 
 
 # --- functions written by others ------------------------------------------------------------------
