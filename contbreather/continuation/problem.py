@@ -307,6 +307,7 @@ class Problem:
         try:
             approached = approach(curve, self.x)
             z = self.x if approached is None else approached
+            curve.metric = np.ones(z.size)  # as exact whatever the scales, by which steps go
             solution = newton(curve, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(

@@ -130,6 +130,7 @@ class SwitchingProblem:
         # v . (x - x0) = amplitude, and the parameter gives way: regular on the arms of a pitchfork
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
+        curve.metric = np.ones(guess.size)  # as exact as a start, whatever the scales
         try:
             solution = newton(curve, guess, row, tolerance=1e-11, most=20)
         except Undefined as error:

@@ -246,6 +246,12 @@ def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
             assert (abs(curve.equations(x)) <= curve.rounding(x)).all() == solved
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_a_start_is_as_exact_whatever_the_scales(scale: float) -> None:
+    mine = Problem(lambda x, p: x**2 - 0.3, {"x": 1.0}, {}, scales={"x": scale})
+    assert mine.solve()[0].start["x"] == pytest.approx(math.sqrt(0.3), abs=1e-14)
+
+
 # --- functions written by others ------------------------------------------------------------------
 
 
