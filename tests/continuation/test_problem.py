@@ -242,8 +242,14 @@ def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
     for off, solved in ((0.0, True), (1e-17, True), (1e-14, False)):
         for row in np.eye(3):
             target = matrix @ x + off * row * (abs(matrix) @ x)
-            mine = Problem(lambda u, p, t=target: matrix @ u - t, start, {})
-            assert mine._is_solved(Curve(mine, ())) == solved
+            curve = Curve(Problem(lambda u, p, t=target: matrix @ u - t, start, {}), ())
+            assert (abs(curve.equations(x)) <= curve.rounding(x)).all() == solved
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_a_start_is_as_exact_whatever_the_scales(scale: float) -> None:
+    mine = Problem(lambda x, p: x**2 - 0.3, {"x": 1.0}, {}, scales={"x": scale})
+    assert mine.solve()[0].start["x"] == pytest.approx(math.sqrt(0.3), abs=1e-14)
 
 
 # --- functions written by others ------------------------------------------------------------------
