@@ -453,7 +453,9 @@ class Branch(Columns, HtmlRepr):
         return self.table()
 
     def __repr__(self) -> str:
-        return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
+        doubtful = f"; {len(self.doubtful)} doubtful" if self.doubtful else ""
+        special = [point.label for point in self.special]
+        return f"<Branch {self.describe()}; special {special}{doubtful}>"
 
 
 def _ended(stop: Stop, reason: str) -> str:

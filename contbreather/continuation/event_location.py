@@ -148,10 +148,11 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     point = segment.at(u)
     if value_of_test(event, point) != 0:
         return point
-    aside = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
-    beside = [v for v in (u - aside, u + aside) if left < v < right]
-    if all(value_of_test(event, segment.at(v)) != 0 for v in beside):
-        return point
+    least = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
+    for aside in (least, 1e3 * least):  # a test is zero where it is smaller than its error, too
+        beside = [v for v in (u - aside, u + aside) if left < v < right]
+        if all(value_of_test(event, segment.at(v)) != 0 for v in beside):
+            return point
     reason = f"the test of {event.kind} is zero along a piece of the curve, which is not a place"
     return replace(point, detail={"reason": reason})
 

@@ -72,22 +72,24 @@ class Jet:
 @dataclass(frozen=True)
 class Coefficient:
     """A coefficient and the size of the terms it adds up, to tell a zero by; `rounding` is what is
-    left of them where it vanishes."""
+    left of them where it vanishes, and `least` what is none where all of them do."""
 
     value: complex
     size: float
     rounding: float = _ROUNDING
+    least: float = 0.0
 
     @property
     def degenerate(self) -> bool:
         """Whether its real part has no sign to speak of."""
-        return abs(self.value.real) <= _DEGENERATE * self.size
+        return abs(self.value.real) <= max(_DEGENERATE * self.size, self.least)
 
     @property
     def signed(self) -> float:
         """Its real part as a test function: 0 where that is rounding, all along the curves of
         conservative systems for instance."""
-        return 0.0 if abs(self.value.real) <= self.rounding * self.size else float(self.value.real)
+        least = max(self.rounding * self.size, self.least)
+        return 0.0 if abs(self.value.real) <= least else float(self.value.real)
 
 
 def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
@@ -285,7 +287,8 @@ def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> C
     # flow, 2 mu for d of a map
     terms = (C, 2 * B @ h11, B.conj() @ h20)
     parts = [complex(np.vdot(p, term)) / unit for term in terms]
-    return Coefficient(sum(parts), sum(abs(part) for part in parts))
+    size, least = sum(abs(part) for part in parts), _ROUNDING * forms.cubic
+    return Coefficient(sum(parts), size, least=least)
 
 
 def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
@@ -364,7 +367,8 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     # c = <p, C(q, q, q) + 3 B(q, h)> / 6
     h = solve(-forms.A, jet.B @ q)
     coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
-    return replace(coefficient, rounding=max(_ROUNDING, agreed))
+    least = _ROUNDING * forms.cubic
+    return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
 
 
 def rotation_coefficient(point: Point, angle: float, agreed: float = _AGREED) -> Coefficient:

@@ -171,9 +171,7 @@ def test_balls_cover_all_times() -> None:
     ],
 )
 def test_krawczyk_proves_a_root_where_there_is_one(square, middle, radius, proved) -> None:
-    found = balls.krawczyk(
-        lambda x: [x[0] * x[0] - square], [arb(middle, radius)]
-    )
+    found = balls.krawczyk(lambda x: [x[0] * x[0] - square], [arb(middle, radius)])
     assert (found is not None) == proved
     assert found is None or found[0].contains(arb(square).sqrt())
 

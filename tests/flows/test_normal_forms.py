@@ -33,6 +33,13 @@ def wheel(t, x, p):
     return [growth * u - p["w"] * v - np.sin(t), p["w"] * u + growth * v]
 
 
+def twisted(t, x, p):
+    """The same turning faster further out: of d = 4 pi (k + 0.4 i) only the real part vanishes."""
+    u, v = x[0] - np.cos(t), x[1]
+    du, dv = wheel(t, x, p)
+    return [du - 0.4 * (u**2 + v**2) * v, dv + 0.4 * (u**2 + v**2) * u]
+
+
 def fork(t, x, p):
     """y' = h + m y - y^3 around sin t."""
     y = x[0] - np.sin(t)
@@ -158,7 +165,9 @@ def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -
 # --- curves -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("f", "on", "kind"), [(strip, "PD", "GPD"), (wheel, "NS", "CH")])
+@pytest.mark.parametrize(
+    ("f", "on", "kind"), [(strip, "PD", "GPD"), (wheel, "NS", "CH"), (twisted, "NS", "CH")]
+)
 def test_where_a_coefficient_vanishes_its_curve_says_so(f, on: str, kind: str) -> None:
     window = {"k": (-0.5, 0.2), "mu": (-0.5, 0.5)}
     line = cb.boundary(along_mu(f, -0.2).first(on), ("k", "mu"), within=window, towards="up")
@@ -178,6 +187,16 @@ def test_folds_of_cycles_meet_in_a_cusp() -> None:
 
 
 # --- what has none ----------------------------------------------------------------------------
+
+
+def test_a_hopf_point_without_cubic_terms_is_degenerate() -> None:
+    """At mu = 0 van der Pol's oscillator is the harmonic one."""
+    rest = cb.equilibrium(
+        lambda t, x, p: [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]],
+        {"x": 0.0, "v": 0.0}, {"mu": -0.5},
+    )  # fmt: skip
+    point = cb.trace(rest, "mu", within={"mu": (-1, 1)}).first("HB")
+    assert (point["l1"], point["criticality"]) == (pytest.approx(0, abs=1e-15), "degenerate")
 
 
 def test_where_there_is_no_normal_form_the_reason_is_given() -> None:
