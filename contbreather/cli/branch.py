@@ -3,8 +3,9 @@ events in two."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import contbreather as cb
@@ -182,7 +183,7 @@ def branch(
     traced, cut = until_interrupted(
         cb.continuation.trace, start.problem, start.free, steps=steps, **options
     )
-    leave(traced, "branch", curve_entry(traced), into, cut, axes)
+    leave(traced, "branch", into, cut, axes)
 
 
 def boundary(
@@ -232,31 +233,33 @@ def boundary(
     curve, cut = until_interrupted(
         cb.continuation.boundary, seed, pair, within=within, steps=steps, save=into.save
     )
-    leave(curve, "curve", curve_entry(curve), into, cut, axes)
+    leave(curve, "curve", into, cut, axes)
 
 
 def curve_entry(branch: cb.Branch) -> dict[str, Any]:
-    """What a branch or a boundary is, for JSON."""
+    """A branch or a boundary for JSON."""
     if branch.problem.beneath is None:
-        return {"free": branch.free, **lives_on(branch)}
-    kind = branch.problem.label.partition(" ")[0]
-    return {"curve": kind, "pair": branch.curve.varied, **lives_on(branch)}
+        about: dict[str, Any] = {"free": branch.free}
+    else:
+        kind = branch.problem.label.partition(" ")[0]
+        about = {"curve": kind, "pair": branch.curve.varied}
+    return {**about, **lives_on(branch), **branch_entry(branch)}
 
 
 def leave(
     branch: cb.Branch,
     what: str,
-    entry: Mapping[str, Any],
     into: Output,
     cut: bool,
     axes: Axes = Axes(),
+    entry: Callable[[cb.Branch], Mapping[str, Any]] = curve_entry,
 ) -> None:
     """All that is wanted of one branch or boundary; raise if it broke off."""
     into.leave(
-        lambda: {**entry, **branch_entry(branch)},
+        partial(entry, branch),
         lines_of(branch),
-        lambda: branch_table([branch]),
-        lambda: axes.plot(branch),
+        partial(branch_table, [branch]),
+        partial(axes.plot, branch),
         cut=cut,
     )
     check_ends(branch, what)
