@@ -84,8 +84,7 @@ class Page:
         theme = DARK if pn.config.theme == "dark" else LIGHT
         self.zones, self.branches = ZonesView(theme), BranchView(theme)
         self.profile, self.multipliers = ProfileView(theme), MultipliersView(theme)
-        self.motion = MotionView(theme, "t/2π")
-        self.run = MotionView(theme, "t/2π")
+        self.motion, self.run = MotionView(theme), MotionView(theme)
         self.forms = PageForms(explorer)
         self.moved: list[Any] = []  # widgets that persons move
         self._moves = 0
