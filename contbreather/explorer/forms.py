@@ -273,11 +273,11 @@ class PageForms:
         }
         self.free.param.watch(self._usual_window, "value")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
-        button = (
-            "Continue",
-            lambda low, high: self._begin(jobs.traced, self.free.value, (low, high)),
-        )
-        return self._card("Continue from here", fields, (*button, self.window))
+
+        def trace(low: float, high: float) -> None:
+            self._begin(jobs.traced, self.free.value, (low, high))
+
+        return self._card("Continue from here", fields, ("Continue", trace, self.window))
 
     def _begin(self, job: Callable[..., jobs.Computation], *typed: Any, **more: Any) -> None:
         self.explorer.begin(job(self.explorer.chosen, *typed, **more))
