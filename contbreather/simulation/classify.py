@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
@@ -20,7 +19,7 @@ from contbreather.simulation.periodic import PeriodicMotion, closing
 from contbreather.simulation.simulate import SimulationRun, completed
 from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state
-from contbreather.tables import Sheet
+from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
 Finding = tuple["Kind", str]

@@ -24,14 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import parameter
 from contbreather.progress import Bar
-from contbreather.signals import deferred
 from contbreather.simulation.integrator import Chunk, Sample, check_sample, forced_motion
 from contbreather.simulation.simulate import States, advance, gathered, states_of, to_content
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling

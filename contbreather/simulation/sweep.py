@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import RunStop
@@ -24,7 +23,7 @@ from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import SimulationRun, completed
 from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
 from contbreather.simulation.states import ModelParameters, State, check_state, ranged
-from contbreather.tables import Column, Sheet
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
