@@ -23,7 +23,7 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region, regions
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.parameters import OPTIONAL
-from contbreather.plotting.labels import evenly
+from contbreather.plotting.canvas import evenly
 from contbreather.plotting.zones import names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 

@@ -17,8 +17,7 @@ from contbreather.continuation.interpolant import between
 from contbreather.continuation.point import Point
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, marker, size, symbol
-from contbreather.plotting.labels import Labels
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn, Labels, drawing, marker, size, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
