@@ -7,7 +7,6 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -281,24 +280,22 @@ class Plan:
     study : Study
     tasks : sequence of Task
         All parts, those that others start from first.
-    left : sequence of Task
-        Those that are not there yet.
     folder : Path
         Where results go.
+    outcomes : dict
+        By the name of a part what there is of it, "kept", "failed" or "absent", and why; nothing of
+        those that are to be computed.
     """
 
     study: Study
     tasks: Sequence[Task]
-    left: Sequence[Task]
     folder: Path
+    outcomes: Mapping[str, tuple[str, str]]
 
-    @cached_property
-    def _names(self) -> set[str]:
-        return {task.name for task in self.left}
-
-    def wants(self, task: Task) -> bool:
-        """Whether a part is to be computed."""
-        return task.name in self._names
+    @property
+    def left(self) -> list[Task]:
+        """Those that are not there yet."""
+        return [task for task in self.tasks if not self.outcomes[task.name][0]]
 
     def parts(self) -> list[dict[str, Any]]:
         """Name, kind, conditions and state of each part."""
@@ -307,7 +304,7 @@ class Plan:
                 "name": task.name,
                 "kind": task.kind,
                 "conditions": task_conditions(task),
-                "state": WORDS["" if self.wants(task) else task.outcome(self.folder)[0]],
+                "state": WORDS[self.outcomes[task.name][0]],
             }
             for task in self.tasks
         ]
@@ -368,8 +365,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
             f"{place} has results of other settings: {', '.join(other)}. Name another folder, or "
             "have them replaced (again, --again)"
         )
-    left = [task for task in tasks if not task.outcome(place, again)[0]]
-    return Plan(study, tasks, left, place)
+    return Plan(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
 
 
 def task_conditions(task: Task) -> str:
