@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import contbreather as cb
 from contbreather.cli.branch import curve_entry, leave
@@ -60,10 +60,10 @@ def show(
     else:
         lines, what = iter([results.table()]), {}
     into.leave(
-        lambda: {"path": str(results.path), **what, **_as_left(chosen, axes)[0]()},
+        lambda: {"path": str(results.path), **what, **_as_left(chosen, axes).entry()},
         lines,
-        lambda: _as_left(chosen, axes)[1](),
-        lambda: _as_left(chosen, axes)[2](),
+        lambda: _as_left(chosen, axes).table(),
+        lambda: _as_left(chosen, axes).draw(),
     )
 
 
@@ -113,8 +113,7 @@ def extend(
         cb.extend, branch, end=end, within=within, steps=steps, save=inner
     )
     file.finish({**others, key: longer})
-    entry = lambda longer: {"free": longer.free, **branch_entry(longer)}  # noqa: E731
-    leave(longer, "branch", into, cut, entry=entry)
+    leave(longer, "branch", into, cut, entry=lambda x: {"free": x.free, **branch_entry(x)})
 
 
 def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
@@ -175,43 +174,47 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
-def _as_left(
-    by_name: Mapping[str, Any], axes: Axes
-) -> tuple[Callable[[], Mapping[str, Any]], Callable[[], Table], Callable[[], Any]]:
-    """Results for JSON, for CSV and as a figure: as the command that leaves such makes them, those
-    of several commands each by its name."""
+class _Left(NamedTuple):
+    """Results as the command that leaves such makes them: for JSON, for CSV, as a figure."""
+
+    entry: Callable[[], Mapping[str, Any]]
+    table: Callable[[], Table]
+    draw: Callable[[], Any]
+
+
+def _as_left(by_name: Mapping[str, Any], axes: Axes) -> _Left:
+    """Results of one command together, those of several each by its name."""
     from contbreather.continuation.diagram import Diagram
 
-    results = list(by_name.values())
-    first: Any = results[0]
-    several = len(results) > 1
-    entry: Callable[[], Mapping[str, Any]] = partial(_special, first)
-    if several:
-        entry = partial(_each, by_name, axes)
-    table: Callable[[], Table] = partial(_stacked, by_name)
-    draw: Callable[[], Any] = partial(_branches_drawn, results, axes)
+    results: list[Any] = list(by_name.values())
+    stacked, draw = partial(_stacked, by_name), partial(_branches_drawn, results, axes)
     if all(isinstance(result, cb.orbits.Zones) for result in results):
-        draw = lambda: cb.plotting.plot_zones(results)[0]  # noqa: E731
+        draw = partial(cb.plotting.plot_zones, results)
         if all(map(any, results)):
-            entry, table = partial(zones_entry, results), partial(curves_table, results)
-    elif all(_is_arm(name, result) for name, result in by_name.items()):
-        entry, table = partial(arms_entry, results), partial(branch_table, results, "arm", 1)
-    elif isinstance(first, cb.Branch) and not several:
-        entry, table = partial(curve_entry, first), partial(branch_table, results)
-    elif isinstance(first, Diagram) and not several:
-        entry, table = (
-            partial(diagram_entry, first),
-            partial(branch_table, first.branches, "branch"),
-        )
-        draw = partial(cb.plotting.plot_diagram, first)
-    elif isinstance(first, cb.simulation.SimulationRun | cb.simulation.SmoothRun) and not several:
-        on, summary = first.conditions, summary_of(first)
-        params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
-        entry = lambda: content(judged(summary), params, getattr(on, "m", None))  # noqa: E731
-        hits = getattr(first, "impacts", {"site": ()})["site"]
-        site = int(hits[0]) if len(hits) else 0  # a breather's site hits first
-        table, draw = partial(strobe_table, summary), partial(draw_run, first, site)
-    return entry, table, draw
+            return _Left(partial(zones_entry, results), partial(curves_table, results), draw)
+    if all(_is_arm(name, result) for name, result in by_name.items()):
+        return _Left(partial(arms_entry, results), partial(branch_table, results, "arm", 1), draw)
+    if len(results) > 1:
+        return _Left(partial(_each, by_name, axes), stacked, draw)
+    match results[0]:
+        case cb.Branch() as branch:
+            return _Left(partial(curve_entry, branch), partial(branch_table, [branch]), draw)
+        case Diagram() as tree:
+            table = partial(branch_table, tree.branches, "branch")
+            draw = partial(cb.plotting.plot_diagram, tree)
+            return _Left(partial(diagram_entry, tree), table, draw)
+        case cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run:
+            hits = getattr(run, "impacts", {"site": ()})["site"]
+            draw = partial(draw_run, run, int(hits[0]) if len(hits) else 0)  # its site hits first
+            return _Left(partial(_run_entry, run), partial(strobe_table, summary_of(run)), draw)
+        case other:
+            return _Left(partial(_special, other), stacked, draw)
+
+
+def _run_entry(run: Any) -> dict[str, Any]:
+    on = run.conditions
+    params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
+    return content(judged(summary_of(run)), params, getattr(on, "m", None))
 
 
 def _is_arm(name: str, result: Any) -> bool:
@@ -222,7 +225,7 @@ def _is_arm(name: str, result: Any) -> bool:
 
 def _each(by_name: Mapping[str, Any], axes: Axes) -> dict[str, Any]:
     entries = {
-        name: {**_entry(one), **_as_left({"": one}, axes)[0]()} for name, one in by_name.items()
+        name: {**_entry(one), **_as_left({"": one}, axes).entry()} for name, one in by_name.items()
     }
     return {"results": entries}
 

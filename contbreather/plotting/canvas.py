@@ -324,6 +324,18 @@ class Labels:
         points = np.column_stack([np.atleast_1d(x), np.atleast_1d(y)]).astype(float)
         self.anchors += list(self.ax.transData.transform(points))
 
+    def write(self, words: Iterable[tuple[float, float, str, dict[str, Any]]]) -> None:
+        """Write words, each in its style, off all lines, texts and the legend. They come last, when
+        the limits of the axes are known."""
+        for line in self.ax.get_lines():
+            self.avoid(line.get_xdata(), line.get_ydata())
+        self.keep_off([*self.ax.texts, self.ax.get_legend()])
+        words = list(words)
+        for x, y, *_ in words:
+            self.announce(x, y)
+        for x, y, text, style in words:
+            self.place(x, y, text, **style)
+
     def place(self, x: float, y: float, text: str, **style: Any) -> Annotation | None:
         """Write `text` near (x, y); nothing if that is outside of the axes."""
         anchor = self.ax.transData.transform((x, y))
@@ -393,15 +405,7 @@ class Labels:
 
 def place_words(ax: Axes, words: Iterable[tuple[float, float, str]], **style: Any) -> None:
     """Write words beside points of finished axes: off all its lines, texts and the legend."""
-    labels = Labels(ax)
-    for line in ax.get_lines():
-        labels.avoid(line.get_xdata(), line.get_ydata())
-    labels.keep_off([*ax.texts, ax.get_legend()])
-    words = list(words)
-    for x, y, _ in words:
-        labels.announce(x, y)
-    for x, y, text in words:
-        labels.place(x, y, text, **style)
+    Labels(ax).write((x, y, text, style) for x, y, text in words)
 
 
 def _box(centre: Array, size: Array) -> Array:
