@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import contbreather as cb
-from contbreather.cli.branch import curve_entry, leave
+from contbreather.cli.curves import arms_entry, curve_entry, diagram_entry, leave
 from contbreather.cli.options import Axes, Span, Whole, typed_interval
 from contbreather.cli.output import (
     Output,
@@ -25,7 +25,6 @@ from contbreather.cli.output import (
 from contbreather.cli.process import until_interrupted
 from contbreather.cli.simulate import content, judged, strobe_table, summary_of
 from contbreather.cli.simulate import draw as draw_run
-from contbreather.cli.switch import arms_entry, diagram_entry
 from contbreather.cli.zones import curves_table, zones_entry, zones_lines
 from contbreather.errors import BadInput
 from contbreather.files import identity
