@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -173,7 +173,7 @@ class Worker:
             Where there is none; the folder knows why, so that it is not tried again.
         """
         try:
-            result = _COMPUTED[task.kind](task, self.folder)
+            result = computed(task, self.folder)
         except NoStart as error:
             task.mark(self.folder, absent=str(error))
             if task.optional:
@@ -195,19 +195,33 @@ class Worker:
 # --- what is computed -------------------------------------------------------------------------
 
 
-def _chain(asked: Mapping[str, Any]) -> tuple[Chain, Any]:
-    """What it lives on, and the forcing with the values of this part."""
+def computed(task: Task, folder: Path) -> Any:
+    """The result of a task.
+
+    Raises
+    ------
+    NoStart
+        Where what it starts from is not there.
+    """
+    asked = task.asked
+    steps = Steps(largest=asked["largest"]) if "largest" in asked else None
+    within = {name: (low, high) for name, (low, high) in asked.get("within", {}).items()}
+    if task.needs is not None:
+        point = _source(task, folder)
+        if task.kind == "arms":
+            return switch(point, within=within, progress=False)
+        return boundary(point, tuple(asked["pair"]), within=within, steps=steps, progress=False)
     chain = Chain.model_validate(asked["chain"])
     drive = chain.drive
-    params = {name: value for name, value in asked["at"].items() if name in drive.params}
-    return chain, drive.at(**params) if params else drive
-
-
-def _branch(task: Task, folder: Path) -> Branch:
-    asked, free = task.asked, task.asked["free"]
-    chain, drive = _chain(asked)
+    letters = {name: value for name, value in asked["at"].items() if name in drive.params}
+    at = {name: value for name, value in asked["at"].items() if name not in letters}
+    drive = drive.at(**letters) if letters else drive
+    if task.kind == "zones":
+        ((name, value),) = at.items()
+        how = {"past_folds": asked["past_folds"], "threshold": chain.threshold}
+        return drawn_in_plane(Slice(name, value, drive), **chain.on, **how, within=within)
+    free = asked["free"]
     span = tuple(asked.get("window") or window_of(free))
-    at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
     near = (at[free], at[free]) if free in at else span
     chosen = {**at, **chain.on, "forcing": drive}
     try:
@@ -215,40 +229,7 @@ def _branch(task: Task, folder: Path) -> Branch:
     except NoSolution as error:
         raise NoStart(str(error)) from error
     problem = problem_with(start, free, threshold=chain.verge)
-    return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
-
-
-def _boundary(task: Task, folder: Path) -> Branch:
-    first, second = task.asked["pair"]
-    steps, point = _steps(task.asked), _source(task, folder)
-    return boundary(point, (first, second), within=_within(task), steps=steps, progress=False)
-
-
-def _zones(task: Task, folder: Path) -> Any:
-    asked = task.asked
-    chain, drive = _chain(asked)
-    name = next(name for name in asked["at"] if name not in drive.params)
-    how = {"within": _within(task), "past_folds": asked["past_folds"]}
-    plane = Slice(name, asked["at"][name], drive)
-    return drawn_in_plane(plane, **chain.on, **how, threshold=chain.threshold)
-
-
-_COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {
-    "branch": _branch,
-    "arms": lambda task, folder: switch(
-        _source(task, folder), within=_within(task), progress=False
-    ),
-    "boundary": _boundary,
-    "zones": _zones,
-}
-
-
-def _steps(asked: Mapping[str, Any]) -> Steps | None:
-    return Steps(largest=asked["largest"]) if "largest" in asked else None
-
-
-def _within(task: Task) -> dict[str, tuple[float, float]]:
-    return {name: (low, high) for name, (low, high) in task.asked.get("within", {}).items()}
+    return trace(problem, free, within={free: span}, steps=steps, progress=False)
 
 
 def _source(task: Task, folder: Path) -> Point:
