@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from contbreather.orbits.atlas import Slice, drawn_in_plane
 from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
-from contbreather.studies.schema import Chain, FromPoint, Study, part
+from contbreather.studies.schema import Chain, FromPoint, GridTask, Study, part
 from contbreather.studies.validation import read
 from contbreather.tables import Column, Sheet
 
@@ -108,28 +109,22 @@ class Task:
 def tasks_of(study: Study) -> list[Task]:
     """All tasks, those that others start from first."""
     chain = study.chain.entries
-    families: dict[str, list[Task]] = {}
-    for name, branch in study.branch.items():
-        families[name] = _over(name, "branch", branch.grid, {**branch.entries, "chain": chain})
-    for name, zones in {**study.zones, **study.atlas}.items():
-        families[name] = _over(name, "zones", zones.grid, {**zones.entries, "chain": chain})
-    pending: dict[str, FromPoint] = {**study.arms, **study.boundary}
-    while pending:
-        for name, table in list(pending.items()):
-            source = part(table.of)
-            if source.family in families:
-                kind = "arms" if name in study.arms else "boundary"
-                # a result is the same, be it asked for alone or with the others of its family
-                asked = table.entries | {"of": "/".join(filter(None, (source.family, source.arm)))}
-                families[name] = [
-                    _task(name, start.label, kind, asked, start)
-                    for start in families[source.family]
-                    if source.has(start.values)
-                ]
-                del pending[name]
-    return sorted(
-        (task for family in families.values() for task in family), key=lambda task: task.level
-    )
+
+    @cache
+    def family(name: str) -> list[Task]:
+        table = study.results[name]
+        if isinstance(table, GridTask):
+            kind = "branch" if name in study.branch else "zones"
+            return _over(name, kind, table.grid, {**table.entries, "chain": chain})
+        assert isinstance(table, FromPoint)
+        source, kind = part(table.of), "arms" if name in study.arms else "boundary"
+        # a result is the same, be it asked for alone or with the others of its family
+        asked = table.entries | {"of": "/".join(filter(None, (source.family, source.arm)))}
+        starts = (start for start in family(source.family) if source.has(start.values))
+        return [_task(name, start.label, kind, asked, start) for start in starts]
+
+    tasks = (task for name in study.results for task in family(name))
+    return sorted(tasks, key=lambda task: task.level)
 
 
 def _over(
