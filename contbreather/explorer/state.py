@@ -148,23 +148,19 @@ class PageState:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(result_leaves(name, value))
         curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
-        runs = [
-            (c, part)
-            for c, part in parts.items()
-            if isinstance(part, SimulationRun) and part.record
-        ]
-        planes = [part for part in parts.values() if isinstance(part, Zones)]
-        plane = planes[-1] if planes else self.plane
+        seen: dict[str, Any] = {}  # the last run, and the last zones
+        for code, part in parts.items():
+            if isinstance(part, SimulationRun) and part.record:
+                seen["run"] = code, part
+            elif isinstance(part, Zones):
+                seen |= {"plane": part, "preview": preview_of(part), "fixed": part.fixed}
         return replace(
             self,
             lines=(*self.lines, *lines),
             curves={**self.curves, **curves},
             listed=next(iter(curves), self.listed),
-            run=runs[-1] if runs else self.run,
-            plane=plane,
-            preview=preview_of(plane) if planes and plane is not None else self.preview,
-            fixed=plane.fixed if planes and plane is not None else self.fixed,
             axes=self._axes_for([*curves.values()]),
+            **seen,
         )
 
     def _axes_for(self, new: Sequence[Branch]) -> tuple[str, str]:
