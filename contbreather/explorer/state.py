@@ -153,7 +153,9 @@ class PageState:
             if isinstance(part, SimulationRun) and part.record:
                 seen["run"] = code, part
             elif isinstance(part, Zones):
-                seen |= {"plane": part, "preview": preview_of(part), "fixed": part.fixed}
+                seen |= {"plane": part, "fixed": part.fixed}
+        if "plane" in seen:
+            seen["preview"] = preview_of(seen["plane"])
         return replace(
             self,
             lines=(*self.lines, *lines),
