@@ -91,17 +91,26 @@ def object_of(kernel: Kernel) -> bytes:
     if strange:
         raise NotCompiled(f"{kernel.function.__name__} needs {strange} of numba")
     symbols = " ".join(sorted(name for name in needs if not name.startswith("llvm.")))
-    return f"{code.native_name}\n{symbols}\n".encode() + _object(text)
+    name = kernels.file_name(kernel)
+    return f"{name}\n{symbols}\n".encode() + _object(text, code.native_name, name)
 
 
-def _object(text: str) -> bytes:
+def _object(text: str, entry: str, name: str) -> bytes:
+    """With nothing that others see but its entry, by this name: all objects are loaded into one
+    place, and processes that compile number what they make alike."""
     import llvmlite.binding as llvm
 
+    module = llvm.parse_assembly(text)
+    for part in (*module.functions, *module.global_variables):
+        if part.name == entry:
+            part.name = name
+        elif not part.is_declaration:
+            part.linkage = "internal"
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     machine = kernels.target(
         cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault"
     )
-    code: bytes = machine.emit_object(llvm.parse_assembly(text))
+    code: bytes = machine.emit_object(module)
     return code
 
 

@@ -2,7 +2,7 @@
 some hundred times slower.
 
 They are compiled when the package is installed (`compiler`), an object file each, and loaded by
-llvmlite alone: 1 ms each, and 0.04 s for llvmlite, where to import numba and begin takes 0.5 s.
+llvmlite alone: 0.4 ms each, and 0.04 s for llvmlite, where to import numba and begin takes 0.5 s.
 What is at hand is looked up once: what a process computes with never changes. Where there is
 nothing for this processor, the first process to miss it starts the compiler, far behind everything
 else, for later ones; nobody ever waits for it.
@@ -46,7 +46,8 @@ HOME = Path(__file__).parents[1]
 ASKED = "CONTBREATHER_COMPILE"  # in the environment; 0: nothing is compiled unless somebody asks
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
-    "contbreather.lattice.free_flight",
+    "contbreather.lattice.periodic_green",
+    "contbreather.lattice.modal_flow",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
     "contbreather.orbits.closure_kernels",
@@ -69,10 +70,10 @@ NEVER = (
 )
 
 SEAL = 4  # bytes before the code that tell whether it is whole
-_FORMAT = 5  # of what is kept, and of how it is compiled
+_FORMAT = 6  # of what is kept, and of how it is compiled
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH  # who might write besides the owner
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
-_loaded: dict[str, tuple[int, Any]] = {}  # by file: the address, and what keeps it alive
+_loaded: dict[str, int] = {}  # by file: the address
 _started: list[Any] = []  # the compiler, where this process has started it
 
 
@@ -252,6 +253,7 @@ FRAME = 5 * "p"  # one address, of words that are i8, f8, and addresses of f8, i
 _PLAIN = {float: "f8", int: "i8", bool: "b1"}
 
 
+@cache  # kernels have tuples in common
 def _shapes(annotated: Any) -> tuple[Shape, ...]:
     hints = get_type_hints(annotated, include_extras=True)
     hints.pop("return", None)
@@ -304,12 +306,15 @@ def _of_array(array: NDArray[Any], shape: Shape) -> tuple[int, ...]:
     return _begin(array), *lengths
 
 
+# sooner than by `array.ctypes`, and half of that was to look them up
+_address_of, _view = ctypes.addressof, ctypes.c_char.from_buffer
+
+
 def _begin(array: NDArray[Any]) -> int:
     if not array.size:
         return 0
     try:
-        # sooner than by `array.ctypes`
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # type: ignore[arg-type]
+        return _address_of(_view(array))  # type: ignore[arg-type]
     except TypeError:  # not to be written to
         return array.ctypes.data
 
@@ -371,7 +376,7 @@ def _address(kernel: Kernel) -> int:
             if path is None:
                 raise NotCompiled(_missing(kernel, name))
             _loaded[name] = load_object(read_object(path))
-    return _loaded[name][0]
+    return _loaded[name]
 
 
 class AtHand(NamedTuple):
@@ -543,12 +548,20 @@ def target(**options: Any) -> Any:
     return native.create_target_machine(jit=True, **options)
 
 
-def load_object(code: bytes) -> tuple[int, Any]:
-    """The address of the entry of what `compiler` made, and what keeps it alive."""
+@cache
+def _engine() -> Any:
+    """What keeps machine code: one for all of it, for to make one takes longer than to load."""
+    import llvmlite.binding as llvm
+
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())  # finds Python's own
+
+
+def load_object(code: bytes) -> int:
+    """The address of the entry of what `compiler` made."""
     import llvmlite.binding as llvm
 
     name, needs, body = code.split(b"\n", 2)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())  # finds Python's own
+    engine = _engine()
     somewhere = ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value
     for need in needs.decode().split():
         if llvm.address_of_symbol(need) is None:
@@ -557,7 +570,8 @@ def load_object(code: bytes) -> tuple[int, Any]:
             llvm.add_symbol(need, somewhere)
     engine.add_object_file(llvm.ObjectFileRef.from_data(body))
     engine.finalize_object()
-    return engine.get_function_address(name.decode()), engine
+    address: int = engine.get_function_address(name.decode())
+    return address
 
 
 # --- what is not ----------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from contbreather.storage.serialise import later
 
 
 def _simulation() -> None:
-    from contbreather.simulation import periodic, simulate, smooth  # noqa: F401 - runs and motions
+    from contbreather.simulation import periodic, simulate  # noqa: F401 - runs and motions
 
 
 def _orbits() -> None:  # their equations, events and zones

@@ -162,10 +162,9 @@ sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("after", [1, 20])
-def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path, after: int) -> None:
+def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
     line = "zones --k 0.8 --k 0.4 --k 0.9 --json --csv zones.csv"
-    with begun("-c", AT_WORK, str(after), *line.split(), cwd=tmp_path) as one:
+    with begun("-c", AT_WORK, "20", *line.split(), cwd=tmp_path) as one:
         assert one.stderr.readline() == "at work\n"
         one.send_signal(signal.SIGINT)
         out, err = one.communicate()
@@ -227,13 +226,12 @@ sys.exit(main())
 """
 SIMULATE = "simulate --a 0.1 --gamma 0.04 --k 0.8 --periods 3 --json"
 IMPORTED = [
-    (SIMULATE, "contbreather.cli"),
     (SIMULATE, "cyclopts"),
     (SIMULATE, "contbreather.simulation"),
     (SIMULATE, "llvmlite.binding"),
     (SIMULATE, "in numba"),
     ("branch --free a --gamma 0.08 --k 0.8 --json", "scipy.linalg"),
-    ("zones --k 0.8 --gamma-window 0.09 0.1 -o zones.png", "matplotlib.figure"),
+    ("branch --free a --gamma 0.08 --k 0.8 --window 0.5 0.55 -o b.png", "matplotlib.figure"),
 ]
 
 
@@ -247,7 +245,7 @@ def test_during_an_import_it_waits_until_that_is_over(
     first, *_ = err.splitlines()
     assert first.startswith("contbreather: interrupted")
     assert "Error" not in err
-    assert ("Wrote zones.png" in out) == (tmp_path / "zones.png").exists()
+    assert ("Wrote b.png" in out) == (tmp_path / "b.png").exists()
 
 
 def test_the_console_script_hears_it_from_the_start() -> None:
@@ -258,7 +256,7 @@ def test_the_console_script_hears_it_from_the_start() -> None:
 POINT = "point --a 0.5 --gamma 0.04 --k 0.8"
 
 
-@pytest.mark.parametrize("line", [POINT, f"{POINT} --json", "--help"])
+@pytest.mark.parametrize("line", [POINT, "--help"])
 def test_a_full_standard_output_is_a_sentence(tmp_path: Path, line: str) -> None:
     with open("/dev/full", "w") as full:
         one = process(line, tmp_path, stdout=full)
@@ -278,19 +276,15 @@ def test_a_closed_standard_output_is_a_sentence(tmp_path: Path) -> None:
 
 def test_a_full_standard_error_keeps_the_status(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
-        one = process(POINT + "0", tmp_path, stderr=full)
-    assert one.returncode == DONE
-    with open("/dev/full", "w") as full:
         one = process("point --a 1 --gamma 1 --k 1", tmp_path, stderr=full)
     assert one.returncode == 2
 
 
 ODD = [
-    ("zones --help", {"COLUMNS": "0"}),
     ("--help", {"COLUMNS": "9" * 20}),
-    ("branch --free a --gamma 0.08 --k 0.8", {"PYTHONIOENCODING": "ascii"}),
-    ("branch --free a --gamma 0.08 --k 0.8 -o b.png", {"MPLBACKEND": "nonsense"}),
-]
+    ("branch --free a --gamma 0.08 --k 0.8 --window 0.5 0.55 -o b.png",
+     {"COLUMNS": "0", "PYTHONIOENCODING": "ascii", "MPLBACKEND": "nonsense"}),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("line", "env"), ODD)

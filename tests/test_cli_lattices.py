@@ -113,8 +113,7 @@ def test_branch_and_its_special_points_are_the_library_s(run) -> None:
         assert one["a"] == pytest.approx(own["a"], abs=1e-10)
 
 
-@pytest.mark.parametrize("free", ["damping", "spring"])
-@pytest.mark.parametrize("lattice", ["ring:12", "grid:3x3"])
+@pytest.mark.parametrize(("free", "lattice"), [("damping", "ring:12"), ("spring", "grid:3x3")])
 def test_damping_and_springs_are_parameters_to_vary(run, free: str, lattice: str) -> None:
     found = content(run, f"branch --free {free} --a 0.6 {AT} --lattice {lattice} --window 0 0.02")
     columns = found["columns"]
@@ -147,10 +146,6 @@ def test_switch_and_diagram_leave_the_pitchfork_of_the_lattice(run) -> None:
     assert [arm["image_of"] for arm in found["arms"]] == [None, 1]
     tree = content(run, f"diagram --free a {lattice}")
     assert [branch["depth"] for branch in tree["branches"]] == [0, 1, 1]
-    assert (
-        "on the open chain with free ends, 9 sites (threshold 1.005)"
-        in run(f"switch --free a {lattice}")[1]
-    )
 
 
 def test_a_threshold_is_of_any_finite_lattice(run) -> None:
@@ -222,13 +217,14 @@ def test_branch_is_of_the_ring_in_every_column_and_label(run) -> None:
 
 
 def test_boundary_is_of_the_ring(run) -> None:
-    found = content(run, f"boundary NS --gamma 0.05 --k 0.8 {RING}")
+    line = "--gamma 0.05 --k 0.8 --window 0.04 0.06"
+    found = content(run, f"boundary NS {line} {RING}")
     assert (found["sites"], found["threshold"]) == (20, 1.02)
     columns = found["columns"]
-    for a, gamma in list(zip(columns["a"], columns["gamma"], strict=True))[::20]:
+    for a, gamma in list(zip(columns["a"], columns["gamma"], strict=True))[::4]:
         largest = on_ring(float(a), float(gamma)).stability().largest
         assert largest == pytest.approx(1.02, abs=1e-9)
-    assert "ring of 20, threshold 1.02" in run(f"boundary PF --gamma 0.05 --k 0.8 {RING}")[1]
+    assert "ring of 20, threshold 1.02" in run(f"boundary PF {line} {RING}")[1]
 
 
 def test_zones_are_of_the_ring(run) -> None:

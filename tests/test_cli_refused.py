@@ -25,25 +25,17 @@ START = {  # what lines begin with, by a word
 REFUSED = r"""
 # of the chain
 point --a 0.5 --gamma 0.25 --k 0.8 >> 0 <= gamma < 1/4
-point --a 0.5 --gamma -0.1 --k 0.8 >> 0 <= gamma < 1/4
-point --a 0.5 --gamma nan --k 0.8 >> 0 <= gamma < 1/4
 branch --free a --gamma inf --k 0.8 >> 0 <= gamma < 1/4
 point --a 0.5 --gamma 0.1 --k 1.0001 >> 0 <= k <= 1
-point --a 0.5 --gamma 0.1 --k -0.2 >> 0 <= k <= 1
 zones --k nan >> 0 <= k <= 1
-zones --k 2 >> 0 <= k <= 1
 zones --k 1 >> zones need 0 < k < 1
 point --a 0.05 --gamma 0.1 --k 0.8 >> below the fold.*the smallest a is 0\.0570290371821
-point --a inf --gamma 0.1 --k 0.8 >> a = inf: .* finite
 point --a nan --gamma 0.1 --k 0.8 >> a = nan: .* finite
-point --a 0 --gamma 0.1 --k 0.8 >> finite number > 0
 point --a half --gamma 0.1 --k 0.8 >> --a: unable to convert "half"
 point --gamma 0.1 --k 0.8 >> --a is missing: the amplitude
 point --gamma 0.1 --a 0.8 >> --k is missing: the restitution
 point --a >> --a takes a value, and none was given; see contbreather point --help
 POINT --forcing '-cos(t)+cos(2*t)' >> is not antisymmetric: over a period it has the even harmonic 2
-POINT --forcing '1-cos(t)' >> antisymmetric|mean
-POINT --forcing 'cos(t/2)' >> antisymmetric|period
 POINT --forcing 'cos(t' >> is not a formula
 POINT --forcing '-cos(t)-c*cos(3*t)' >> needs a value for c
 POINT --forcing '-cos(x)' >> needs a value for x; the time is t
@@ -61,7 +53,6 @@ POINT --set c=1 >> unknown forcing parameter c
 POINT --set c=lots >> NAME=VALUE was expected
 POINT --set =1 >> NAME=VALUE was expected
 POINT --sites 0 >> sites = .*: a whole number, at least 1
-POINT --sites many >> many is not a whole number
 POINT --sites 2.5 >> 2\.5 is not a whole number
 POINT --root 1.5 >> 1\.5 is not a whole number
 POINT --threshold 1.005 >> --threshold needs --sites
@@ -69,7 +60,6 @@ BRANCH --threshold 1.01 >> --threshold needs --sites
 boundary LP --k 0.8 --threshold 1.01 >> --threshold needs --sites
 zones --k 0.8 --threshold 1.01 >> --threshold needs --sites
 POINT --sites 10 --threshold 0.9 >> threshold = 0\.9
-POINT --sites 10 --threshold nan >> threshold = nan
 POINT --amplitude 3 >> Unknown option.*--amplitude
 zone >> Unknown command "zone"\. Did you mean "zones"\?; see contbreather --help
 POINT more >> more
@@ -79,7 +69,6 @@ BRANCH --towards left >> "both", "up", "down"
 BRANCH --window 0.9 0.95 --root 1 >> no breather .* between 0\.9 and 0\.95: .*\(15\) is broken
 BRANCH --window 0.01 0.05 >> no breather .* below the fold
 BRANCH --window 0.9 0.5 >> the smaller first
-BRANCH --window nan 0.5 >> two finite numbers
 BRANCH --window 0 inf >> two finite numbers
 BRANCH --window 0.5 >> --window takes 2 values, .* and 1 was given
 branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4 >> contains no breather
@@ -122,11 +111,9 @@ HERE --lattice open:9 --site 1.5 >> 1\.5 is not a whole number
 HERE --lattice open:9 --walls 12:-1,1
     >> walls of site 12: there is no such site on the open chain .* sites are 0 to 8
 HERE --lattice open:9 --walls 1,-1 >> two numbers low < high
-HERE --lattice open:9 --walls nan,1 >> two numbers low < high
 HERE --lattice open:9 --walls none,1 >> the walls are not symmetric
 HERE --lattice open:9 --damping -1 >> damping = -1\.0: .* 0 <= dam
 HERE --sites 10 --damping -1 >> damping = -1\.0: .* 0 <= dam
-HERE --lattice open:9 --damping nan >> damping = nan: .* 0 <= dam
 HERE --lattice open:9 --spring -0.1 >> spring = -0\.1: .* 0 <= spr
 HERE --lattice open:9 --spring 1
     >> frequency 1 is in resonance with the orbit: change gamma or spring
@@ -177,25 +164,20 @@ simulate --a 1.05 --gamma 0.1 --k 0.8 >> site 1 reaches .* give a state with --s
 simulate --a 1.05 --gamma 0.2 --k 0.8 >> [^.]; give a state with --start instead\n
 LOST --sites 2.5 >> --sites: 2\.5 is not a whole number
 LOST --seed 1.9 >> --seed: 1\.9 is not a whole number
-DAMPED 1e12 >> damping = 1000000000000\.0: .* <= 1e4
 LOST --periods 1e13 >> periods = 10000000000000\.0: a length .* to 1e12
 LOST --periods 1e11
     >> the states of 20 sites once in each would be 3\.2e\+04 GB.* 1\.07; .* --stream
 LOST --smooth 6 --periods 1e9 >> shorten it, or keep
 LOST --perturb 1e308 >> inf of the state is not finite
 LOST --smooth 0.3 >> m = 0\.3: the hardness .* 0\.5 <= m .* any real one
-LOST --smooth 1e5 >> m = 100000\.0: the hardness .* 0\.5 <= m <= 1e4
 LOST --csv a.csv --impacts ./a.csv >> give different names
 LOST --final a.png -o ./a.png >> give different names
 LOST --sites 0 >> sites = .*: a whole number, at least 1
 DAMPED -0.01 >> damping = -0\.01: the damping .* 0 <= dam
 LOST --periods -3 >> periods = -3\.0: a length
-LOST --periods nan >> periods = nan
 LOST --stream f --periods 2.5 >> whole periods
-LOST --stream f --periods nan >> whole periods
 LOST --stream f --smooth 6 >> --stream goes with rigid walls
 LOST --impacts f.csv --smooth 6 >> --impacts goes with rigid walls
-LOST --smooth 0 >> m = 0\.0: the hardness
 LOST --perturb -1 >> --perturb -1: a size
 LOST --perturb 5 >> lies outside the walls
 LOST --perturb 0.1 --seed -1 >> --seed -1
@@ -205,7 +187,6 @@ LOST --start words.txt >> no state in words\.txt: JSON with u, v
 LOST --start half.json >> no state in half\.json
 LOST --start two.csv --sites 5 >> has 2 sites; leave out --sites
 LOST --start out.csv >> u\[0\] = 1\.5 lies outside the walls
-LOST --csv a.csv --impacts a.csv >> give different names
 LOST -o run.jpeg >> suffix must be one of
 LOST --final nowhere/f.json >> there is no directory nowhere
 # of atlases
@@ -223,10 +204,8 @@ atlas --k 0.8 --over c=0:1:100000000000 >> --over c: 100000000000 values .* 1 to
 atlas --k 0.1:0.9:1000 --over c=0:1:101 --forcing 'cos(t)+c*cos(3*t)'
     >> 1000 of k times 101 of c are 101000 combinations: at most 100000
 atlas --k 0.1:0.9:0 >> --k: 0 values from 0\.1 to 0\.9: a whole number
-atlas --k 0.1:0.9:-3 >> --k: -3 values from 0\.1 to 0\.9
 atlas --k 0.1:0.9:2.5 >> '0\.1:0\.9:2\.5' is neither a number nor
 atlas --k 0.1:inf:3 >> --k = inf: .* a finite number
-atlas --k nan:0.9:3 >> --k = nan: .* a finite number
 atlas --a=-1e308:1e308:3 >> --a = -1e\+308: .* a finite number
 atlas --k 0.8:0.8:3 >> no 3 different values from 0\.8 to 0\.8
 atlas --k '' >> --k: '' is neither a number nor LOW:HIGH:COUNT
@@ -238,7 +217,6 @@ atlas --k 0.8 --over lattice=0:1:3 --forcing 'cos(t)+lattice*cos(3*t)'
 # of places
 BRANCH --csv - --json >> --json goes there; give
 BRANCH --csv /dev/stdout --json >> --json goes there; give
-BRANCH --csv /dev/fd/1 --json >> --json goes there; give
 BRANCH --csv /proc/self/fd/1 --json >> --json goes there; give
 LOST --impacts - --json >> --impacts /dev/stdout: --json goes there
 LOST --final=- --json >> --final -: --json goes there
@@ -264,7 +242,6 @@ run grid.toml >> 1000 of k times 1000 of c are 1000000 combinations
 # of the explorer
 explore --headless missing.nc >> missing\.nc
 explore --headless --port 70000 >> port
-explore --headless --port -1 >> port = -1
 explore --headless --address 203.0.113.7 >> cannot listen at 203\.0\.113\.7
 explore --headless --origin '' >> origin '': HOST:PORT was expected
 explore --headless --origin http://a:1/ >> origin 'http://a:1/': HOST

@@ -120,16 +120,16 @@ def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
 @pytest.mark.parametrize(
     ("command", "name"),
     [
-        ("branch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --lattice open:4", "branch"),
-        ("branch --free a --gamma 0.04 --k 0.8 --window 0.5 0.51 --spring 0.1", "branch"),
+        ("branch --free a --gamma 0.04 --k 0.8 --window 0.5 0.51 --lattice open:4 --spring 0.1",
+         "branch"),
         ("branch --free a --gamma 0 --k 0.8 --window 0.5 0.51 --sites 3 --walls=-2,2", "branch"),
-        ("switch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --sites 4", "arm1"),
+        ("switch --free a --gamma 0.04 --k 0.8 --window 0.76 0.78", "arm1"),
         ("diagram --free a --gamma 0.04 --k 0.8 --window 0.76 0.78 --depth 1", "diagram"),
         ("zones --k 0.8 --k 0.7 --gamma-window 0.03 0.031", "zones2"),
         ("boundary NS --gamma 0.1 --k 0.8 --window 0.1 0.101", "boundary"),
         ("simulate --a 0.5 --gamma 0.04 --k 0.8 --sites 4 --periods 2", "run"),
     ],
-)
+)  # fmt: skip
 def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(
     run: Run, command: str, name: str
 ) -> None:
@@ -193,7 +193,8 @@ def test_steps_are_as_long_as_they_are_asked_to_be(kept: Run) -> None:
 def test_branches_of_other_equations_are_shown_without_a_lattice(run: Run) -> None:
     mine = cb.Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})
     cross = cb.trace(mine, "mu", within={"mu": (-1, 1), "x": (-1, 1)}, events=[cb.branch_point()])
-    cb.save("mine.nc", **dict(zip(("arm1", "arm2"), cb.switch(cross.first("BP")), strict=True)))
+    arms = cb.switch(cross.first("BP"), within={"mu": (-1, 1)})
+    cb.save("mine.nc", **dict(zip(("arm1", "arm2"), arms, strict=True)))
     status, out, err = run("show mine.nc --json --csv mine.csv")
     assert (status, err) == (0, "")
     found = json.loads(out)["results"]

@@ -42,7 +42,7 @@ def test_the_logger_says_the_same_in_python_and_nothing_unless_asked(caplog) -> 
     assert {record.levelname for record in steps} == {"DEBUG"}
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
 def test_the_tab_key_is_taught_once(shell, tmp_path: Path, monkeypatch, capsys) -> None:
     for name in ("XDG_DATA_HOME", "XDG_CONFIG_HOME", "ZDOTDIR"):
         monkeypatch.delenv(name, raising=False)
@@ -59,8 +59,12 @@ def test_the_tab_key_is_taught_once(shell, tmp_path: Path, monkeypatch, capsys) 
 def test_bash_completes_commands_and_options(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.delenv("XDG_DATA_HOME", raising=False)
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert main(["--install-completion", "--shell", "bash"]) == 0
-    (script,) = (path for path in tmp_path.rglob("contbreather") if path.is_file())
+    left = []
+    for _ in range(2):
+        assert main(["--install-completion", "--shell", "bash"]) == 0
+        left.append({path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()})
+    assert left[0] == left[1]
+    (script,) = (path for path in left[0] if path.name == "contbreather")
     ask = (
         f'source "{script}"\n'
         'COMP_WORDS=(contbreather bou); COMP_CWORD=1; _contbreather; echo "${COMPREPLY[@]}"\n'

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.orbits.symmetric_breather import SymmetricBreather
+from contbreather.orbits.closed_form import ClosedForm
 
 HERE = {"a": 0.5, "gamma": 0.04, "k": 0.8}
 NO_NUMBERS: tuple[Any, ...] = (
@@ -49,7 +49,7 @@ def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
 
     return {
         "symmetric": (cb.symmetric, dict(HERE)),
-        "closed form": (SymmetricBreather, {**HERE, "p": b.p, "phi": b.phi}),
+        "closed form": (ClosedForm, {**HERE, "p": b.p, "phi": b.phi}),
         "ring": (cb.Ring, {"sites": 6}),
         "verdict": (lambda threshold: b.stability(6, threshold), {"threshold": 1.005}),
         "place": (b.displacement, {"n": 0, "t": 0.1}),

@@ -12,7 +12,7 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.constructors import asymmetric
 
-SHORT = cb.Steps(most=4)
+SHORT = cb.Steps(most=2)
 
 
 def again(value: Any) -> Any:

@@ -453,9 +453,7 @@ def test_type_is_readable_in_a_journal_column(diagram: Zones) -> None:
     assert all(6.0 <= text.get_fontsize() <= 10.0 for text in labels)
 
 
-@pytest.mark.parametrize(
-    ("count", "rows", "width"), [(1, 1, 8.5), (2, 2, 8.5), (3, 2, PAGE), (4, 2, PAGE)]
-)
+@pytest.mark.parametrize(("count", "rows", "width"), [(2, 2, 8.5), (3, 2, PAGE)])
 def test_zone_diagrams_fit_a_page(diagram: Zones, count: int, rows: int, width: float) -> None:
     panels = [one.axes for one in plot_zones([diagram] * count)]
     assert len(panels) == len(panels[0].figure.axes) == count
@@ -572,10 +570,13 @@ def figure() -> object:
     return drawn()
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_the_same_drawing_gives_the_same_file(suffix: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("suffix", "begins"), [("PNG", b"\x89PNG\r"), ("pdf", b"%PDF-"), ("svg", b"<?xml")]
+)
+def test_the_same_drawing_gives_the_same_file(suffix: str, begins: bytes, tmp_path: Path) -> None:
     one, two = (save_figure(drawn(), tmp_path / f"{n}.{suffix}") for n in "12")
     content = one.read_bytes()
+    assert content.startswith(begins)
     assert content == two.read_bytes()
     assert b"CreationDate" not in content  # nor does the next second make another file
     assert b"dc:date" not in content
@@ -585,13 +586,10 @@ def test_the_same_drawing_gives_the_same_file(suffix: str, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("", "name of the file to write is empty"),
         ("folder", "it is a directory"),
-        ("nowhere/x.png", "there is no directory"),
-        ("x.jpeg", r"suffix must be one of \.png, \.pdf, \.svg"),
         *(
             (name, r"suffix must be one of \.png, \.pdf, \.svg")
-            for name in ("x", "x.txt", "x.png.gz")
+            for name in ("x", "x.jpeg", "x.png.gz")
         ),
     ],
 )
@@ -654,10 +652,11 @@ def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(
     assert set(two).isdisjoint(one)
 
 
-@pytest.mark.parametrize("given", ["drawn", "several", "artist", "axes"])
+@pytest.mark.parametrize("given", ["drawn", "several", "artist", "axes", "panels"])
 def test_a_figure_is_saved_by_whatever_is_drawn_in_it(given: str, in_a: Branch, tmp_path) -> None:
     drawn = plot(in_a)
-    what = {"drawn": drawn, "several": [drawn], "artist": drawn[0], "axes": drawn.axes}[given]
+    what = {"drawn": drawn, "several": [drawn], "artist": drawn[0], "axes": drawn.axes,
+            "panels": drawn.figure.axes}[given]  # fmt: skip
     save_figure(drawn.figure, tmp_path / "one.svg")
     save_figure(what, tmp_path / "other.svg")
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()

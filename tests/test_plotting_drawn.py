@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -58,13 +59,17 @@ def hue(colour) -> str:
     return REDDISH if red > blue else BLUISH if blue > red else "grey"
 
 
-def pixel(ax, x: float, y: float) -> tuple[float, float, float]:
+def painted(ax) -> Callable[[float, float], tuple[float, float, float]]:
     """The colour that a reader sees at a place of the axes."""
     canvas = FigureCanvasAgg(ax.figure)
     canvas.draw()
     image = np.asarray(canvas.buffer_rgba())
-    column, row = ax.transData.transform((x, y))
-    return tuple(image[image.shape[0] - 1 - int(row), int(column), :3] / 255)
+
+    def pixel(x: float, y: float) -> tuple[float, float, float]:
+        column, row = ax.transData.transform((x, y))
+        return tuple(image[image.shape[0] - 1 - int(row), int(column), :3] / 255)
+
+    return pixel
 
 
 def legend_of(ax) -> dict[str, tuple[str, object]]:
@@ -86,21 +91,19 @@ def panel(diagram: Zones):
     return ax
 
 
-@pytest.mark.parametrize(
-    ("gamma", "a", "seen"),
-    [
+def test_stable_is_blue_unstable_red_and_no_breather_white(panel) -> None:
+    pixel = painted(panel)
+    for gamma, a, seen in (
         (0.1, 0.5, BLUISH),  # stable
         (0.02, 0.4, BLUISH),
         (0.02, 0.9, REDDISH),  # above the pitchfork
         (0.2, 0.3, REDDISH),  # beyond the Neimark-Sacker line
         (0.1, 0.92, "grey"),  # behind grazing there is no breather,
         (0.1, 0.03, "grey"),  # nor below the fold
-    ],
-)
-def test_stable_is_blue_unstable_red_and_no_breather_white(panel, gamma, a, seen) -> None:
-    colour = pixel(panel, gamma, a)
-    assert hue(colour) == seen
-    assert (min(colour) == 1.0) == (seen == "grey")
+    ):
+        colour = pixel(gamma, a)
+        assert hue(colour) == seen, (gamma, a)
+        assert (min(colour) == 1.0) == (seen == "grey")
 
 
 def test_letters_stand_where_a_breather_is_what_they_say(panel) -> None:
@@ -414,10 +417,11 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     assert set(shown) == set(named.values())
     assert list(shown) == [outcome.words for outcome in OUTCOMES]
     assert len({*map(to_hex, shown.values())}) == len(Outcome)
+    pixel = painted(ax)
     for row, speed in enumerate(v.values):
         for column, place in enumerate(u.values):
             want = shown[named[Outcome(outcomes[row, column])]]
-            assert pixel(ax, place, speed) == pytest.approx(want, abs=0.005)
+            assert pixel(place, speed) == pytest.approx(want, abs=0.005)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$u_{1}$", r"$\dot u_{0}$")
 
 

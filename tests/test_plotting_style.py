@@ -133,17 +133,6 @@ def test_a_sheet_is_a_column_wide_and_as_high_as_its_panels() -> None:
     assert centimetres(new_figure(width=12.0, height=3.0)[0]) == (12.0, 3.0)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg", ".PNG"])
-def test_a_figure_is_saved_by_itself_and_by_its_axes(tmp_path: Path, suffix: str) -> None:
-    figure, axes = new_figure(2)
-    axes[0].plot([0, 1], [0, 1])
-    for one in (figure, axes[0], axes):
-        made = save_figure(one, tmp_path / f"made{suffix}")
-        assert made.stat().st_size > 500
-    starts = {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".svg": b"<?xml"}
-    assert made.read_bytes()[:5] == starts[suffix.lower()]
-
-
 def test_axes_that_have_no_figure_any_more_are_not_saved(tmp_path: Path) -> None:
     _, (axes,) = new_figure()
     axes.remove()
@@ -152,11 +141,6 @@ def test_axes_that_have_no_figure_any_more_are_not_saved(tmp_path: Path) -> None
 
 
 # --- all pictures ---------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def diagram() -> Zones:
-    return cb.zones(k=0.8, within={"gamma": (0.0, 0.12)})
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +164,7 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
     curves = tuple(SampledCurve(look, n, t, np.cos(t) + 2.2 * n, look) for n, look in looks)
     panels = Panel("against", curves[:3]), Panel("traces", curves[3:], lost=1.0)
     series = TimeSeries(6, panels, "", ()).draw().axes
-    return {
+    made = {
         "orbit": plot_orbit(cb.symmetric(**HERE)).axes,
         "sites": plot_orbit(cb.symmetric(**HERE), sites=range(14)).axes,
         "simulated": draw(cb.simulate(large, **HERE, periods=30), 12).axes[0],
@@ -197,6 +181,9 @@ def pictures(diagram: Zones, run: cb.simulation.SimulationRun) -> dict[str, Axes
         "sweep": plot_sweep(loop).axes,
         "basin": plot_basin(basin).axes,
     }
+    for figure in {ax.figure for ax in made.values()}:
+        figure.draw_without_rendering()
+    return made
 
 
 NAMES = (
@@ -225,7 +212,6 @@ def test_lines_dots_and_words_have_sizes_that_print(pictures, name: str) -> None
         assert 1.0 <= legend.handlelength <= 2.5
         assert 0.2 <= legend.handletextpad <= 1.0
         assert 0.5 <= legend.columnspacing <= 2.0
-        ax.figure.draw_without_rendering()
         own, box = legend.get_window_extent(), ax.bbox  # it stands in or over its own axes
         assert box.x0 - 0.03 * box.width <= own.x0 <= own.x1 <= box.x1 + 0.03 * box.width
         assert own.y0 <= box.y1 + 0.1 * box.height
@@ -241,7 +227,6 @@ def test_everything_that_is_drawn_is_inside_the_axes_and_the_axes_inside_the_she
 ) -> None:
     ax = pictures[name]
     figure = ax.figure
-    figure.draw_without_rendering()
     whole = figure.bbox
     box = ax.get_tightbbox()
     assert box.x0 >= whole.x0 - 1

@@ -14,8 +14,9 @@ import pytest
 
 import contbreather
 
+from .test_floors import PACKAGE, modules
+
 ROOT = Path(__file__).parents[1]
-PACKAGE = Path(contbreather.__file__).parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CHECKS = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
@@ -82,8 +83,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
     asked = [*project["dependencies"], *(one for extra in extras for one in extra)]
     names = {re.split(r"[\[<>=~!; ]", one)[0] for one in asked}
     declared = {CALLED.get(name, name) for name in names}
-    files = PACKAGE.rglob("*.py")
-    used = {name for path in files for name in third_party(ast.parse(path.read_text("utf-8")))}
+    used = {name for tree in modules(PACKAGE).values() for name in third_party(tree)}
     assert {name.replace("_", "-") for name in used} <= declared
 
 

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xarray
 
 import contbreather as cb
 from contbreather.orbits.atlas import Slice
@@ -517,6 +516,9 @@ window = [0.3, 0.6]
 [zones.plane]
 k = 0.8
 within = {gamma = [0.0, 0.1]}
+
+[atlas.planes]
+k = 0.7
 """
 
 
@@ -548,7 +550,7 @@ def test_every_key_of_a_study_reaches_the_library(
         "walls": dict.fromkeys(range(6), (-1.0, 1.0)) | {3: (-0.8, 0.8)},
     }  # fmt: skip
     own = {task.name: task for file in (path, plane) for task in tasks_of(read(file))}
-    assert list(own) == ["ways", "fixed", "arms", "line", "soft", "plane"]
+    assert list(own) == ["ways", "fixed", "arms", "line", "soft", "plane", "planes"]
     drives = [cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=c3) for c3 in (0.05, 0.1)]
     wanted = {
         "ways": [
@@ -574,6 +576,11 @@ def test_every_key_of_a_study_reaches_the_library(
              {"lattice": cb.Ring(6), "spring": 0.0, "threshold": 1.01,
               "within": {"gamma": (0.0, 0.1)}, "past_folds": False}),
         ],
+        "planes": [
+            ("drawn_in_plane", (Slice("k", 0.7, drives[1]),),
+             {"lattice": cb.Ring(6), "spring": 0.0, "threshold": 1.01, "within": {},
+              "past_folds": False}),
+        ],
         "soft": [
             ("find_symmetric", ("a", (0.3, 0.6)),
              {"gamma": 0.04, "k": 0.7, "lattice": cb.Ring(6), "spring": 0.0,
@@ -586,30 +593,6 @@ def test_every_key_of_a_study_reaches_the_library(
         asked.clear()
         tasks.computed(own[name], tmp_path)
         assert asked == calls
-
-
-def test_diagrams_and_atlases_are_of_the_lattice_of_the_study(tmp_path: Path) -> None:
-    path = tmp_path / "damped.toml"
-    path.write_text(DAMPED)
-    assert conduct(path, executor=1).computed == ["one"]
-    (fork,) = cb.load(tmp_path / "damped")["one"]["PF"]
-    on = fork[0].solution.conditions
-    assert (on.damping, on.lattice.sites, fork[0].solution.section.hit[0]) == (0.02, 3, 1)
-    assert abs(fork[0].multipliers(half=True) - 1.0).min() < 1e-7
-    with xarray.open_dataset(tmp_path / "damped" / "one.nc4", engine="h5netcdf") as data:
-        assert data.attrs["damping"] == 0.02
-
-
-DAMPED = """
-[chain]
-lattice = "open:3"
-damping = 0.02
-site = 1
-
-[atlas.one]
-k = 0.8
-within = {gamma = [0.03, 0.0301], a = [0.755, 0.765]}
-"""
 
 
 # --- interruptions and clusters -------------------------------------------------------------------

@@ -212,7 +212,7 @@ def test_branches_over_a_grid_are_those_that_trace_finds() -> None:
     window = {"a": (0.45, 0.9)}
     starts: list[Any] = [cb.symmetric(0.5, g, k) for g in (0.02, 0.08) for k in (0.6, 0.8)]
     starts.insert(2, cb.symmetric(0.2, 0.02, 0.8))  # outside of the window
-    found = list(cb.trace_many(starts, "a", within=window, executor=2))
+    found = list(cb.trace_many(starts, "a", within=window, executor=1))
     assert isinstance(found[2], Failed)
     with pytest.raises(cb.BadInput) as alone:
         cb.trace(starts[2], "a", within=window)

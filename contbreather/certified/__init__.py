@@ -11,7 +11,6 @@ from contbreather.certified.proofs import (
     certify_curve,
     certify_point,
     parameters,
-    provable,
 )
 from contbreather.checks import number
 from contbreather.continuation.branch import Branch
@@ -62,31 +61,19 @@ def certify(what: Any, *, within: float = WITHIN) -> Certificate | Covering:
     """
     within = number("within", within, 1e-15, 0.1, "between 1e-15 and 0.1")
     if isinstance(what, Branch):
-        return _certify_branch(what)
+        if event_of(what.problem) is not None:
+            raise BadInput(
+                "certify() takes branches in one parameter; of a boundary take its points, line[3]."
+            )
+        params = parameters(what[0].solution)
+        return certify_curve(params, what.free, [tuple(map(float, point.z)) for point in what])
+    orbit, kinds = what, list[str]()
     if isinstance(what, Point):
-        return _certify_place(what, within)
-    on, unknowns = parameters(provable(what).conditions), {"p": what.p, "phi": what.phi}
-    return certify_point(on, unknowns, "", within)
-
-
-def _certify_place(point: Point, within: float) -> Certificate:
-    orbit, kind = provable(point.solution), point.kind
-    line = event_of(point.curve.problem)  # of which boundary it is a point
-    if kind not in DEFINING and line is not None:
-        kind = line.kind
-    if kind not in DEFINING:
-        return certify(orbit, within=within)
-    free = point.curve.free[0]
-    params = parameters(orbit.conditions)
-    unknowns = {"p": orbit.p, "phi": orbit.phi, free: params.pop(free)}
-    return certify_point(params, unknowns, kind, within)
-
-
-def _certify_branch(branch: Branch) -> Covering:
-    if event_of(branch.problem) is not None:
-        raise BadInput(
-            "certify() takes branches in one parameter; of a boundary take its points, line[3]."
-        )
-    params = parameters(provable(branch[0].solution).conditions)
-    places = [tuple(float(x) for x in point.z) for point in branch]
-    return certify_curve(params, branch.free, places)
+        line = event_of(what.curve.problem)  # of which boundary it is a point
+        orbit, kinds = what.solution, [what.kind] + ([line.kind] if line else [])
+    params, unknowns = parameters(orbit), {"p": orbit.p, "phi": orbit.phi}
+    special = next((kind for kind in kinds if kind in DEFINING), "")
+    if special:
+        free = what.curve.free[0]
+        unknowns[free] = params.pop(free)
+    return certify_point(params, unknowns, special, within)

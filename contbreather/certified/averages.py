@@ -28,7 +28,7 @@ from math import comb, factorial
 
 from flint import arb, arb_mat, arb_poly
 
-from contbreather.certified.balls import Ball, Jet, Value, within_modulus, working
+from contbreather.certified.balls import Ball, Jet, Value, working
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic
 
@@ -62,8 +62,8 @@ def _coefficients() -> dict[str, list[Ball]]:
 def _cut(gamma: Value) -> Value:
     """What the powers beyond J amount to."""
     value, slope = (
-        within_modulus(5 * arb(9) ** -(J + 1)),
-        within_modulus(18 * (J + 2) * arb(9) ** -(J + 1)),
+        arb(0, 5 * arb(9) ** -(J + 1)),
+        arb(0, 18 * (J + 2) * arb(9) ** -(J + 1)),
     )
     return Jet([value, slope], prec=2) if isinstance(gamma, Jet) else value
 
@@ -100,7 +100,7 @@ def sigma(gamma: Value) -> Value:
 
 @lru_cache(maxsize=1)
 def _weights() -> arb_mat:
-    """``(4/pi) (-1)^i W_ij/(2i+1)!``, W as in `contbreather.lattice.free_flight`: the
+    """``(4/pi) (-1)^i W_ij/(2i+1)!``, W as in `contbreather.lattice.periodic_green`: the
     coefficient of ``<w^2j cos(n theta)>`` and the (2i+1)-th power of the time from mid flight."""
     with working():
         gaps = [1 - arb.pi() / 4] + [1 - _beta(2 * m + 1) for m in range(1, J + 1)]
@@ -146,9 +146,10 @@ def flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
     size = 4 / arb.pi() / (1 - 4 * gamma).sqrt()
     first = 2 * POWERS + 1
     errors = [
-        within_modulus(
+        arb(
+            0,
             (3**r * arb(9) ** -(J + 1) / arb.pi()).upper()
-            + (2 * size * arb(REACH) ** (first - r) / factorial(first - r)).upper()
+            + (2 * size * arb(REACH) ** (first - r) / factorial(first - r)).upper(),
         )
         for r in range(3)
     ]

@@ -62,15 +62,6 @@ def hull(low: float, high: float) -> Ball:
     return arb(low).union(arb(high))
 
 
-def enclosure_about(middle: float, radius: float) -> Ball:
-    return arb(middle, radius)
-
-
-def within_modulus(radius: Any) -> Ball:
-    """All numbers of at most this modulus."""
-    return arb(0, radius)
-
-
 def interval(x: Ball) -> Interval:
     """Floats that enclose a ball."""
     return Interval(_down(x.lower()), -_down(-x.upper()))
@@ -90,6 +81,22 @@ def root(x: Ball) -> Ball:
     """The square root of what is known not to be negative, though its ball may reach below 0."""
     low, high = x.lower(), x.upper()
     return (low.sqrt() if low > 0 else arb(0)).union(high.sqrt())
+
+
+def parts(
+    count: int, deepest: int, settled: Callable[[float, float], Any]
+) -> Iterator[tuple[float, float, Any]]:
+    """Parts of the interval from 0 to 1, in order, each with what is settled of it; one of which
+    that is None is halved, so many times at most."""
+    stack = [(i / count, (i + 1) / count, 0) for i in reversed(range(count))]
+    while stack:
+        low, high, depth = stack.pop()
+        answer = settled(low, high)
+        if answer is None and depth < deepest:
+            middle = 0.5 * (low + high)
+            stack += [(middle, high, depth + 1), (low, middle, depth + 1)]
+        else:
+            yield low, high, answer
 
 
 # --- zeros of equations -------------------------------------------------------------------------

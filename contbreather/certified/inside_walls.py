@@ -19,7 +19,7 @@ from flint import arb, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.averages import force_response, turned
-from contbreather.certified.balls import Ball, enclosure_about, within_modulus
+from contbreather.certified.balls import Ball, parts
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
 PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved
@@ -57,10 +57,8 @@ class ProvenMotion:
     def over(self, middle: float, radius: float) -> Ball:
         """Displacement over a ball of times, by Taylor's theorem."""
         y = arb(middle)
-        bend = self.at(enclosure_about(middle, radius), 2) * enclosure_about(
-            0.5 * radius**2, 0.5 * radius**2
-        )
-        return self.at(y, 0) + self.at(y, 1) * within_modulus(radius) + bend
+        bend = self.at(arb(middle, radius), 2) * arb(0.5 * radius**2, 0.5 * radius**2)
+        return self.at(y, 0) + self.at(y, 1) * arb(0, radius) + bend
 
 
 def far_field(values: Mapping[str, Ball]) -> ProvenMotion:
@@ -97,17 +95,13 @@ Settled = Callable[[float, float], bool | None]
 def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
     """Whether something holds on all balls of times that cover the flight, halving those on which
     it is not settled; and where it does not."""
-    stack = [
-        (HALF * ((2 * i + 1) / pieces - 1.0), HALF / pieces + OVERLAP, 0) for i in range(pieces)
-    ]
-    while stack:
-        middle, radius, depth = stack.pop()
-        answer = settled(middle, radius)
-        if answer is False or (answer is None and depth == DEEPEST):
-            return answer, middle
-        if answer is None:
-            half = 0.5 * radius
-            stack += [(middle + side * half, half + OVERLAP, depth + 1) for side in (-1, 1)]
+
+    def at(low: float, high: float) -> bool | None:
+        return settled(HALF * (1.0 - low - high), HALF * (high - low) + OVERLAP)
+
+    for low, high, answer in parts(pieces, DEEPEST, at):
+        if not answer:
+            return answer, HALF * (1.0 - low - high)
     return True, 0.0
 
 
@@ -135,7 +129,7 @@ def inside(path: ProvenMotion, pieces: int) -> tuple[bool | None, float]:
     def settled(middle: float, radius: float) -> bool | None:
         if abs(middle) + radius < HALF:
             return _under(path, wall, middle, radius)
-        y = enclosure_about(middle, radius)
+        y = arb(middle, radius)
         return path.at(y, 1) < 0 or (middle < 0 and path.at(y, 2) < 0) or None
 
     return everywhere(settled, pieces)
@@ -160,7 +154,11 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
     far, when = below(drive, arb(1), pieces)
     if far is not True:  # sites far out come as close to it as you like
         return _verdict(far, "the far field", when)
-    ceiling = _ceiling(drive)
+    # half way from the highest value of the far field on a fine grid to the wall: only a choice of
+    # how many sites are looked at one by one
+    count = 64 * drive.highest
+    grid = (HALF * (2.0 * i / count - 1.0) for i in range(count))
+    ceiling = 0.5 * (1.0 + max(float(abs(drive.at(arb(y), 0)).mid()) for y in grid))
     for n in range(1, FARTHEST):
         room = 1 - values["p"] * averages.reach(values["gamma"], n)
         if room > ceiling and below(drive, room, pieces)[0]:
@@ -169,14 +167,6 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
         if holds is not True:
             return _verdict(holds, f"site {n}", when)
     return Proven(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")
-
-
-def _ceiling(drive: ProvenMotion) -> float:
-    """Half way from the highest value of the far field on a fine grid to the wall: only a choice of
-    how many sites are looked at one by one."""
-    grid = (HALF * (2.0 * i / (64 * drive.highest) - 1.0) for i in range(64 * drive.highest))
-    top = max(float(abs(drive.at(arb(y), 0)).mid()) for y in grid)
-    return 0.5 * (1.0 + top)
 
 
 def _verdict(holds: bool | None, what: str, when: float) -> Proven:

@@ -24,7 +24,6 @@ from contbreather.certified.balls import (
     Ball,
     Equations,
     Interval,
-    enclosure_about,
     hull,
     interval,
     jacobian,
@@ -45,14 +44,25 @@ DEFINING = {"LP": fold, "PF": pitchfork}
 FARTHEST = 0.3  # half width of the largest box in which a zero is tried to be the only one
 
 
-def parameters(on: Conditions) -> dict[str, float]:
-    """Those that are exactly what they are given as, by name; or why there is no proof.
+def parameters(orbit: Any) -> dict[str, float]:
+    """Those of a breather that are exactly what they are given as, by name; or why there is no
+    proof.
 
     Raises
     ------
     BadInput
-        Unless this is about the infinite chain without springs, driven by exact harmonics.
+        Unless this is about a symmetric breather with one impacting site on the infinite chain
+        without springs, driven by exact harmonics.
     """
+    section = getattr(orbit, "section", None)
+    if section is None:
+        raise BadInput(f"{orbit!r}: certify() takes a breather, a point or a branch of breathers.")
+    if not (section.symmetric and section.count == 1):
+        raise BadInput(
+            "certify() is about symmetric breathers with one impacting site; this one has the "
+            f"{section.describe()}."
+        )
+    on: Conditions = orbit.conditions
     if on.lattice != InfiniteChain() or on.spring or on.damping or on.walls != Walls():
         raise BadInput(
             "certify() is about breathers of the infinite chain, without springs or damping, walls "
@@ -63,23 +73,6 @@ def parameters(on: Conditions) -> dict[str, float]:
     return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}
 
 
-def provable(orbit: Any) -> Any:
-    """An orbit that these proofs are about."""
-    section = getattr(orbit, "section", None)
-    if section is None:
-        raise BadInput(f"{orbit!r}: certify() takes a breather, a point or a branch of breathers.")
-    if not (section.symmetric and section.count == 1):
-        raise BadInput(
-            "certify() is about symmetric breathers with one impacting site; this one has the "
-            f"{section.describe()}."
-        )
-    return orbit
-
-
-def box_around(point: Sequence[float], radius: float) -> list[Ball]:
-    return [enclosure_about(x, radius) for x in point]
-
-
 def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:
     """An enclosure of the one zero in a box around a point, or None if none is found."""
     step = newton_step(equations, [arb(x) for x in point])
@@ -87,7 +80,7 @@ def zero_near(equations: Equations, point: Sequence[float], within: float) -> li
         return None
     radius = min(within, 4.0 * max(step) + 1e-30)
     while radius <= within:
-        box = krawczyk(equations, box_around(point, radius))
+        box = krawczyk(equations, [arb(x, radius) for x in point])
         if box is not None:
             return krawczyk(equations, box) or box
         radius *= 16.0
@@ -98,7 +91,7 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
     """Half the width of a box around a zero in which there is no other."""
     middle, radius = [float(x.mid()) for x in zero], FARTHEST
     while radius > 1e-15:
-        box = box_around(middle, radius)
+        box = [arb(x, radius) for x in middle]
         if all(x.contains_interior(y) for x, y in zip(box, zero, strict=True)) and krawczyk(
             equations, box
         ):
@@ -109,7 +102,7 @@ def alone_within(equations: Equations, zero: Sequence[Ball]) -> float:
 
 def excluded(equations: Equations, point: Sequence[float], within: float) -> bool:
     """Whether there is surely no zero in the box around a point."""
-    return any(not value.contains(0) for value in equations(box_around(point, within)))
+    return any(not value.contains(0) for value in equations([arb(x, within) for x in point]))
 
 
 def certify_point(
@@ -257,9 +250,7 @@ def _proved(sheet: BranchSheet, ends: tuple[Place, Place], outer: tuple[bool, bo
         for slope, here, there in zip(tangent, middle, chord, strict=True)
     ]
     for wider in (1.0, 2.0, 4.0):
-        alone = [
-            enclosure_about(here, wider * size) for here, size in zip(middle, sizes, strict=True)
-        ]
+        alone = [arb(here, wider * size) for here, size in zip(middle, sizes, strict=True)]
         alone[along] = x
         box = krawczyk(sheet.system, alone, along)
         if box is not None:

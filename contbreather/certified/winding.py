@@ -39,9 +39,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from math import comb
 from typing import NamedTuple
@@ -50,7 +50,7 @@ from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.averages import saltation
-from contbreather.certified.balls import Ball, hull, nearest_float, root, within_modulus, working
+from contbreather.certified.balls import Ball, hull, nearest_float, parts, root, working
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less
@@ -71,18 +71,10 @@ class Rectangle(NamedTuple):
     real: Ball
     imag: Ball
 
-    @property
-    def holds_zero(self) -> bool:
-        return not (_nonzero(self.real) or _nonzero(self.imag))
-
     def meeting(self, other: Rectangle) -> complex:
         """A point of both."""
         real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
         return complex(nearest_float(real), nearest_float(imag))
-
-
-def _nonzero(x: Ball) -> bool:
-    return bool(x > 0) or bool(x < 0)
 
 
 # --- sums over aliases --------------------------------------------------------------------------
@@ -122,7 +114,7 @@ class Circle:
 
     def lattice_sums(self, nu: Ball) -> tuple[Ball, Ball, Ball]:
         """R, B and C: the sums over all aliases but nu itself."""
-        square, error = nu * nu, within_modulus(CUT)
+        square, error = nu * nu, arb(0, CUT)
         R, B, C = (total(square) for total in self.sums)
         R, B, C = R * nu + error, B + error, C + error + 1
         for s, sign in ((2 - nu, 1), (2 + nu, -1)):  # m = -1 and 1
@@ -138,9 +130,8 @@ class Circle:
         real, imag = d * d - turn * turn + B * beta, 2 * d * turn
         re = (2 * c * nu * turn + beta + c * c * nu * nu * B) / arb.pi()  # -Re L/pi
         im = -2 * c * d * nu / arb.pi()
-        if band:
-            return Rectangle(h * imag + re, im - h * real)
-        return Rectangle(h * real + re, im + h * imag)
+        x, y = (h * imag, -h * real) if band else (h * real, h * imag)
+        return Rectangle(x + re, im + y)
 
     def on_band(self, low: float, high: float) -> Rectangle:
         """``nu = 2 sqrt(gamma) sin(pi x/2)``, x from 0 to 1."""
@@ -159,17 +150,12 @@ class Circle:
 # --- the turning --------------------------------------------------------------------------------
 
 
-def _covered(curve: Callable[[float, float], Rectangle]) -> Iterator[Rectangle]:
-    """Rectangles along a curve, in order, the last of which holds 0 where it is not resolved."""
-    stack = [(i / FIRST, (i + 1) / FIRST, 0) for i in reversed(range(FIRST))]
-    while stack:
-        low, high, depth = stack.pop()
-        rectangle = curve(low, high)
-        if rectangle.holds_zero and depth < DEEPEST:
-            middle = 0.5 * (low + high)
-            stack += [(middle, high, depth + 1), (low, middle, depth + 1)]
-            continue
-        yield rectangle
+def _off_zero(
+    curve: Callable[[float, float], Rectangle], low: float, high: float
+) -> Rectangle | None:
+    """What encloses a curve over an arc, None where that holds 0."""
+    rectangle = curve(low, high)
+    return None if all(part.contains(0) for part in rectangle) else rectangle
 
 
 def unstable_count(values: Mapping[str, Ball]) -> ProvenCount:
@@ -182,8 +168,8 @@ def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
     circle = Circle.of(gamma, k, b)
     rectangles: list[Rectangle] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
-        for rectangle in _covered(curve):
-            if rectangle.holds_zero:
+        for _, _, rectangle in parts(FIRST, DEEPEST, partial(_off_zero, curve)):
+            if rectangle is None:
                 return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)
     points = [first.meeting(second) for first, second in pairwise(rectangles)]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from contbreather.simulation.integrator import Chunk
-    from contbreather.simulation.smooth import SmoothRun
+    from contbreather.simulation.simulate import SmoothRun
 
     Ran = cb.simulation.SimulationRun | SmoothRun
 
@@ -414,8 +414,7 @@ def draw(run: Ran, site: int = 0) -> Figure:
 
 def _window(run: Any, site: int) -> Any:
     """The last periods again, with some sites recorded densely."""
-    from contbreather.simulation.simulate import completed
-    from contbreather.simulation.smooth import let_go
+    from contbreather.simulation.simulate import completed, let_go
 
     count = min(WINDOW, run.periods)
     state = cb.simulation.State(run.strobe.u[-1 - count], run.strobe.v[-1 - count])

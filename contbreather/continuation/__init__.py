@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from .boundary import boundary as boundary
     from .branch import Branch as Branch
     from .branch import Stop as Stop
-    from .branch import refined as refined
-    from .branch import with_columns as with_columns
     from .equilibria import branch_point as branch_point
     from .equilibria import cusp as cusp
     from .equilibria import fold as fold
@@ -22,6 +20,8 @@ if TYPE_CHECKING:
     from .point import user as user
     from .problem import Problem as Problem
     from .resume import extend as extend
+    from .resume import refined as refined
+    from .resume import with_columns as with_columns
     from .run import Run as Run
     from .run import load as load
     from .run import save as save

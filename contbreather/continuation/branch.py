@@ -3,30 +3,180 @@
 from __future__ import annotations
 
 import enum
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
-from copy import copy
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from operator import attrgetter
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import check_kind, number, shown, whole
+from ..checks import check_kind, shown
 from ..columns import Columns
 from ..errors import BadInput
 from ..tables import Column, HtmlRepr, Sheet
 from .curve import Curve
-from .interpolant import StepInterpolant
-from .newton import Array, Undefined
+from .newton import Array
 from .point import Point, UnstableDimension
-from .points import Points
 from .problem import Problem
 from .settings import Settings
 
 _SEAM = 1e-10  # relative arclength within which two branches meet
+_ROW = attrgetter("z", "tangent", "arclength", "residual")
 _ASKED = {"LP": "cb.fold()", "BP": "cb.branch_point()", "HB": "cb.hopf()"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Points(Sequence[Point]):
+    """Neighbouring points of a walk.
+
+    Attributes
+    ----------
+    curve : Curve
+    z, tangent : ndarray, shape (len(self), n + 1)
+    arclength, residual : ndarray, shape (len(self),)
+    made : dict
+        By number those of which there is more to know: what happens there, where it came from.
+    """
+
+    curve: Curve
+    z: Array
+    tangent: Array
+    arclength: Array
+    residual: Array
+    made: dict[int, Point] = field(default_factory=dict)
+    # what was asked for once is kept
+    _points: dict[int, Point] = field(default_factory=dict, init=False)
+    _columns: dict[str, NDArray[Any]] = field(default_factory=dict, init=False)
+
+    rows = property(_ROW)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was kept."""
+        return {**self.__dict__, "_points": {}, "_columns": {}}
+
+    @staticmethod
+    def of(points: Iterable[Point]) -> Points:
+        """Points one by one as rows."""
+        if isinstance(points, Points):
+            return points
+        points = tuple(points)
+        curve, none = points[0].curve, np.full(points[0].z.size, np.nan)
+        z, tangents, arclength, residual = zip(*map(_ROW, points), strict=True)
+        tangent = np.stack([none if row is None else row for row in tangents])
+        marked = {}
+        for i, p in enumerate(points):
+            more = p.kind or p.label or p.detail or p.event or p.parent or p.bracket
+            if more or not p.located or p.tangent is None or p.curve is not curve:
+                marked[i] = p
+        numbers = np.array(arclength), np.array(residual)
+        return Points(curve, np.stack(z), tangent, *numbers, marked)
+
+    @staticmethod
+    def joined(pieces: Iterable[Iterable[Point]]) -> Points:
+        """Several pieces as one."""
+        parts, marked, start = list[Points](), dict[int, Point](), 0
+        for kind, group in itertools.groupby(pieces, type):
+            if kind is list:  # points that came one by one are rows together
+                parts.append(Points.of(itertools.chain.from_iterable(group)))
+            else:
+                parts += map(Points.of, group)
+        for part in parts:
+            marked.update((start + i, point) for i, point in part.made.items())
+            start += len(part)
+        columns = zip(*map(_ROW, parts), strict=True)
+        z, tangent, arclength, residual = map(np.concatenate, columns)
+        return Points(parts[0].curve, z, tangent, arclength, residual, marked)
+
+    @property
+    def special(self) -> tuple[Point, ...]:
+        """Those of a kind, in order."""
+        return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
+
+    def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
+        """Recorded columns; those of numbers are kept. What has to be asked point by point is asked
+        together: what several columns look at is made once."""
+        kept, columns = self._columns, dict[str, Any]()
+        for name in names:
+            columns[name] = kept[name].copy() if name in kept else self._at_once(name)
+        slow = [name for name, column in columns.items() if column is None]
+        cells = [[point[name] for name in slow] for point in self] if slow else ()
+        columns.update(zip(slow, map(_column, zip(*cells, strict=True)), strict=True))
+        for name in columns.keys() - kept.keys():
+            if not columns[name].dtype.hasobject:
+                kept[name] = columns[name].copy()
+        return columns
+
+    def _at_once(self, name: str) -> NDArray[Any] | None:
+        """A column that can say many numbers at once, the rest asked for; None of others."""
+        problem = self.curve.problem
+        column = problem.record[name]
+        if not (isinstance(column, UnstableDimension) and column.rows and problem.beneath is None):
+            return None
+        along = column.rows(self)
+        if along is None:
+            return None
+        rest = np.union1d(np.flatnonzero(along < 0), np.array([*self.made], dtype=np.intp))
+        if rest.size:
+            answers = np.array([self[i][name] for i in rest.tolist()])
+            along = along.astype(np.result_type(along, answers))
+            along[rest] = answers
+        return along
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Points):
+            return NotImplemented
+        same = (
+            np.array_equal(*pair, equal_nan=True)
+            for pair in zip(_ROW(self), _ROW(other), strict=True)
+        )
+        return self.made == other.made and all(same)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<Points {len(self)} along {self.curve!r}>"
+
+    def __len__(self) -> int:
+        return len(self.arclength)
+
+    @overload
+    def __getitem__(self, key: int) -> Point: ...
+    @overload
+    def __getitem__(self, key: slice) -> Points: ...
+    def __getitem__(self, key: int | slice) -> Point | Points:
+        if isinstance(key, slice):
+            chosen = range(len(self))[key]
+            marked = {i: self.made[k] for i, k in enumerate(chosen) if k in self.made}
+            z, tangent, arclength, residual = (row[key] for row in _ROW(self))
+            piece = Points(self.curve, z, tangent, arclength, residual, marked)
+            piece._columns.update((name, column[key]) for name, column in self._columns.items())
+            return piece
+        i = range(len(self))[key]
+        if i in self.made:
+            return self.made[i]
+        if i not in self._points:
+            numbers = float(self.arclength[i]), float(self.residual[i])
+            self._points[i] = Point(self.curve, self.z[i], self.tangent[i], *numbers)
+        return self._points[i]
+
+    def put(self, i: int, point: Point) -> Points:
+        """The same with another point in one place."""
+        return replace(self, made={**self.made, i: point})
+
+    def each(self, change: Callable[[Point], Point], **rows: Any) -> Points:
+        """The same with all of which there is more to know changed, and other rows."""
+        return replace(self, made={i: change(p) for i, p in self.made.items()}, **rows)
+
+
+def _column(cells: Sequence[Any]) -> NDArray[Any]:
+    """One value for each point: an array of objects where they are arrays of several shapes."""
+    try:
+        return np.array(cells)
+    except ValueError:
+        return np.fromiter(cells, dtype=object, count=len(cells))
 
 
 class Stop(enum.Enum):
@@ -305,93 +455,8 @@ class Branch(Columns, HtmlRepr):
         return f"<Branch {self.describe()}; special {[point.label for point in self.special]}>"
 
 
-class Branches(tuple[Branch, ...], HtmlRepr):
-    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
-    notebooks show."""
-
-    __slots__ = ()
-
-    def table(self) -> Sheet:
-        """A line for each, with its special points."""
-        labels = [", ".join(point.label for point in branch.special) for branch in self]
-        what = [branch.describe() for branch in self]
-        return Sheet(
-            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
-        )
-
-
 def _ended(stop: Stop, reason: str) -> str:
     return f"{stop.value}{': ' + reason if reason else ''}"
-
-
-def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
-    """The same branch with more recorded columns, to draw or to save them.
-
-    Parameters
-    ----------
-    branch : Branch
-    **columns : callable
-        ``name=function``, with ``function(point)`` the number that is wanted.
-
-    Examples
-    --------
-    >>> import contbreather as cb
-    >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
-    >>> more = with_columns(branch, height=lambda point: point.displacement(1, 0.0))
-    >>> round(float(more["height"][0]), 9)
-    0.552886482
-    """
-    check_kind(branch, Branch, "a Branch")
-    problem, curve = branch.problem, copy(branch.curve)
-    curve.problem = replace(problem, record={**problem.record, **columns})
-
-    def moved(point: Point) -> Point:
-        return replace(point, curve=curve)
-
-    points = branch.points.each(moved, curve=curve)
-    return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
-
-
-def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
-    """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
-    finds them; what it had stays.
-
-    Parameters
-    ----------
-    branch : Branch
-    fewest : int
-    tolerance : float
-        Of Newton's iteration at the new points.
-
-    Examples
-    --------
-    >>> import numpy as np, contbreather as cb
-    >>> circle = cb.Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
-    ...                     start={"x": 1.0}, params={"mu": 0.0})
-    >>> fine = refined(cb.trace(circle, "mu"), 300)
-    >>> len(fine) >= 300, bool(abs(fine["residual"]).max() < 1e-14)
-    (True, True)
-    """
-    check_kind(branch, Branch, "a Branch")
-    if len(branch) >= whole("fewest", fewest, 1):
-        return branch
-    tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
-    spacing = (branch[-1].arclength - branch[0].arclength) / fewest
-    points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
-    return replace(branch, points=Points.of([*points, branch[-1]]))
-
-
-def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
-    """The first of two neighbours and as many between them as the spacing asks for."""
-    yield first
-    pieces = math.ceil((last.arclength - first.arclength) / spacing)
-    segment = StepInterpolant(first, last, tolerance)
-    for i in range(1, pieces):
-        try:
-            point = segment.at(i / pieces)
-        except Undefined:
-            continue  # left out rather than interpolated
-        yield point
 
 
 def labelled(points: Iterable[Point]) -> Points:

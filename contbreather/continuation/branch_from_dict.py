@@ -15,16 +15,15 @@ from ..errors import BadInput
 from ..storage.netcdf import check_lengths
 from ..storage.serialise import can_read, from_dict
 from .boundary import boundary_problem
-from .branch import Branch, Stop, labelled
+from .branch import Branch, Points, Stop, labelled
 from .curve import Curve
 from .defining_systems import ExtendedProblem
 from .equilibria import branch_point, fold, hopf
 from .maps import Iterate, with_period
 from .newton import Undefined
 from .point import Event, Point, UnstableDimension
-from .points import Points
 from .problem import Problem
-from .samples import value_of_test
+from .segment import value_of_test
 from .settings import Settings, Steps, active_events
 
 Array = NDArray[Any]

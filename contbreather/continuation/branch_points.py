@@ -114,7 +114,7 @@ def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
     """BP, with the names of what else happens on its curves."""
     return Event(
         "BP",
-        Singular(bordered_matrix, branch_point_test),
+        Singular(bordered_matrix),
         count=_unstable,
         locus=Crossings(meets),
         examine=_examine,

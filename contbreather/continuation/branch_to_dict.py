@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..storage.netcdf import Column
 from ..storage.serialise import NotSerialisable, to_dict
-from .branch import Branch
+from .branch import Branch, Points
 from .defining_systems import ExtendedProblem, event_of
 from .point import Event
-from .points import Points
 from .problem import Problem
 from .settings import Settings
 

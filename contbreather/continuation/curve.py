@@ -16,15 +16,7 @@ from ..errors import BadInput
 from . import derivatives
 from .compiled_steps import CompiledCurve, Loops, compiled_equations
 from .linear_algebra import least_singular, sense
-from .newton import (
-    OUT_OF_DOMAIN,
-    Array,
-    Solution,
-    Undefined,
-    chord,
-    newton,
-    rounding,
-)
+from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, chord, rounding
 from .sparse import (
     Dense,
     Factors,
@@ -223,18 +215,14 @@ class Curve:
             raise Undefined("the equations are not finite")
         return value
 
-    def newton(self, guess: Array, row: Array | None = None, **how: Any) -> Solution:
-        """The solution next to a guess, at the same value of a row; how is as for `newton`."""
-        return newton(self.equations, self.jacobian, guess, row=row, metric=self.metric, **how)
-
     def chord(self, near: Array, guess: Array, row: Array, tolerance: float) -> Solution | None:
-        """The same by the derivative at a place near by and by `Problem.roughly`, where that
-        derivative is known and the solution is close."""
+        """The solution next to a guess by the derivative at a place near by and by
+        `Problem.roughly`, where that derivative is known and the solution is close."""
         if near.tobytes() not in self._known["jacobian"]:
             return None
         roughly = partial(self.equations, function=self.problem.roughly)
         factors = self.factors(near, row)
-        return chord(self.equations, roughly, factors, guess, row, self.metric, tolerance)
+        return chord(self, roughly, factors, guess, row, tolerance)
 
     @cached_property
     def compiled(self) -> CompiledCurve | None:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 from .branch import Branch
 from .curve import Curve
-from .interpolant import StepInterpolant
 from .newton import OUT_OF_DOMAIN
 from .point import Point
+from .segment import StepInterpolant
 
 Array = NDArray[np.float64]
 

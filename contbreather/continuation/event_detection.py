@@ -26,10 +26,9 @@ from .event_location import (
     separated,
     special,
 )
-from .interpolant import StepInterpolant
 from .newton import Array, Undefined
 from .point import Event, Point
-from .samples import ASIDE, StepSamples, Value, counts_apart, value_of_test
+from .segment import ASIDE, StepInterpolant, StepSamples, Value, counts_apart, value_of_test
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
 _POINT = 1e-6  # relative length of a piece of curve within which two zeros are one

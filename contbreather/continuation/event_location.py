@@ -19,9 +19,9 @@ import numpy as np
 from .branch_points import Crossings, crossing
 from .curve import Curve
 from .defining_systems import extended
-from .newton import OUT_OF_DOMAIN, Solution, Undefined
+from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import DefiningSystem, Examined, Level, Point
-from .samples import ASIDE, StepSamples, count_at, counts_apart, value_of_test
+from .segment import ASIDE, StepSamples, count_at, counts_apart, value_of_test
 
 Place = tuple[float, float, Point]  # bracket and point
 
@@ -244,7 +244,7 @@ def _newton(
     problem = extended(guess.curve, replace(locus, extra=renamed))  # names that no problem has
     curve, n = Curve(problem, ()), guess.curve.size
     start = np.concatenate([guess.x, problem.x[n:-1], guess.z[-1:]])
-    solution = curve.newton(start, tolerance=min(tolerance, _LOCATED))
+    solution = newton(curve, start, tolerance=min(tolerance, _LOCATED))
     solved = Point(curve, solution.z)
     detail = {name: solved[long] for name, long in zip(locus.extra, renamed, strict=True)}
     return replace(solution, z=np.append(solution.z[:n], solution.z[-1])), detail

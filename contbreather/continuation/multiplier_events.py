@@ -227,10 +227,11 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
         # ( a*  0 ) (g) = (1)  parts of a null vector
         a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
         whole = above(beside(B, a[:, None]), np.append(a, 0.0)[None, :])
+        turned = whole.conj().T
         if is_large(whole):
-            whole = _sparse(whole)
+            whole, turned = _sparse(whole), _sparse(turned)
         why = "a second pair is where one is followed"
-        right, left = solved(whole, unit, why), solved(whole.conj().T, unit, why)
+        right, left = solved(whole, unit, why), solved(turned, unit, why)
         return right[-1], right[:-1], left[:-1]
 
     found: tuple[Any, NDArray[Any], NDArray[Any]]

@@ -7,7 +7,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,41 +47,49 @@ class Solution:
     correction: float  # length of the last step, an estimate of the error before it
 
 
+class Equations(Protocol):
+    """What is solved: a `Curve`."""
+
+    metric: Array
+
+    def equations(self, z: Array) -> Array: ...
+    def jacobian(self, z: Array) -> Matrix: ...
+    def length(self, z: Array) -> float: ...
+
+
 def newton(
-    equations: Callable[[Array], Array],
-    jacobian: Callable[[Array], Matrix],
+    curve: Equations,
     z: Array,
-    *,
     row: Array | None = None,
-    metric: Array | None = None,
+    *,
     tolerance: float = 1e-9,
     most: int = 12,
 ) -> Solution:
-    """Solve ``equations(z) = 0`` together with ``row . (z - z_start) = 0``.
+    """Solve ``H(z) = 0`` together with ``row . (z - z_start) = 0``.
 
-    `jacobian` returns an ``(m, n)`` array, with ``m = n`` without `row` and ``m = n - 1`` with it;
-    `metric` holds the weights of a squared length, 1 if None.
+    Without `row` there are as many equations as unknowns, and one fewer with it.
     Raises `Undefined` where the equations have no value. The rules are those of `step.newton`.
     """
-    metric = np.ones(z.size) if metric is None else metric
-    eq = _Equations(equations, jacobian, metric)
+    eq = _Iteration(curve)
     end = _NEWTON(eq, row, z, tolerance, most)
     if end.status == rules.LOOK:
         raise Undefined("the Newton correction is not finite")
     solved = end.status == rules.TAKEN
     if solved and not end.regular:
-        # the shortest correction may be short far from any solution: the residual decides
-        solved = _is_rounding(equations(end.z), eq.matrix, end.z, metric)
+        # the shortest correction may be short far from any solution: what is left of the equations
+        # decides, relative to the terms of each; one that no entry of z moves is compared with 1
+        terms = abs(eq.matrix) @ (abs(end.z) + curve.metric**-0.5)
+        terms[terms == 0] = 1.0
+        solved = bool((abs(curve.equations(end.z)) <= _ROUNDING * terms).all())
     return Solution(end.z, solved, end.iterations, end.residual, end.moved)
 
 
 def chord(
-    equations: Callable[[Array], Array],
+    curve: Equations,
     roughly: Callable[[Array], Array],
     factors: Dense | sparse.Factors,
     z: Array,
     row: Array,
-    metric: Array,
     tolerance: float,
 ) -> Solution | None:
     """The same solution by the factors of a derivative near by, as long as corrections are short
@@ -91,17 +99,17 @@ def chord(
     corrections have told of the derivative is made use of by Broyden's updates (C. T. Kelley,
     Iterative Methods for Linear and Nonlinear Equations, section 7.3).
     """
-    size = 1.0 + length(z, metric)
+    size = 1.0 + curve.length(z)
     most, before = rules.LASTING * size, math.nan
     steps: list[Array] = []
     while True:
         step, singular = correction(factors, roughly(z), row)
         for i, past in enumerate(steps):
-            dual = past * metric
+            dual = past * curve.metric
             along = dual.dot(step) / dual.dot(past)
             # B_i+1^-1 = (1 + s_i+1 s_i^T / |s_i|^2) B_i^-1, and of the last one s is not known yet
             step = step / (1 - along) if i == len(steps) - 1 else step + along * steps[i + 1]
-        moved = length(step, metric)
+        moved = curve.length(step)
         if singular or not moved <= most:
             return None
         steps.append(step)
@@ -110,20 +118,18 @@ def chord(
         # this rate
         rate = _SHRINKS if math.isnan(before) else moved / before
         if moved * rate <= _EXACT * tolerance * size:
-            value, roughly = equations(z), equations
-            left = length(correction(factors, value, row)[0], metric)
+            value, roughly = curve.equations(z), curve.equations
+            left = curve.length(correction(factors, value, row)[0])
             if left <= _EXACT * tolerance * size:
                 return Solution(z, True, 1, float(abs(value).max()), left)
         most, before = _SHRINKS * moved, moved
 
 
 @dataclass
-class _Equations:
+class _Iteration:
     """What `step.newton` asks, by any linear algebra."""
 
-    equations: Callable[[Array], Array]
-    jacobian: Callable[[Array], Matrix]
-    metric: Array
+    curve: Equations
     matrix: Any = None  # the latest derivative
     factors: Any = None
 
@@ -131,7 +137,7 @@ class _Equations:
         self, row: Array | None, z: Array, value: Array, lasting: bool
     ) -> tuple[Array, bool]:
         if self.factors is None or not lasting:
-            matrix = self.matrix = self.jacobian(z)
+            matrix = self.matrix = self.curve.jacobian(z)
             large = sparse.is_large(matrix)
             self.factors = sparse.Factors(matrix) if large else Dense(matrix, row)
         change, singular = correction(self.factors, value, row)
@@ -139,6 +145,9 @@ class _Equations:
 
     def is_rounding(self, value: Array, z: Array) -> bool:
         return bool((abs(value) <= rounding(self.matrix, z)).all())
+
+    def is_short(self, change: Array, z: Array, tolerance: float) -> bool:
+        return bool((abs(change) <= tolerance * (abs(z) + self.curve.metric**-0.5)).all())
 
 
 def correction(
@@ -154,38 +163,31 @@ def correction(
     return _shortest(factors.whole, value if row is None else np.append(value, 0.0)), True
 
 
-def approach(
-    equations: Callable[[Array], Array],
-    jacobian: Callable[[Array], Matrix],
-    z: Array,
-    metric: Array | None = None,
-    most: int = 50,
-) -> Array | None:
+def approach(curve: Equations, z: Array, most: int = 50) -> Array | None:
     """From anywhere to where full steps of Newton's iteration are short, or None.
 
     A step is cut until the next one from there, for the same derivative, would be shorter
     (P. Deuflhard, Newton Methods for Nonlinear Problems, section 3.3): that sees through any
     mixing of the equations. With more unknowns than equations the shortest of all steps is taken.
     """
-    metric = np.ones(z.size) if metric is None else metric
     # dz = W^-1/2 y: the least dz in arclength is the shortest y with J W^-1/2 y = H
-    weights = metric**-0.5
+    weights = curve.metric**-0.5
     damping = 1.0
-    value = equations(z)
+    value = curve.equations(z)
     for _ in range(most):
-        matrix = sparse.scaled(jacobian(z), np.ones(value.size), weights)
+        matrix = sparse.scaled(curve.jacobian(z), np.ones(value.size), weights)
         large = sparse.is_sparse(matrix)
         least = sparse.Factors(matrix).least if large else partial(_least, matrix)
         step = least(value)
         size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing
             return None if value.any() else z
-        if size <= _THERE * (1 + length(z, metric)):
+        if size <= _THERE * (1 + curve.length(z)):
             return z
         while damping > _SHORTEST:
             try:
                 trial = z - damping * step * weights
-                value = equations(trial)
+                value = curve.equations(trial)
                 simplified = least(value)
                 ahead = math.sqrt(simplified.dot(simplified))
             except Undefined:
@@ -197,7 +199,7 @@ def approach(
         else:
             return None
         z = trial
-        if damping == 1 and ahead <= _NEAR * (1 + length(z, metric)):
+        if damping == 1 and ahead <= _NEAR * (1 + curve.length(z)):
             return z
         # tried twice as long next time: only full steps converge quadratically
         damping = min(1.0, 2 * damping)
@@ -216,35 +218,19 @@ def rounding(matrix: Matrix, z: Array) -> Array:
     return np.asarray(rules.ROUNDED * (abs(matrix) @ abs(z)))
 
 
-def length(z: Array, metric: Array) -> float:
-    return math.sqrt(z.dot(metric * z))
-
-
-def _is_short(change: Array, z: Array, metric: Array, tolerance: float) -> bool:
-    return bool((abs(change) <= tolerance * (abs(z) + metric**-0.5)).all())
-
-
 def _shortest(matrix: Array, right: Array) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
-def _is_rounding(value: Array, matrix: Matrix, z: Array, metric: Array) -> bool:
-    """Whether all that is left of the equations is rounding of the terms of each row."""
-    terms = abs(matrix) @ (abs(z) + metric**-0.5)
-    # an equation that no entry of z moves is compared with 1
-    terms[terms == 0] = 1.0
-    return bool((abs(value) <= _ROUNDING * terms).all())
-
-
 _NEWTON = bound(
     rules.newton,
-    residual=lambda eq, z: (eq.equations(z), True),
-    correction=_Equations.correction,
-    is_rounding=_Equations.is_rounding,
-    is_short=_is_short,
-    norm=length,
+    residual=lambda eq, z: (eq.curve.equations(z), True),
+    correction=_Iteration.correction,
+    is_rounding=_Iteration.is_rounding,
+    is_short=_Iteration.is_short,
+    norm=lambda eq, z: eq.curve.length(z),
     minus=operator.sub,
     largest=lambda eq, value: float(abs(value).max()),
 )

@@ -132,12 +132,6 @@ class Point(HtmlRepr):
         return self.tangent
 
     @property
-    def ordinary(self) -> bool:
-        """Whether there is no more to know of it than where it is."""
-        more = self.kind or self.label or self.detail or self.event or self.parent or self.bracket
-        return not more and self.located and self.tangent is not None
-
-    @property
     def on_verge(self) -> bool:
         """Whether rounding decides a count of unstable directions here."""
         left = self.parent or self  # an arm sets out at the point that it left

@@ -14,7 +14,7 @@ from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
 from .compiled_steps import Loops
 from .curve import Curve, Params, Residual
-from .newton import Array, Solution, Undefined, approach, newton, rounding
+from .newton import Array, Solution, Undefined, approach, newton
 from .sparse import Matrix, Pattern
 
 
@@ -302,18 +302,21 @@ class Problem:
         """
         tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
         curve = Curve(self, ())
-        before = float(abs(curve.equations(self.x)).max())
+        value = curve.equations(self.x)
+        before = float(abs(value).max())
         try:
-            approached = approach(curve.equations, curve.jacobian, self.x, curve.metric)
+            approached = approach(curve, self.x)
             z = self.x if approached is None else approached
-            solution = newton(curve.equations, curve.jacobian, z, tolerance=tolerance, most=30)
+            curve.metric = np.ones(z.size)  # as exact whatever the scales, by which steps go
+            solution = newton(curve, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
                 f"the start {self.shown()} is not a solution (residual {before:.3g}) and Newton's "
                 f"iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
-        if not solution.converged and self._is_solved(curve):
+        # at a fold or a branch point Newton's iteration wanders off from the best there is
+        if not solution.converged and (abs(value) <= curve.rounding(self.x)).all():
             return self, Solution(self.x, True, 0, before, 0.0)
         # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
@@ -327,12 +330,6 @@ class Problem:
                 last=self._started(solution.z) if np.isfinite(solution.z).all() else None,
             )
         return self._started(solution.z), solution
-
-    def _is_solved(self, curve: Curve) -> bool:
-        """Whether the start solves the equations to rounding: at a fold or a branch point Newton's
-        iteration wanders off from the best there is."""
-        left = abs(curve.equations(self.x))
-        return bool((left <= rounding(curve.jacobian(self.x), self.x)).all())
 
     def _started(self, x: Array) -> Problem:
         """The same problem with its start at x."""

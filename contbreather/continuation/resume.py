@@ -1,19 +1,25 @@
-"""A branch that goes on where it ended: in memory, or from a file of last month."""
+"""What is made of a branch: one that goes on where it ended, in memory or from a file of last
+month; a finer one; one with more columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import copy
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Literal
 
-from ..checks import check_kind, one_of
+from ..checks import check_kind, number, one_of, whole
 from ..errors import BadInput, add_partial_result
-from .branch import Branch, Stop, labelled
+from .branch import Branch, Points, Stop, labelled
 from .branch_from_dict import missing
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
 from .duplicates import lies_on
+from .newton import Undefined
 from .point import Event, Point
+from .segment import StepInterpolant
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
 from .trace import trace
 
@@ -189,3 +195,76 @@ def _closing(line: Branch, piece: Branch) -> int | None:
         if way @ along > 0.5 and lies_on(first, piece[i - 1 : i + 1]):
             return i
     return None
+
+
+# --- finer, and with more columns ---------------------------------------------------------------
+
+
+def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
+    """The same branch with more recorded columns, to draw or to save them.
+
+    Parameters
+    ----------
+    branch : Branch
+    **columns : callable
+        ``name=function``, with ``function(point)`` the number that is wanted.
+
+    Examples
+    --------
+    >>> import contbreather as cb
+    >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
+    >>> more = with_columns(branch, height=lambda point: point.displacement(1, 0.0))
+    >>> round(float(more["height"][0]), 9)
+    0.552886482
+    """
+    check_kind(branch, Branch, "a Branch")
+    problem, curve = branch.problem, copy(branch.curve)
+    curve.problem = replace(problem, record={**problem.record, **columns})
+
+    def moved(point: Point) -> Point:
+        return replace(point, curve=curve)
+
+    points = branch.points.each(moved, curve=curve)
+    return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
+
+
+def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
+    """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
+    finds them; what it had stays.
+
+    Parameters
+    ----------
+    branch : Branch
+    fewest : int
+    tolerance : float
+        Of Newton's iteration at the new points.
+
+    Examples
+    --------
+    >>> import numpy as np, contbreather as cb
+    >>> circle = cb.Problem(lambda x, p: np.array([x[0]**2 + p["mu"]**2 - 1]),
+    ...                     start={"x": 1.0}, params={"mu": 0.0})
+    >>> fine = refined(cb.trace(circle, "mu"), 300)
+    >>> len(fine) >= 300, bool(abs(fine["residual"]).max() < 1e-14)
+    (True, True)
+    """
+    check_kind(branch, Branch, "a Branch")
+    if len(branch) >= whole("fewest", fewest, 1):
+        return branch
+    tolerance = number("tolerance", tolerance, 0.0, 1.0, "a relative size")
+    spacing = (branch[-1].arclength - branch[0].arclength) / fewest
+    points = [point for pair in pairwise(branch) for point in _filled(*pair, spacing, tolerance)]
+    return replace(branch, points=Points.of([*points, branch[-1]]))
+
+
+def _filled(first: Point, last: Point, spacing: float, tolerance: float) -> Iterator[Point]:
+    """The first of two neighbours and as many between them as the spacing asks for."""
+    yield first
+    pieces = math.ceil((last.arclength - first.arclength) / spacing)
+    segment = StepInterpolant(first, last, tolerance)
+    for i in range(1, pieces):
+        try:
+            point = segment.at(i / pieces)
+        except Undefined:
+            continue  # left out rather than interpolated
+        yield point

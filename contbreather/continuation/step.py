@@ -114,7 +114,7 @@ def steps(
     d, count[0] = here.z.size, 0
     while count[0] < out.shape[0]:
         wanted = state[SIZE]
-        size = min(wanted, longest(rules, eq.metric, here.z))
+        size = min(wanted, longest(rules, eq, here.z))
         status, residual = FAILED, 0.0
         while status < 0 and size >= rules.smallest:
             state[SIZE] = size
@@ -187,7 +187,7 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
     solution still where all that is left of the equations is rounding, as of stiff ones, or beside
     a branch point. The factors of a large matrix serve the last steps, which no longer change it.
     """
-    size = 1.0 + norm(z, eq.metric)
+    size = 1.0 + norm(eq, z)
     bound = tolerance * size
     previous, lasting, regular = math.inf, False, True
     for iteration in range(1, most + 1):
@@ -195,7 +195,7 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
         if not exists:
             return Corrected(FAILED, z, iteration, 0.0, previous, regular)
         step, regular = correction(eq, row, z, value, lasting)
-        moved = norm(step, eq.metric)
+        moved = norm(eq, step)
         if not moved < math.inf:
             return Corrected(LOOK, z, iteration, 0.0, moved, regular)
         # |dz_k| / |dz_k-1| estimates the contraction (P. Deuflhard, Newton Methods for Nonlinear
@@ -207,9 +207,7 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
                 return Corrected(status, z, iteration, largest(eq, value), moved, True)
         z = minus(z, step)
         if moved <= bound and (
-            bound < LARGE * tolerance
-            or 2.0 * moved > previous
-            or is_short(step, z, eq.metric, tolerance)
+            bound < LARGE * tolerance or 2.0 * moved > previous or is_short(eq, step, z, tolerance)
         ):
             value, exists = residual(eq, z)
             status = TAKEN if exists else FAILED
@@ -224,14 +222,14 @@ def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
 @inlined
 def examined(eq: Any, here: Any, size: float, z: Any) -> Examined:
     """Whether the way to a solution is one smooth piece of curve, short against its features."""
-    length = apart(z, here.z, eq.metric)
+    length = apart(eq, z, here.z)
     # the corrector moves across the step: this far it has left for another piece of curve
     if not 0.0 < length <= 2.0 * size:
         return Examined(LEFT, 0, length, 0.0)
     side = tangent_at(eq, here.tangent, z, here.ahead)
-    turn = angle(here.tangent, here.ahead, eq.metric)
+    turn = angle(eq, here.tangent, here.ahead)
     # the chord as well: between tangents that are parallel a curve may turn and turn back
-    if turn > TURN or angle(here.tangent, chord(here, z, length, here.between), eq.metric) > TURN:
+    if turn > TURN or angle(eq, here.tangent, chord(here, z, length, here.between)) > TURN:
         return Examined(TURNS, side, length, turn)
     # One residual a third of the way along tells how far the curve is off the cubic: halfway,
     # tangents that are wrong alike would cancel.
@@ -250,11 +248,11 @@ def next_size(iterations: int, turn: float, growth: float) -> float:
     return max(min(AIM / max(turn, 1e-12), effort, growth), 0.5)
 
 
-def longest(rules: Rules, metric: Any, z: Any) -> float:
+def longest(rules: Rules, eq: CompiledEquations, z: Any) -> float:
     """How long a step may be: by the rules, or as the size of z has it."""
     if rules.largest > 0.0:
         return rules.largest
-    return max(LARGEST_STEP, RELATIVE * norm(z, metric))
+    return max(LARGEST_STEP, RELATIVE * norm(eq, z))
 
 
 @inlined
@@ -344,7 +342,7 @@ def tangent_at(eq: CompiledEquations, along: Any, z: Any, out: Any) -> int:
         eq.right[i] = 0.0
     eq.right[d - 1] = 1.0
     side = bordered(eq, along, z)
-    size = norm(eq.right, eq.metric)
+    size = norm(eq, eq.right)
     if side == 0 or not 0.0 < size < math.inf:
         for i in range(d):
             out[i] = along[i]
@@ -364,7 +362,7 @@ def off_curve(eq: CompiledEquations, here: Here, between: Any, z: Any) -> float:
         return math.inf
     # H = J dz + O(dz^2): one correction is the distance to first order
     step, regular = correction(eq, here.tangent, between, value, False)
-    return norm(step, eq.metric) if regular else 0.0
+    return norm(eq, step) if regular else 0.0
 
 
 @inlined
@@ -433,25 +431,25 @@ def largest(eq: CompiledEquations, value: Any) -> float:
 # --- arithmetic: vectors ----------------------------------------------------------------------
 
 
-def norm(z: Any, metric: Any) -> float:
+def norm(eq: Any, z: Any) -> float:
     total = 0.0
     for i in range(z.size):
-        total += z[i] * z[i] * metric[i]
+        total += z[i] * z[i] * eq.metric[i]
     return math.sqrt(total)
 
 
-def apart(z: Any, other: Any, metric: Any) -> float:
+def apart(eq: Any, z: Any, other: Any) -> float:
     total = 0.0
     for i in range(z.size):
         gap = z[i] - other[i]
-        total += gap * gap * metric[i]
+        total += gap * gap * eq.metric[i]
     return math.sqrt(total)
 
 
-def angle(t: Any, other: Any, metric: Any) -> float:
+def angle(eq: Any, t: Any, other: Any) -> float:
     """Between unit vectors, from their difference: exact for small angles too."""
     # |t - t'| = 2 sin(angle / 2): 1 - t . t' would have lost half of the digits
-    return 2.0 * math.asin(min(1.0, 0.5 * apart(t, other, metric)))
+    return 2.0 * math.asin(min(1.0, 0.5 * apart(eq, t, other)))
 
 
 def minus(z: Any, step: Any) -> Any:
@@ -460,11 +458,11 @@ def minus(z: Any, step: Any) -> Any:
     return z
 
 
-def is_short(step: Any, z: Any, metric: Any, tolerance: float) -> bool:
+def is_short(eq: Any, step: Any, z: Any, tolerance: float) -> bool:
     """Whether a step is short for each entry: beside one of size 1e6 those of size 1 count."""
     for i in range(z.size):
         # 1 / sqrt(W_i) is the scale of an entry, times sqrt(m) in an array of m numbers
-        if abs(step[i]) > tolerance * (abs(z[i]) + 1.0 / math.sqrt(metric[i])):
+        if abs(step[i]) > tolerance * (abs(z[i]) + 1.0 / math.sqrt(eq.metric[i])):
             return False
     return True
 

@@ -11,15 +11,14 @@ import numpy as np
 
 from .. import kernels
 from . import step as rules
-from .branch import Stop
+from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
-from .interpolant import StepInterpolant
-from .newton import Array, Solution, Undefined, correction, length
+from .ends import Bound, StartOnCurve
+from .newton import Array, Solution, Undefined, correction, newton
 from .point import Point
-from .points import Points
+from .segment import StepInterpolant
 from .settings import Steps
-from .starts import Bound, StartOnCurve
 from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
 
 LOG = logging.getLogger(__name__)
@@ -168,7 +167,7 @@ class Stepper:
             return False
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            return off <= _PASS and _ANGLE(slope, start.direction, self.curve.metric) <= _PASS
+            return off <= _PASS and _ANGLE(self.curve, slope, start.direction) <= _PASS
         # across the start only: along the curve Newton's linear condition keeps the place
         solution = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
         gap = solution.z - start.z
@@ -239,8 +238,8 @@ class Stepper:
         return Step(last, size * factor, end.side, branch_point, stop)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
-        how = {"tolerance": self.steps.tolerance, "most": ITERATIONS}
-        solution = self.curve.newton(predicted, row, **how)
+        tolerance = self.steps.tolerance
+        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=ITERATIONS)
         if not solution.converged:
             raise StepFailed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
         return solution
@@ -347,7 +346,7 @@ def _off_curve(curve: Curve, here: Here, between: Array, z: Array) -> float:
 
 
 _BY_NUMPY = {
-    "apart": lambda z, other, metric: length(z - other, metric),
+    "apart": lambda curve, z, other: curve.length(z - other),
     "chord": lambda here, z, s, out: (z - here.z) / s,
     "on_cubic": lambda here, z, s, out: (
         (20 * here.z + 7 * z + (4 * here.tangent - 2 * here.ahead) * s) / 27

@@ -17,7 +17,8 @@ import numpy as np
 from ..checks import kind_of
 from ..errors import BadInput, NotConverged, add_partial_result
 from ..progress import Counter
-from .branch import Branch, Branches, Stop, labelled
+from ..tables import Column, HtmlRepr, Sheet
+from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve
 from .duplicates import images, lies_on
@@ -128,10 +129,9 @@ class SwitchingProblem:
         # v . (x - x0) = amplitude, and the parameter gives way: regular on the arms of a pitchfork
         row = np.append(self.direction, 0.0)
         guess = curve.start + amplitude * row
+        curve.metric = np.ones(guess.size)  # as exact as a start, whatever the scales
         try:
-            solution = newton(
-                curve.equations, curve.jacobian, guess, row=row, tolerance=1e-11, most=20
-            )
+            solution = newton(curve, guess, row, tolerance=1e-11, most=20)
         except Undefined as error:
             raise NotConverged(
                 f"no orbit at the amplitude {amplitude:g} ({self.problem.label}): {error}; try a "
@@ -165,7 +165,7 @@ def _beside(point: Point, tangent: Array) -> Array:
     row = curve.metric * tangent
     for distance in (_STRIDE, 2 * _STRIDE):
         try:
-            solution = curve.newton(point.z + distance * tangent, row)
+            solution = newton(curve, point.z + distance * tangent, row)
         except Undefined:
             return tangent
         if not solution.converged:
@@ -198,6 +198,21 @@ class ArmsCoincide(NotConverged):
         self.arm = arm
         self.other = other
         self.distance = distance
+
+
+class Branches(tuple[Branch, ...], HtmlRepr):
+    """Several branches that belong together, the arms of a pitchfork for instance: a tuple that
+    notebooks show."""
+
+    __slots__ = ()
+
+    def table(self) -> Sheet:
+        """A line for each, with its special points."""
+        labels = [", ".join(point.label for point in branch.special) for branch in self]
+        what = [branch.describe() for branch in self]
+        return Sheet(
+            [Column("", list(range(len(self)))), Column("branch", what), Column("points", labels)]
+        )
 
 
 def switch(

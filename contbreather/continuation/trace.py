@@ -17,20 +17,17 @@ from numpy.typing import ArrayLike
 from ..checks import one_of
 from ..errors import BadInput
 from ..progress import Counter
-from .branch import Branch, Stop, labelled, with_ends
+from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
 from .defining_systems import Singular
+from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
 from .event_detection import Ends, Found, clear_steps, find, without_candidate
-from .infinity import Growth
-from .interpolant import StepInterpolant
 from .newton import Undefined
 from .point import Event, Point
-from .points import Points
 from .problem import Problem, problem_in
-from .samples import Value, count_at, counted, measure_many, value_of_test
+from .segment import StepInterpolant, Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .starts import QUIET, StartOnCurve, starts_on_curve
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)

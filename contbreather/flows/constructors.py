@@ -85,8 +85,9 @@ def cycle(
     events : iterable of Event, optional
         What a walk looks for by default: LP, BP, PD and NS, of limit cycles HB and HOM (they shrink
         to an equilibrium, or come to rest at one), and where flows have conditions or walls VI (an
-        impact loses its velocity) and GR (a wall is touched in between); of a Filippov system SL
-        (an orbit begins to slide, or to cross where it slid).
+        impact loses its velocity) and GR (a wall is touched in between, or one of several flows
+        shrinks to nothing at a tangency); of a Filippov system SL (an orbit begins to slide, or to
+        cross where it slid).
     label : str, optional
         Shown in tables.
 
@@ -149,7 +150,8 @@ def cycle(
     equations = Equations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
         events = events_of(equations)
-        events += (sliding(flows),) if isinstance(flows, Filippov) else ()
+        if isinstance(flows, Filippov):
+            events = (*events_of(equations, "SL"), sliding(flows))
     made = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
     return _closed(equations, made, params, size)
 

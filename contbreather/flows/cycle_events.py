@@ -20,7 +20,7 @@ from ..continuation.sparse import Dense
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
 from .orbit import Cycle, equations_of
-from .walls import GRAZING, IMPACT
+from .walls import GRAZING, IMPACT, shrinking
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 
@@ -87,8 +87,8 @@ _BRANCH_POINT = replace(
 _SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 
 
-def events_of(equations: Equations) -> tuple[Event, ...]:
-    """What can happen to a cycle of these flows."""
+def events_of(equations: Equations, tangency: str = "GR") -> tuple[Event, ...]:
+    """What can happen to a cycle of these flows; one comes into being at a tangency, GR or SL."""
     events = [_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"]]
     if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
         events.append(_SHRUNK)
@@ -98,4 +98,6 @@ def events_of(equations: Equations) -> tuple[Event, ...]:
         events.append(IMPACT)
     if any(flow.until or flow.walls for flow in equations.flows):
         events.append(GRAZING)
+    if any(flow.until and not flow.reset for flow in equations.flows):
+        events.append(shrinking(tangency))
     return tuple(events)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -390,7 +390,10 @@ class Equations:
             return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
         again = (replace(f, start=f.start + whole) for f in flights)
-        flows = (*self.flows, *(flow.later(self.turns) for flow in self.flows))
+        # after half of a symmetric orbit the forcing is the mirror image of what it was: the mirror
+        # that ends the half takes it back to its beginning
+        back = partial(_earlier, self.period, self.turns) if self.smooth and self.period else None
+        flows = (*self.flows, *(flow.later(self.turns, back) for flow in self.flows))
         start, sizes = (*flights, *again), self.sizes * 2
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
@@ -431,6 +434,13 @@ class Equations:
             and abs(then.sampled(_LOOKS)[1] - now.sampled(_LOOKS)[1]).max() <= _REPEATS * size.max()
             for (flow, now, size), (successor, then) in zip(pieces, again, strict=False)
         )
+
+
+def _earlier(
+    period: Callable[..., Any], turns: int, function: Callable[..., Any], t: Any, x: Any, p: Params
+) -> Any:
+    """A function of (t, x, p) so many periods before."""
+    return function(t - turns * period(t, x, p), x, p)
 
 
 def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..continuation.curve import Curve
 from ..continuation.equilibria import branch_point, fold, hopf, unstable
-from ..continuation.newton import Array, Undefined
+from ..continuation.newton import Array, Undefined, newton
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.switching import SwitchingProblem
@@ -146,7 +146,7 @@ def _born(point: Point) -> SwitchingProblem:
         row = np.zeros(curve.start.size)
         row[: equations.layout.orbit] = (flight.states - rest[:, None]).T.ravel()
         try:
-            solution = curve.newton(curve.start, curve.metric * row, tolerance=1e-11, most=20)
+            solution = newton(curve, curve.start, curve.metric * row, tolerance=1e-11, most=20)
         except Undefined:
             continue
         if solution.converged:

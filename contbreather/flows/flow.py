@@ -25,6 +25,8 @@ Params = Mapping[str, Any]  # numbers; one may be complex or an array while it i
 
 _LOG = logging.getLogger(__name__)
 _IMAGINARY = 1e-30  # a complex step has no cancellation, so it may be as small as this
+_CENTRAL = 6e-6  # of its size: the best step of a central difference, to ten digits
+_UNSEEN = 1e-5  # of the largest: a difference in slopes that is no rounding
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
 _THREE = np.array([1.0, 1.3, 0.6])  # in units of that, for three different states
@@ -158,8 +160,12 @@ class Flow:
         clock = self.until
         return replace(self, until=clock.at(t, p)) if isinstance(clock, Clock) else self
 
-    def later(self, periods: int) -> Flow:
-        """The flow some periods later."""
+    def later(self, periods: int, back: Function | None = None) -> Flow:
+        """The flow some periods later: a clock strikes then; what is taken `back` is as before."""
+        if back:
+            reset = self.reset and partial(back, self.reset)
+            walls = tuple(partial(back, wall) for wall in self.walls)
+            return replace(self, f=partial(back, self.f), reset=reset, walls=walls)
         clock = self.until
         if not isinstance(clock, Clock):
             return self
@@ -184,9 +190,9 @@ def check_function(
     name: str, function: Function, shape: tuple[int, ...] | None, t: float, x: Array, p: Params
 ) -> None:
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
-    where = place(t, x, p)
+    where, given, params = place(t, x, p), x.copy(), dict(p)
     try:
-        returned = function(t, x, p)
+        returned = function(t, given, params)
         value = np.asarray(returned, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
@@ -195,6 +201,8 @@ def check_function(
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
     except (ValueError, ArithmeticError, TypeError, IndexError) as error:
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
+    if params != p or not np.array_equal(given, x):
+        raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
     if shape == () and np.asarray(returned).dtype == bool:
         raise BadInput(
             f"{name} is {returned} {where}; a number was expected, positive inside and zero where "
@@ -238,8 +246,8 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
 
 @dataclass(frozen=True)
 class _Calling:
-    """How a function is called, its plain text, its rows, and whether it takes many states; and how
-    it is differentiated, for each number of states and each choice of parameters."""
+    """How a function of so many states is called, its plain text, its rows, and whether it takes
+    many states at once; and how it is differentiated, for each choice of parameters."""
 
     function: Function
     rows: int
@@ -248,7 +256,7 @@ class _Calling:
     schemes: dict[Any, Array | None] = field(default_factory=dict)
 
 
-_CALLING = WeakKeyDictionary[Any, _Calling]()
+_CALLING = WeakKeyDictionary[Any, dict[int, _Calling]]()  # by how many states there are
 
 
 def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[Any]:
@@ -316,12 +324,13 @@ def _name(function: Function) -> str:
 
 
 def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:
+    n = len(x)
     try:
-        return _CALLING[function]
+        return _CALLING[function][n]
     except (KeyError, TypeError):  # TypeError: a function object that cannot be hashed
         how = _decide_calling(function, t.real, x.real, p)
     with suppress(TypeError):
-        _CALLING[function] = how
+        _CALLING.setdefault(function, {})[n] = how
     return how
 
 
@@ -365,21 +374,36 @@ def slopes(
     (m, n + 1 + len(names), K).
 
     By complex steps, exact to rounding, where the function is analytic; elsewhere by five-point
-    differences, whose steps suit it. Decided once for each function, beside the first states.
+    differences, whose steps suit it. Decided beside the first states, and anew where slopes are
+    not borne out: a force of contact is nowhere to be seen until there is one.
     """
     n, count = x.shape
     t = t if np.shape(t) == (count,) else np.full(count, t, dtype=float)
-    how, key = _calling(function, t, x, p), (n, tuple(names))
-    if how.schemes.get(key, how) is not None:  # by differences, or nobody knows yet
-        named = np.array([p[name] for name in names]).reshape(-1, 1)
-        z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
-        joined, scales = partial(_joined, how, p, key[1]), _scales(z, n)
-        if key not in how.schemes:
-            how.schemes[key] = _decide_scheme(joined, z, n, scales)
-            by = "complex steps" if how.schemes[key] is None else "differences"
-            _LOG.debug("%s is differentiated by %s", _name(function), by)
-        if (finer := how.schemes[key]) is not None:
-            return joined(z), _differences(joined, z, scales, finer)
+    how, key = _calling(function, t, x, p), tuple(names)
+    doubtful: Any = slice(None)
+    if how.schemes.get(key, how) is None:
+        value, slope = _complex_steps(how, t, x, p, key)
+        doubtful = _doubtful(how, t, x, p, value, slope)
+        if not doubtful.size:
+            return value, slope
+    named = np.array([p[name] for name in names]).reshape(-1, 1)
+    z = np.vstack([x, t, np.broadcast_to(named, (named.size, count))])
+    joined, scales = partial(_joined, how, p, key), _scales(z, n)
+    if how.schemes.get(key) is None:  # nobody knows yet, or no longer
+        first = key not in how.schemes
+        aside = np.append(_aside(x), np.zeros(len(z) - n)) if first else np.zeros(len(z))
+        how.schemes[key] = _decide_scheme(joined, z[:, doubtful], aside, scales)
+        by = "complex steps" if how.schemes[key] is None else "differences"
+        _LOG.debug("%s is differentiated by %s", _name(function), by)
+    if (finer := how.schemes[key]) is None:
+        return _complex_steps(how, t, x, p, key)
+    return joined(z), _differences(joined, z, scales, finer)
+
+
+def _complex_steps(
+    how: _Calling, t: Array, x: Array, p: Params, names: tuple[str, ...]
+) -> tuple[Array, Array]:
+    n, count = x.shape
     directions = n + 1  # those of the parameters apart: what asks for one may expect a number
     # f(x + i h) = f + i h f' + O(h^2): no difference is taken, h^2 is nothing
     aside = 1j * _IMAGINARY * np.eye(directions)[:, :, None]
@@ -391,6 +415,23 @@ def slopes(
         shifted = {**p, name: p[name] + 1j * _IMAGINARY}
         slope[:, j] = _call(how, t, x, shifted).imag / _IMAGINARY
     return np.ascontiguousarray(value[:, 0].real), slope
+
+
+def _doubtful(
+    how: _Calling, t: Array, x: Array, p: Params, value: Array, slope: Array
+) -> NDArray[np.intp]:
+    """Some states at which slopes, along one way, are not what a central difference gives."""
+    n, count = x.shape
+    low, high = x.min(axis=1), x.max(axis=1)
+    step = _CENTRAL * np.maximum(high - low, _ASIDE * np.maximum(high, -low))
+    later = _CENTRAL * (t[-1] - t[0])
+    at = np.concatenate([x + step[:, None], x - step[:, None]], axis=1)
+    beside = _call(how, np.concatenate([t + later, t - later]), at, p)
+    along = 2 * (step @ slope[:, :n] + later * slope[:, n])
+    off = abs(beside[:, :count] - beside[:, count:] - along)
+    size = _UNSEEN * (abs(along).max(axis=1) + _CENTRAL * _UNSEEN * abs(value).max(axis=1))
+    # beside a domain there is nothing to compare with
+    return np.flatnonzero((off > size[:, None]).any(axis=0))[:_PROBED]
 
 
 def rate_of(function: Function, f: Function, t: float, x: Array, p: Params) -> float:
@@ -430,13 +471,13 @@ def _differences(joined: Any, z: Array, scales: Array, finer: Array) -> Array:
     return np.stack(slopes, axis=1)
 
 
-def _decide_scheme(joined: Any, z: Array, n: int, scales: Array) -> Array | None:
+def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array) -> Array | None:
     """None for complex steps, where they agree with differences beside each of a few states; or
     what the steps of differences are divided by."""
-    shift, finest = np.append(_aside(z[:n]), np.zeros(len(z) - n)), np.zeros(len(z))
+    finest = np.zeros(len(z))
     for k in np.linspace(0, z.shape[1] - 1, min(_PROBED, z.shape[1])).astype(int):
         with np.errstate(all="ignore"):
-            scheme = choose(lambda z: joined(z[:, None])[:, 0], z[:, k] + shift, scales)
+            scheme = choose(lambda z: joined(z[:, None])[:, 0], z[:, k] + aside, scales)
         if isinstance(scheme, partial):  # differences
             finest = np.maximum(finest, scheme.keywords["finer"])
     return finest if finest.any() else None

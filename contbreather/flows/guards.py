@@ -24,6 +24,7 @@ _HALVINGS = 8
 _SHIFTED = 1.0 + 1e-6  # a state times this is another one
 _LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
+_PATIENT = 10_000
 _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
 
 Guard = Callable[[Array], Array]  # over times
@@ -128,7 +129,8 @@ def root(guard: Guard, a: float, b: float) -> float:
         # one that stays zero has fallen where it came to it
         return value if value > 0.0 or end < 0.0 else -float(start)
 
-    return float(a + brentq(fallen, 0.0, b - a, xtol=spacing))
+    # at a double or triple zero it is hardly sooner there than by halving, a few hundred times
+    return float(a + brentq(fallen, 0.0, b - a, xtol=spacing, maxiter=_PATIENT))
 
 
 def _minimum(guard: Guard, a: float, b: float) -> float:

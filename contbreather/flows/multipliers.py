@@ -203,6 +203,17 @@ def paces(equations: Equations, x: Array, p: Params) -> Array:
     return np.array([-_pace(equations, place, i)[1] for i in ended])
 
 
+def relative_paces(equations: Equations, x: Array, p: Params) -> dict[int, float]:
+    """The same by flow, relative to how fast each may change along its flow."""
+    place, found = equations.linearised(x, p), {}
+    for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
+        if piece.condition is not None:
+            gate, waits = np.split(abs(piece.condition[0]), [len(flight.states)])
+            fastest = abs(flight.slopes / flight.lengths[:, None]).max(axis=(1, 2))
+            found[i] = abs(_pace(equations, place, i)[1]) / (gate @ fastest + waits[0])
+    return found
+
+
 def closing_matrix(equations: Equations, matrix: Matrix, mu: complex) -> Matrix:
     """The square derivative whose null vectors are perturbations that have grown by mu after
     the cycle."""

@@ -60,7 +60,7 @@ class Cycle(HtmlRepr):
     times : ndarray
         When its flows begin, and when the last one ends.
     max, min : dict
-        The largest and the smallest value of each state.
+        The largest and the smallest value of each state, as long as `period` is.
 
     Examples
     --------
@@ -324,7 +324,8 @@ def problem_of(
         record[f"max({name})"] = partial(_extreme, name, 1.0)
         record[f"min({name})"] = partial(_extreme, name, -1.0)
     whole = sum(flight.duration for flight in equations.start)
+    scales = {"orbit": size} | {name: whole for name in (times, "phase") if name in start}
     return CycleProblem(
         equations, start, dict(params), events=tuple(events), record=record, interpret=orbit_of,
-        scales={"orbit": size, times: max(1.0, whole)}, label=label,
+        scales=scales, label=label,
     )  # fmt: skip

@@ -16,11 +16,13 @@ from .collocation import TrajectorySegment
 from .equations import Equations
 from .filippov import Filippov
 from .flow import Clock, Function, Params, slopes, values
-from .multipliers import paces
+from .multipliers import paces, relative_paces
 from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
 _FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
+_SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
+_SLOW = 1e-2  # of how fast a condition may change: it is all but touched
 _BRACKET = 60  # halvings that locate the lowest place of a wall
 
 
@@ -217,6 +219,50 @@ def sliding(system: Filippov) -> Event:
     """SL, of the cycles of a Filippov system."""
     arrivals = _Arrivals(system)
     return Event("SL", arrivals, locus=arrivals.locus, ends="domain")
+
+
+# --- where a flow shrinks to nothing --------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Shortest:
+    """The share of the orbit of its shortest flow among those that begin where a condition without
+    a reset is all but touched: where two flows meet at a tangency one of them comes into being, and
+    is as short as the root of how far the parameter is beyond."""
+
+    kind: str
+
+    def __call__(self, point: Point) -> float:
+        return self._least(point)[0]
+
+    def locus(self, point: Point) -> DefiningSystem:
+        i, layout = self._least(point)[1], equations_of(point.base_point).layout
+        row = np.zeros(point.base_point.z.size)
+        row[layout.lengths] = -_SHRUNK
+        row[layout.lengths[i]] += 1.0
+
+        def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+            return np.array([row @ z])
+
+        return DefiningSystem({}, conditions, lambda curve, z, extra: row[None, :])
+
+    def _least(self, point: Point) -> tuple[float, int]:
+        orbit: Cycle = point.base_point.solution
+        flows, whole = orbit.equations.flows, orbit.period
+        touched = [i for i, flow in enumerate(flows) if flow.until and not flow.reset]
+        slow = relative_paces(orbit.equations, orbit.x, orbit.params)
+        shares = [
+            (flight.duration / whole - _SHRUNK, i)
+            for i, flight in enumerate(orbit.flights)
+            if (before := (i - 1) % len(flows)) in touched and slow[before] < _SLOW
+        ]
+        return min(shares, default=(math.nan, 0))
+
+
+def shrinking(kind: str) -> Event:
+    """GR, or SL of a Filippov system, of cycles whose flows follow each other without a reset."""
+    shortest = _Shortest(kind)
+    return Event(kind, shortest, locus=shortest.locus, ends="domain")
 
 
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")

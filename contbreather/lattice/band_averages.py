@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
-from contbreather.lattice.free_flight import TERMS
-from contbreather.lattice.zeta import binomial, zeta
+from contbreather.lattice.zeta import TERMS, binomial, zeta
 from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]

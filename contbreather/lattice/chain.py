@@ -32,6 +32,7 @@ class InfiniteChain(UniformLattice):
     """
 
     spring: float = 0.0  # to the ground, at every site
+    sites = None  # no end: there is a far field
 
     def __post_init__(self) -> None:
         wanted = "0 <= spring < 1, a band below the drive (above that take a ring of 40 sites)"
@@ -39,11 +40,6 @@ class InfiniteChain(UniformLattice):
         check_gamma(0.0, spring)
         object.__setattr__(self, "spring", spring)
         object.__setattr__(self, "_expansions", band_averages(None, spring))
-
-    @property
-    def sites(self) -> None:
-        """No end: there is a far field."""
-        return
 
     def with_spring(self, spring: float) -> InfiniteChain:
         """The same chain with springs to the ground."""
@@ -93,9 +89,7 @@ class InfiniteChain(UniformLattice):
         return (self.first_harmonic(gamma, n) + by_gamma) / (1.0 - self.spring)
 
 
-@lru_cache(maxsize=64)
-def _with_spring(spring: float) -> InfiniteChain:
-    return InfiniteChain(spring)
+_with_spring = lru_cache(maxsize=64)(InfiniteChain)
 
 
 @dataclass(frozen=True)
@@ -112,6 +106,9 @@ class Ring(UniformLattice):
     """
 
     sites: int
+    spring = 0.0  # closed forms of rings are without
+    uniform = True
+    highest_gamma = 0.25  # there the band of the chain reaches the forcing frequency
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", whole("sites", self.sites, 1))
@@ -121,11 +118,6 @@ class Ring(UniformLattice):
                 "infinite chain, InfiniteChain()."
             )
         object.__setattr__(self, "_expansions", band_averages(self.sites))
-
-    @property
-    def spring(self) -> float:  # type: ignore[override]
-        """Closed forms of rings are without."""
-        return 0.0
 
     def _excess(self, z: float) -> float:
         r = math.sqrt(1.0 - z)
@@ -160,15 +152,6 @@ class Ring(UniformLattice):
         """The drive moves the ring as a whole."""
         root = math.sqrt(self.sites)
         return np.zeros(1), np.full((self.sites, 1), 1.0 / root), np.array([root])
-
-    @property
-    def uniform(self) -> bool:
-        return True
-
-    @property
-    def highest_gamma(self) -> float:
-        """At 1/4 the band of the chain reaches the forcing frequency."""
-        return 0.25
 
     def basis(self, hit: tuple[int, ...]) -> PlaneWaves:
         """The modes that impacts at the sites `hit` can excite."""

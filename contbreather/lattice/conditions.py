@@ -230,10 +230,8 @@ class SpringResponse(Periodic):
         return self.of.describe()
 
 
-@lru_cache(maxsize=256)
-def spring_response(forcing: Forcing, spring: float) -> SpringResponse:
-    """`SpringResponse`, kept: residual, Jacobian and sensitivities ask for the same few in turn."""
-    return SpringResponse(forcing, spring)
+# kept: residual, Jacobian and sensitivities ask for the same few in turn
+spring_response = lru_cache(maxsize=256)(SpringResponse)
 
 
 # --- as dicts -------------------------------------------------------------------------------------
@@ -244,21 +242,15 @@ serialised("infinite chain", InfiniteChain, lambda chain: {"spring": chain.sprin
 serialised("ring", Ring, lambda ring: {"sites": ring.sites})(Ring)
 
 
-@serialised("fourier", Fourier, lambda f: {"cos": [*map(list, f.cos)], "sin": [*map(list, f.sin)]})
-def _fourier(cos: Sequence[tuple[int, float]], sin: Sequence[tuple[int, float]]) -> Fourier:
-    return Fourier(dict(cos), dict(sin))
-
-
-@serialised("formula", Symbolic, lambda f: {"formula": f.expression, "values": dict(f.values)})
-def _formula(formula: str, values: dict[str, float]) -> Symbolic:
-    return Symbolic(formula, **values)
-
-
-@serialised(
-    "held", SpringResponse, lambda forcing: {"of": to_dict(forcing.of), "spring": forcing.spring}
+serialised("fourier", Fourier, lambda f: {"cos": [*map(list, f.cos)], "sin": [*map(list, f.sin)]})(
+    lambda cos, sin: Fourier(dict(cos), dict(sin))
 )
-def _spring_response(of: Any, spring: float) -> SpringResponse:
-    return spring_response(of, spring)
+serialised("formula", Symbolic, lambda f: {"formula": f.expression, "values": dict(f.values)})(
+    lambda formula, values: Symbolic(formula, **values)
+)
+serialised("held", SpringResponse, lambda held: {"of": to_dict(held.of), "spring": held.spring})(
+    spring_response
+)
 
 
 def _lattice_to_dict(lattice: Lattice) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import flag, one_of, whole
 from contbreather.errors import BadInput
+from contbreather.kernels import inlined
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -80,6 +81,22 @@ class NormalModes(NamedTuple):
     def from_sites(self, values: FloatArray) -> FloatArray:
         """Amplitudes of the modes, shape ``(..., K)``; what no impact sees is dropped."""
         return np.asarray((values * self.masses) @ self.shapes)
+
+
+@inlined
+def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
+    """C, S and S' of a mode, see `contbreather.lattice.modal_flow`: the solutions that start with
+    (1, 0) and (0, 1); S is finite at z = 0, and overdamped modes neither overflow nor cancel."""
+    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
+    root, decay = math.sqrt(abs(x)), math.exp(-lost)
+    if x >= 0.0:
+        c, s = decay * math.cos(root), decay * math.sin(root)
+    else:
+        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
+        c = 0.5 * (grown + fallen)
+        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
+    S = t * (s / root if root > 0.0 else decay)
+    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -207,9 +224,7 @@ class Lattice:
         loose = abs(self.stiffness.sum(axis=1)).max() <= 1e-12 * abs(self.stiffness).max()
         return bool(loose and (self.drive == 1.0).all())
 
-    @property
-    def highest_gamma(self) -> float:
-        return math.inf
+    highest_gamma = math.inf
 
     @cached_property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -291,10 +306,9 @@ def _matrix(stiffness: Any) -> FloatArray:
     """The stiffness as a dense matrix, or what is wrong with it."""
     if hasattr(stiffness, "toarray"):
         _count("sites", max(stiffness.shape))
+        stiffness = stiffness.toarray()
     try:
-        matrix = np.array(
-            stiffness.toarray() if hasattr(stiffness, "toarray") else stiffness, dtype=float
-        )
+        matrix = np.array(stiffness, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
@@ -387,19 +401,16 @@ Basis = NormalModes | PlaneWaves
 @lru_cache(maxsize=128)
 def plane_waves(sites: int, hit: tuple[int, ...]) -> PlaneWaves:
     """The modes of a ring that impacts at the sites ``hit`` can excite."""
-    half = sites // 2
-    order, sine = np.arange(half + 1), np.zeros(half + 1, dtype=bool)
+    cosines, sines = np.arange(sites // 2 + 1), np.arange(1, (sites + 1) // 2)
+    order, rest = cosines, sines  # of one site alone the sines vanish there
     if len(set(hit)) > 1:
-        waves = np.arange(1, (sites + 1) // 2)
-        order = np.concatenate([order, waves])
-        sine = np.concatenate([sine, np.ones(waves.size, dtype=bool)])
+        order, rest = np.concatenate([cosines, sines]), sines[:0]
     alone = (order == 0) | (2 * order == sites)
-    rest = np.arange(1, (sites + 1) // 2) if len(set(hit)) == 1 else np.arange(0)
     return PlaneWaves(
         sites,
         hit[0],
         order,
-        sine,
+        np.arange(order.size) >= cosines.size,
         np.where(alone, 1.0, 2.0) / sites,
         4.0 * np.sin(np.pi * order / sites) ** 2,  # 2 - 2 cos theta
         4.0 * np.sin(np.pi * rest / sites) ** 2,
@@ -414,10 +425,24 @@ def stiffness_of(lattice: Finite) -> sparse.csr_array:
     if isinstance(lattice, Lattice):
         return sparse.csr_array(np.asarray(lattice.stiffness, dtype=float))
     n = np.arange(lattice.sites)
-    right = (n + 1) % lattice.sites  # of one bond or two between the same sites entries add up
-    rows, columns = np.concatenate([n, right, n, right]), np.concatenate([n, right, right, n])
-    entries = np.repeat([1.0, -1.0], 2 * n.size)
-    return sparse.csr_array((entries, (rows, columns)), shape=(n.size, n.size))
+    return sparse.csr_array(_bonds(n, np.roll(n, -1)), shape=(n.size, n.size))
+
+
+def _bonds(first: Any, second: Any) -> tuple[FloatArray, tuple[Any, Any]]:
+    """Entries of a stiffness matrix by bonds between sites, with their rows and columns; of two
+    bonds between the same sites they add up."""
+    n, other = np.ravel(first), np.ravel(second)
+    rows, columns = np.concatenate([n, other, n, other]), np.concatenate([n, other, other, n])
+    return np.repeat([1.0, -1.0], 2 * n.size), (rows, columns)
+
+
+def _matrix_of(sites: int, *bonds: tuple[Any, Any]) -> FloatArray:
+    """The stiffness matrix of bonds of unit stiffness."""
+    matrix = np.zeros((sites, sites))
+    for first, second in bonds:
+        entries, where = _bonds(first, second)
+        np.add.at(matrix, where, entries)
+    return matrix
 
 
 def drive_of(lattice: Finite) -> FloatArray:
@@ -438,7 +463,8 @@ def OpenChain(sites: int, *, ends: str = "free", **more: Any) -> Lattice:
     >>> OpenChain(3, ends="fixed").stiffness[0]
     array([ 2., -1.,  0.])
     """
-    matrix = _path(_count("sites", sites))
+    n = np.arange(_count("sites", sites))
+    matrix = _matrix_of(n.size, (n[:-1], n[1:]))
     if one_of("ends", ends, ("free", "fixed")) == "fixed":
         matrix[0, 0] += 1.0
         matrix[-1, -1] += 1.0
@@ -455,13 +481,14 @@ def Grid(rows: int, columns: int, *, periodic: bool = False, **more: Any) -> Lat
     >>> grid.beside(0), grid.beside(5)
     ((1, 4), (1, 4, 6, 9))
     """
-    _count("rows x columns", _count("rows", rows) * _count("columns", columns))
-    closed = flag("periodic", periodic)
-    down, across = (_closed(_path(int(count)), closed) for count in (rows, columns))
-    # L = L_rows x 1 + 1 x L_columns, site (i, j) being number i columns + j
-    matrix = np.kron(down, np.eye(len(across))) + np.kron(np.eye(len(down)), across)
-    kind = "torus" if periodic else "grid"
-    return Lattice(matrix, **{"name": f"{kind} of {len(down)} x {len(across)}", **more})
+    size = _count("rows", rows), _count("columns", columns)
+    n = np.arange(_count("rows x columns", size[0] * size[1])).reshape(size)
+    if flag("periodic", periodic):  # a bond of a site to itself is none: its entries cancel
+        kind, bonds = "torus", [(n, np.roll(n, -1, axis)) for axis in (0, 1)]
+    else:
+        kind, bonds = "grid", [(n[:-1], n[1:]), (n[:, :-1], n[:, 1:])]
+    matrix = _matrix_of(n.size, *bonds)
+    return Lattice(matrix, **{"name": f"{kind} of {size[0]} x {size[1]}", **more})
 
 
 def _count(name: str, value: Any) -> int:
@@ -472,19 +499,3 @@ def _count(name: str, value: Any) -> int:
             "Ring(N), are larger."
         )
     return count
-
-
-def _path(sites: int) -> FloatArray:
-    """Stiffness of an open chain with free ends."""
-    matrix = np.diag(np.full(sites, 2.0)) - np.eye(sites, k=1) - np.eye(sites, k=-1)
-    matrix[0, 0] -= 1.0
-    matrix[-1, -1] -= 1.0
-    return matrix
-
-
-def _closed(matrix: FloatArray, periodic: bool) -> FloatArray:
-    if periodic and len(matrix) > 1:
-        for i, j in ((0, -1), (-1, 0)):
-            matrix[i, i] += 1.0
-            matrix[i, j] -= 1.0
-    return matrix

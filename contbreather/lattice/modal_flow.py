@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.errors import BadInput
-from contbreather.kernels import Cube, Kernel, Vector, inlined
-from contbreather.lattice.finite import Finite
+from contbreather.kernels import Cube, Kernel, Vector
+from contbreather.lattice.finite import Finite, mode_solutions
 from contbreather.lattice.forcing import Forcing, Harmonics
 
 FloatArray = NDArray[np.float64]
@@ -73,22 +73,6 @@ def propagator(z: FloatArray, time: Any, damping: float = 0.0) -> ModalPropagato
     PROPAGATORS(z, float(damping), times.ravel(), out)
     cosine, reach, swing = out.reshape(3, *times.shape[:-1], z.size)
     return ModalPropagator(cosine, reach, z * reach, swing)
-
-
-@inlined
-def mode_solutions(z: float, damping: float, t: float) -> tuple[float, float, float]:
-    """C, S and S' of a mode, the solutions that start with (1, 0) and (0, 1); S is finite at z = 0,
-    and overdamped modes neither overflow nor cancel."""
-    x, lost = (z - 0.25 * damping * damping) * t * t, 0.5 * damping * t
-    root, decay = math.sqrt(abs(x)), math.exp(-lost)
-    if x >= 0.0:
-        c, s = decay * math.cos(root), decay * math.sin(root)
-    else:
-        grown, fallen = math.exp(root - lost), math.exp(-root - lost)
-        c = 0.5 * (grown + fallen)
-        s = decay * math.sinh(root) if root < 1.0 else 0.5 * (grown - fallen)
-    S = t * (s / root if root > 0.0 else decay)
-    return c + 0.5 * damping * S, S, c - 0.5 * damping * S
 
 
 def propagators(z: Vector, damping: float, times: Vector, out: Cube) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+TERMS = 18  # powers of w^2 that expansions keep: 9^-18 < 1e-17, the rest is below rounding
 FIRST = 12  # terms that are added up as they are
 # B_2k/(2k)! of the formula of Euler and Maclaurin for all others: 12^-20 is far below rounding
 REST = (

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .clearance import neighbour_peak as neighbour_peak
     from .closed_form import symmetric as symmetric
     from .closed_form import symmetric_roots as symmetric_roots
-    from .closure import Closure as Closure
+    from .closed_problem import Closure as Closure
     from .closure import smallest_amplitude as smallest_amplitude
     from .orbit import Orbit as Orbit
     from .orbit import orbit_of as orbit_of

@@ -9,9 +9,10 @@ to the compiled steps besides (`contbreather.orbits.closure_kernels`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,20 +22,27 @@ from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import DefiningSystem, Point
 from contbreather.continuation.problem import Problem
+from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.conditions import SpringResponse, spring_response
-from contbreather.lattice.forcing import Fourier
-from contbreather.lattice.free_flight import response_weights
+from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
+from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, TrigonometricSeries
+from contbreather.lattice.periodic_green import response_weights
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import (
-    Closure,
     ClosureTerms,
+    closure_derivative,
+    closure_equations,
+    crests,
+    crossing,
     fold_derivative,
     fold_scalar,
+    forcing_at,
     pitchfork_derivative,
     pitchfork_scalar,
+    reduced,
     saltation_derivative,
+    sprung,
     terms_at,
     terms_derivative,
 )
@@ -42,16 +50,113 @@ from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
 from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
-from contbreather.orbits.symmetric_breather import HALF, SymmetricBreather
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import arc_table
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
+Breather = Any  # `ClosedForm`, whose methods fetch what is here
 
 # An impact of p = 0 is none: there b has a pole, so the branch ends a hair before. With harmonic
 # forcing that is at a = 1, where the far field grazes.
 DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
+
+
+class Place(NamedTuple):
+    """Where (11) is asked: what a `ClosedForm` has, of any numbers."""
+
+    p: float
+    phi: float
+    a: float
+    gamma: float
+    k: float
+    forcing: Forcing
+    lattice: Any
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Equations (11) for one forcing and one lattice, ready for a continuation.
+
+    ``x = (p, phi)``; ``params`` names a, gamma, k and any parameters of the forcing (those left
+    out keep the forcing's own value). Each method raises `BadInput` outside the domain: gamma
+    outside [0, 1/4), k outside [0, 1], anything not finite.
+
+    Examples
+    --------
+    >>> from contbreather.orbits.constructors import symmetric
+    >>> b = symmetric(0.5, 0.12, 0.4)
+    >>> params = {"a": 0.5, "gamma": 0.12, "k": 0.4}
+    >>> bool(abs(Closure().residual([b.p, b.phi], params)).max() < 1e-15)
+    True
+    """
+
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: UniformLattice = field(default_factory=InfiniteChain)
+
+    @property
+    def params(self) -> tuple[str, ...]:
+        """The names this closure can be continued in."""
+        return ("a", "gamma", "k", *self.forcing.params)
+
+    def residual(self, x: Array, params: Mapping[str, float]) -> Array:
+        """Both equations, shape (2,)."""
+        return np.array(closure_equations(terms_at(self._at(x, params), "chi")))
+
+    def jacobian(self, x: Array, params: Mapping[str, float]) -> Array:
+        """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
+        return self.derivatives(x, params, ())
+
+    def sensitivity(self, x: Array, params: Mapping[str, float], name: str) -> Array:
+        """Derivatives with respect to the parameter ``name``, shape (2,)."""
+        return self.derivatives(x, params, (name,))[:, 2]
+
+    def derivatives(self, x: Array, params: Mapping[str, float], names: tuple[str, ...]) -> Array:
+        """Both beside each other."""
+        if unknown := [name for name in names if name not in self.params]:
+            raise BadInput(
+                f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
+            )
+        at = self._at(x, params)
+        t, columns = terms_at(at, "chi"), ("p", "phi", *names)
+        slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]
+        return np.array(slopes).T
+
+    def at_phases(self, phi: Array, params: Mapping[str, float]) -> Array:
+        """Solutions with given phases, a free: a row p, phi, a for each."""
+        series, q = self._without_momentum(params)
+        # for each phi (11) is linear in p/a and 1/a
+        a = q / series.at(phi, 0)
+        return np.column_stack([a * self.forcing.df(phi) / q, phi, a])
+
+    def upper_phases(
+        self, params: Mapping[str, float], largest: float
+    ) -> Iterator[tuple[float, float]]:
+        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or a
+        fold below that, on."""
+        series, q = self._without_momentum(params)
+        extrema, level = crests(series), q / largest
+        for start, end in pairwise([extrema[-1] - 2.0 * math.pi, *extrema]):
+            if series.at(end, 0) > max(level, series.at(start, 0)):
+                rises = series.at(start, 0) < level
+                yield (crossing(series, level, start, end) if rises else start), end
+
+    def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
+        """``chi f' + q f`` and q."""
+        chi = sprung(self.lattice, self.forcing).chi(params["gamma"])
+        q = restitution_ratio(params["k"])
+        return reduced(self.forcing, chi, q), q
+
+    def _at(self, x: Array, params: Mapping[str, float]) -> Place:
+        p, phi = float(x[0]), float(x[1])
+        a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
+        if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
+            restitution_ratio(k)
+            raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
+        if not 0.0 <= gamma < 0.25:
+            self.lattice.check(gamma)  # says it
+        f = forcing_at(self.forcing, params)
+        return Place(p, phi, a, gamma, k, f, sprung(self.lattice, f))
 
 
 def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
@@ -83,7 +188,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
         params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
-        events=(saddle_node(), *events_without_losses(HALF, lattice, threshold)),
+        events=(saddle_node(), *events_without_losses(breather.section, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
@@ -152,7 +257,7 @@ class SymmetricProblem(OrbitProblem):
 
 def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
     """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
-    breather: SymmetricBreather = point.solution.representation
+    breather = point.solution.representation
     if nu is not None:
         endless = of.map(point.solution).lattice.sites is None
         loops = _with_pair if endless else None
@@ -167,9 +272,8 @@ def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> D
     return DefiningSystem({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
 
 
-def _breather(curve: Curve, z: Array) -> SymmetricBreather:
-    flight: SymmetricBreather = Point(curve, z).solution.representation
-    return flight
+def _breather(curve: Curve, z: Array) -> Breather:
+    return Point(curve, z).solution.representation
 
 
 def _names(curve: Curve) -> tuple[str, ...]:
@@ -185,8 +289,8 @@ class Scalar(NamedTuple):
 
     value: Callable[[ClosureTerms], Any]
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
-    terms: Callable[[SymmetricBreather], ClosureTerms]
-    terms_in: Callable[[SymmetricBreather, ClosureTerms, str], ClosureTerms]
+    terms: Callable[[Breather], ClosureTerms]
+    terms_in: Callable[[Breather, ClosureTerms, str], ClosureTerms]
     evaluate: Any  # both in compiled steps, beside (11)
     derive: Any
 
@@ -203,7 +307,7 @@ class Scalar(NamedTuple):
         return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
-def _turning(breather: SymmetricBreather, edge: float | None = None) -> ClosureTerms:
+def _turning(breather: Breather, edge: float | None = None) -> ClosureTerms:
     """Those of the pitchfork."""
     lattice: Any = breather.lattice
     terms = terms_at(breather, "sigma")
@@ -214,7 +318,7 @@ def _turning(breather: SymmetricBreather, edge: float | None = None) -> ClosureT
     return terms._replace(mean=terms.mean + held)
 
 
-def _turning_derivative(breather: SymmetricBreather, t: ClosureTerms, name: str) -> ClosureTerms:
+def _turning_derivative(breather: Breather, t: ClosureTerms, name: str) -> ClosureTerms:
     lattice: Any = breather.lattice
     slope = terms_derivative(breather, t, name, "sigma")
     if not lattice.spring or name not in ("gamma", "k"):
@@ -279,7 +383,7 @@ def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float
 # --- a site that grazes -------------------------------------------------------------------------
 
 
-def local_maximum(breather: SymmetricBreather, site: int) -> GrazingSite:
+def local_maximum(breather: Breather, site: int) -> GrazingSite:
     loops = partial(_with_contact, breather.lattice, breather.lattice.distance(site))
     return GrazingSite(site, partial(_slopes, site), loops=loops)
 

@@ -13,18 +13,16 @@ What vanishes at its fold and its pitchfork, and the entry b of its saltation, a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import BadInput, NoSolution
+from contbreather.errors import NoSolution
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.chain import InfiniteChain, lattice_of
+from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
 from contbreather.lattice.formula import forcing_of
@@ -91,18 +89,6 @@ def saltation_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
     return by_k + 0.5 * c * c * (d.w - t.w * d.p / t.p - t.p * d.mean) / t.p
 
 
-class Place(NamedTuple):
-    """Where (11) is asked: what a `SymmetricBreather` has, of any numbers."""
-
-    p: float
-    phi: float
-    a: float
-    gamma: float
-    k: float
-    forcing: Forcing
-    lattice: Any
-
-
 def terms_at(at: Any, mean: str) -> ClosureTerms:
     """Of a place or a breather, with one of the means of its lattice."""
     drive = [at.a * value for value in at.forcing.motion(at.phi)]
@@ -130,93 +116,6 @@ def driven(at: Any, t: float, name: str) -> tuple[float, ...]:
     if name not in f.params:
         return 0.0, 0.0, 0.0
     return tuple(at.a * f.f_param(name, t, order) for order in range(3))
-
-
-@dataclass(frozen=True)
-class Closure:
-    """Equations (11) for one forcing and one lattice, ready for a continuation.
-
-    ``x = (p, phi)``; ``params`` names a, gamma, k and any parameters of the forcing (those left
-    out keep the forcing's own value). Each method raises `BadInput` outside the domain: gamma
-    outside [0, 1/4), k outside [0, 1], anything not finite.
-
-    Examples
-    --------
-    >>> from contbreather.orbits.constructors import symmetric
-    >>> b = symmetric(0.5, 0.12, 0.4)
-    >>> params = {"a": 0.5, "gamma": 0.12, "k": 0.4}
-    >>> bool(abs(Closure().residual([b.p, b.phi], params)).max() < 1e-15)
-    True
-    """
-
-    forcing: Forcing = field(default_factory=Harmonic)
-    lattice: UniformLattice = field(default_factory=InfiniteChain)
-
-    @property
-    def params(self) -> tuple[str, ...]:
-        """The names this closure can be continued in."""
-        return ("a", "gamma", "k", *self.forcing.params)
-
-    def residual(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
-        """Both equations, shape (2,)."""
-        return np.array(closure_equations(terms_at(self._at(x, params), "chi")))
-
-    def jacobian(self, x: FloatArray, params: Mapping[str, float]) -> FloatArray:
-        """Derivatives with respect to ``(p, phi)``, shape (2, 2)."""
-        return self.derivatives(x, params, ())
-
-    def sensitivity(self, x: FloatArray, params: Mapping[str, float], name: str) -> FloatArray:
-        """Derivatives with respect to the parameter ``name``, shape (2,)."""
-        return self.derivatives(x, params, (name,))[:, 2]
-
-    def derivatives(
-        self, x: FloatArray, params: Mapping[str, float], names: tuple[str, ...]
-    ) -> FloatArray:
-        """Both beside each other."""
-        if unknown := [name for name in names if name not in self.params]:
-            raise BadInput(
-                f"unknown parameter {unknown[0]!r}: this breather has {', '.join(self.params)}."
-            )
-        at = self._at(x, params)
-        t, columns = terms_at(at, "chi"), ("p", "phi", *names)
-        slopes = [closure_derivative(t, terms_derivative(at, t, name, "chi")) for name in columns]
-        return np.array(slopes).T
-
-    def at_phases(self, phi: FloatArray, params: Mapping[str, float]) -> FloatArray:
-        """Solutions with given phases, a free: a row p, phi, a for each."""
-        series, q = self._without_momentum(params)
-        # for each phi (11) is linear in p/a and 1/a
-        a = q / series.at(phi, 0)
-        return np.column_stack([a * self.forcing.df(phi) / q, phi, a])
-
-    def upper_phases(
-        self, params: Mapping[str, float], largest: float
-    ) -> Iterator[tuple[float, float]]:
-        """Between which phases ``a = q/(chi f' + q f)`` falls to a fold: from the largest a, or a
-        fold below that, on."""
-        series, q = self._without_momentum(params)
-        crests, level = _crests(series), q / largest
-        for start, end in pairwise([crests[-1] - 2.0 * math.pi, *crests]):
-            if series.at(end, 0) > max(level, series.at(start, 0)):
-                rises = series.at(start, 0) < level
-                yield (_crossing(series, level, start, end) if rises else start), end
-
-    def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
-        """``chi f' + q f`` and q."""
-        chi = sprung(self.lattice, self.forcing).chi(params["gamma"])
-        q = restitution_ratio(params["k"])
-        return _reduced(self.forcing, chi, q), q
-
-    def _at(self, x: FloatArray, params: Mapping[str, float]) -> Place:
-        p, phi = float(x[0]), float(x[1])
-        a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
-        if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
-            restitution_ratio(k)
-            raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
-        if not 0.0 <= gamma < 0.25:
-            self.lattice.check(gamma)  # says it
-        f = forcing_at(self.forcing, params)
-        return Place(p, phi, a, gamma, k, f, sprung(self.lattice, f))
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:
@@ -287,8 +186,8 @@ def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> 
     if isinstance(forcing, Harmonic):
         # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]
-    series = _reduced(forcing, chi, q)
-    heights = [series.at(phi, 0) for phi in _crests(series)]
+    series = reduced(forcing, chi, q)
+    heights = [series.at(phi, 0) for phi in crests(series)]
     return [q / height for height in heights if height > 0.0]
 
 
@@ -319,12 +218,12 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     Between two neighbouring extrema of ``chi f' + q f`` lies one root of what is left of them
     without p, ``a (chi f' + q f) = q``, or none.
     """
-    series = _reduced(forcing, chi, q)
-    crests = _crests(series)
-    heights = [a * series.at(phi, 0) - q for phi in crests]
+    series = reduced(forcing, chi, q)
+    extrema = crests(series)
+    heights = [a * series.at(phi, 0) - q for phi in extrema]
     phases: list[float] = []
     touching = False
-    for i, (phi, height) in enumerate(zip(crests, heights, strict=True)):
+    for i, (phi, height) in enumerate(zip(extrema, heights, strict=True)):
         # rounding of the height, by the size of its three terms
         slack = 8.0 * EPS * (a * abs(chi * forcing.df(phi)) + a * q * abs(forcing.f(phi)) + q)
         touched, touching = touching, abs(height) <= slack
@@ -334,10 +233,10 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
                 phases.append(phi)
             elif abs(series.at(phi, 1)) < abs(series.at(phases[-1], 1)):
                 phases[-1] = phi  # of points on one flat top the one nearest its crest
-    for i, left in enumerate(crests):
-        right = crests[i + 1] if i + 1 < len(crests) else crests[0] + 2.0 * math.pi
-        if heights[i] * heights[(i + 1) % len(crests)] < 0.0:
-            phases.append(_crossing(series, q / a, left, right))
+    for i, left in enumerate(extrema):
+        right = extrema[i + 1] if i + 1 < len(extrema) else extrema[0] + 2.0 * math.pi
+        if heights[i] * heights[(i + 1) % len(extrema)] < 0.0:
+            phases.append(crossing(series, q / a, left, right))
     solutions = []
     for phi in phases:
         p = (1.0 - a * forcing.f(phi)) / chi
@@ -346,7 +245,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     return solutions
 
 
-def _crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
+def crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
     """Where a series passes a level between two of its neighbouring extrema."""
     rises = series.at(right, 0) > series.at(left, 0)
     # by bisection, as scipy.optimize is dear to import
@@ -365,14 +264,14 @@ def _crossing(series: TrigonometricSeries, level: float, left: float, right: flo
     return flat if solves and abs(flat - right) < EPS**0.25 else right
 
 
-def _reduced(forcing: Forcing, chi: float, q: float) -> TrigonometricSeries:
+def reduced(forcing: Forcing, chi: float, q: float) -> TrigonometricSeries:
     """``chi f' + q f``."""
     return TrigonometricSeries(
         tuple((m, q * c + chi * m * s, q * s - chi * m * c) for m, c, s in forcing.harmonics)
     )
 
 
-def _crests(series: TrigonometricSeries) -> list[float]:
+def crests(series: TrigonometricSeries) -> list[float]:
     """All extrema in [-pi, pi), by the companion matrix of the slope.
 
     Roots off the unit circle give spurious angles; as points between which to look they do

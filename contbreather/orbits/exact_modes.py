@@ -93,7 +93,7 @@ class ExactModes(SectionFlight):
     @property
     def family(self) -> str:
         """``"upper"`` before a fold of the closure, ``"lower"`` behind it, as of
-        `SymmetricBreather`.
+        `ClosedForm`.
 
         Examples
         --------

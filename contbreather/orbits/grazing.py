@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation.branch import Points
 from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
-from contbreather.continuation.points import Points
 from contbreather.orbits.clearance import (
     Clearance,
     closest,

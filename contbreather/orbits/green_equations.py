@@ -31,8 +31,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.free_flight import MEETINGS, Responses
-from contbreather.lattice.periodic_green import periodic_green
+from contbreather.lattice.periodic_green import MEETINGS, Responses, periodic_green
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
 

@@ -7,7 +7,6 @@ How its sites move between them is asked of an `Orbit`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -38,11 +37,10 @@ class Hit(NamedTuple):
     acceleration: float
 
 
-@dataclass(frozen=True, repr=False)
 class ImpactSequence:
     """Impacts with the conditions they happen under, read off a representation."""
 
-    representation: Any  # with what it knows besides: p and b of a closed form, modes, ...
+    representation: Any
 
     # ------------------------------------------------------------------------------ what it is
 

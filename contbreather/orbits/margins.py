@@ -17,6 +17,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Kernel, Matrix, Signs, Vector, inlined
+from contbreather.lattice.periodic_green import response_since
 from contbreather.orbits.site_motion import (
     HIGH,
     IMAGE,
@@ -40,22 +41,65 @@ STEEP = 12  # points that lie closer together at the start of a flight: for smal
 SHORT = 1e-2  # a flight this short, from a wall back to it, is a cubic: rounding would be all else
 NONE = -1.0  # no contact
 
-# rows of the workspace: places and quotients on a grid, displacements of two sites; then, from
-# FOUND on, what is found of each flight and site
-PLACE, RATIO, PATH, TOUCHING, FOUND = range(5)
+# rows of the workspace: places and quotients on a grid, displacements of two sites and of the
+# forced motion; then, from FOUND on, what is found of each flight and site
+PLACE, RATIO, PATH, TOUCHING, FORCED, FOUND = range(6)
 MARGIN, WHEN, LENGTH, NEXT = range(4)  # columns of what is found
 
 
 # --- on a grid ------------------------------------------------------------------------------------
 
+# The grid of a section: STEEP times at its start, then equal steps from one before it to its end.
+
 
 @inlined
-def on_grid(motion: Motion, site: int, p: int, points: int) -> float:
-    """Displacement of a site without impacts after p of so many equal steps of the section."""
-    if motion.modes.z.size > 0:
-        flip = motion.sign if (p // points) % 2 != 0 else 1.0
-        return float(flip * motion.modes.profiles[site - motion.busy, p % points])
-    return site_state(motion, site, motion.start + motion.length / points * p)[0]
+def since_start(motion: Motion, p: int, points: int) -> float:
+    """The time from the start of the section to place p of so many points."""
+    if p < STEEP:
+        return float(0.5 ** (6.0 - 0.5 * p) / points * motion.length)
+    return float(motion.length / points * (p - STEEP - 1))
+
+
+@inlined
+def has_one_answer(motion: Motion) -> bool:
+    """Whether sites answer one impact a section, at its start: on the grid they do alike for all
+    amplitudes, momenta and phases."""
+    return bool(motion.responses.which.shape[1] == 1)
+
+
+def sample_forced(motion: Motion, points: int, work: Matrix) -> None:
+    """The forced motion of all sites."""
+    forced = motion.forced
+    for p in range(STEEP + points + 2):
+        t, f = motion.start + since_start(motion, p, points), 0.0
+        for i in range(forced.orders.size):
+            angle = forced.orders[i] * t
+            f += forced.cosines[0, i] * math.cos(angle) + forced.sines[0, i] * math.sin(angle)
+        work[FORCED, p] = motion.a * f
+
+
+def sample_path(
+    motion: Motion, site: int, points: int, row: int, work: Matrix, answers: Matrix
+) -> None:
+    """The path of a site; only of one that answers one impact at the STEEP times, too."""
+    if has_one_answer(motion):
+        if math.isnan(answers[site, 0]):
+            of = motion.responses.which[site, 0]
+            for p in range(STEEP + points + 2):
+                since = since_start(motion, p, points)
+                answers[site, p] = response_since(motion.responses, of, since)[0]
+        offset, J = motion.places[site, OFFSET], motion.impacts[IMPULSE, 0]
+        for p in range(STEEP + points + 2):
+            work[row, p] = offset + work[FORCED, p] + J * answers[site, p]
+        return
+    for p in range(STEEP, STEEP + points + 2):
+        if motion.modes.z.size > 0:
+            step = p - STEEP - 1
+            flip = motion.sign if (step // points) % 2 != 0 else 1.0
+            work[row, p] = flip * motion.modes.profiles[site - motion.busy, step % points]
+        else:
+            t = motion.start + since_start(motion, p, points)
+            work[row, p] = site_state(motion, site, t)[0]
 
 
 def largest_displacement(motion: Motion, site: int) -> float:
@@ -114,9 +158,7 @@ def margin_terms(
     return n, n1, n2, d * z, d1 * z + d * z1, d2 * z + 2.0 * d1 * z1 + d * z2
 
 
-def polished(
-    motion: Motion, q: Quotient, s: float, best: float, low: float, high: float
-) -> tuple[float, float]:
+def polished(motion: Motion, q: Quotient, s: float, low: float, high: float) -> tuple[float, float]:
     """The minimum of a quotient next to s, and where: Newton's method on the numerator of its
     derivative, bisection where that leaves the bracket."""
     if q.length == 0.0 and q.contact < 0.0:
@@ -125,7 +167,7 @@ def polished(
             q = Quotient(q.site, q.origin, -math.inf, q.high, 0.0, NONE, 0.0)
         else:
             q = Quotient(q.site, q.origin, q.low, math.inf, 0.0, NONE, 0.0)
-    where, bisected = s, 0
+    best, where, bisected = math.inf, s, 0
     for _ in range(60):
         if bisected == 9:  # it falls up to an end, which has a value of its own
             break
@@ -169,7 +211,7 @@ def least_quotient(
             continue
         before = work[PLACE, p - 1] if p > 0 else low
         after = work[PLACE, p + 1] if p + 1 < size else high
-        value, place = polished(motion, q, work[PLACE, p], value, before, after)
+        value, place = polished(motion, q, work[PLACE, p], before, after)
         if value < best - TIE:
             best, where = value, place
     return best, where
@@ -196,7 +238,7 @@ def speed_of(motion: Motion, i: int) -> float:
 
 
 def flight_margin(
-    motion: Motion, i: int, length: float, then: int, contact: float, work: Matrix
+    motion: Motion, i: int, length: float, then: int, contact: float, work: Matrix, answers: Matrix
 ) -> tuple[float, float]:
     """The margin of a site from impact i to its next one, and when in that flight; without its
     scale where a contact in it is divided out."""
@@ -208,13 +250,19 @@ def flight_margin(
     if length > SHORT or contact >= 0.0:
         q = Quotient(site, start, low, high, length, contact, 0.0)
         size, points = 0, points_of(motion.fine, length)
+        known = has_one_answer(motion)  # then the section is the flight
+        if known:
+            sample_path(motion, site, points, PATH, work, answers)
         for p in range(STEEP + points - 1):
             part = 0.5 ** (6.0 - 0.5 * p) / points if p < STEEP else (p - STEEP + 1) / points
             s = part * length
             if contact >= 0.0 and abs(s - contact) <= CONTACT:
                 continue
-            u, v, w = site_state(motion, site, start + s)
-            n, _, _, d, _, _ = margin_terms(q, k, s, u, v, w)
+            if known:
+                u = work[PATH, p if p < STEEP else p + 2]
+            else:
+                u = site_state(motion, site, start + s)[0]
+            n, _, _, d, _, _ = margin_terms(q, k, s, u, 0.0, 0.0)
             work[PLACE, size], work[RATIO, size] = s, n / d
             size += 1
         first, last = 0.1 * work[PLACE, 0], length * (1.0 - 1e-3 / points)
@@ -244,7 +292,7 @@ def idle(
     """The least distance of a site from walls, and when; its path is in the workspace."""
     step = motion.length / points
     for p in range(points + 2):
-        u = work[PATH, p]
+        u = work[PATH, STEEP + p]
         work[PLACE, p], work[RATIO, p] = step * (p - 1), min(high - u, u - low)
     q = Quotient(site, motion.start, low, high, 0.0, NONE, 0.0)
     best, where = least_quotient(motion, q, points + 2, -step, motion.length, work)
@@ -254,10 +302,11 @@ def idle(
 
 
 def besides_contact(
-    motion: Motion, site: int, contact: float, points: int, work: Matrix, row: int
-) -> None:
-    """Where one crest of a site touches a wall: the least of all others there, the contact divided
-    out, and of those at the other wall."""
+    motion: Motion, site: int, contact: float, points: int, work: Matrix, row: int,
+    answers: Matrix,
+) -> None:  # fmt: skip
+    """Where one crest of a site, whose path is in the workspace, touches a wall: the least of all
+    others there, the contact divided out, and of those at the other wall."""
     sections = 2 if motion.sign < 0.0 else 1
     period, step = sections * motion.length, motion.length / points
     low, high = motion.places[site, LOW], motion.places[site, HIGH]
@@ -269,37 +318,32 @@ def besides_contact(
     for p in range(sections * points):
         s = step * p
         if abs(math.sin(0.5 * q.turn * (s - contact))) > CONTACT:
-            n, _, _, d, _, _ = margin_terms(
-                q, motion.k, s, on_grid(motion, site, p, points), 0.0, 0.0
-            )
+            flip = motion.sign if p >= points else 1.0
+            u = flip * work[TOUCHING, STEEP + 1 + p % points]
+            n, _, _, d, _, _ = margin_terms(q, motion.k, s, u, 0.0, 0.0)
             work[PLACE, size], work[RATIO, size] = s, n / d
             size += 1
     first, last = work[PLACE, 0] - step, work[PLACE, size - 1] + step
     work[row, MARGIN], work[row, WHEN] = least_quotient(motion, q, size, first, last, work)
     other_low, other_high = (low, math.inf) if upper else (-math.inf, high)
     if sections == 1 and (other_low > -math.inf or other_high < math.inf):
-        sample_path(motion, site, points, PATH, work)
+        sample_path(motion, site, points, PATH, work, answers)
         margin, when = idle(motion, site, other_low, other_high, points, work)
         work[row + 1, MARGIN], work[row + 1, WHEN] = margin, when
-
-
-def sample_path(motion: Motion, site: int, points: int, row: int, work: Matrix) -> None:
-    """The path of a site from one step before the section to its end."""
-    for p in range(points + 2):
-        work[row, p] = on_grid(motion, site, p - 1, points)
 
 
 def is_image(points: int, work: Matrix) -> bool:
     """Whether the two sites whose paths are in the workspace move alike."""
     apart = 0.0
-    for p in range(1, points + 1):
+    for p in range(STEEP + 1, STEEP + points + 1):
         apart = max(apart, abs(work[PATH, p] - work[TOUCHING, p]))
     return apart <= IMAGE
 
 
 def margins(
-    motion: Motion, near: Signs, ceiling: float, touching: int, time: float, work: Matrix
-) -> None:
+    motion: Motion, near: Signs, ceiling: float, touching: int, time: float, work: Matrix,
+    answers: Matrix,
+) -> None:  # fmt: skip
     """The margin, and when, of each flight and of each site without impacts that is near or may
     have the least of the others; besides the contact of one site, if any, which may be its own.
 
@@ -314,11 +358,15 @@ def margins(
     work : array
         At its end rows for flights, for sites without impacts and, of one that touches, for its
         other crests at its wall and at the other one; infinite where nothing was computed.
+    answers : array
+        Of each site to one impact, on the grid; NaN unless it has been asked.
     """
-    first = FOUND + motion.flights
+    first, points = FOUND + motion.flights, points_of(motion.fine, motion.length)
     period = motion.length * (2.0 if motion.sign < 0.0 else 1.0)
     for row in range(FOUND, work.shape[0]):
         work[row, MARGIN] = math.inf
+    if has_one_answer(motion):
+        sample_forced(motion, points, work)
     below = ceiling
     for i in range(motion.flights):
         length, then = next_impact(motion, i)
@@ -330,15 +378,15 @@ def margins(
                 contact -= motion.length
             contact = contact if 0.0 < contact < length else NONE
         row = FOUND + i
-        work[row, MARGIN], work[row, WHEN] = flight_margin(motion, i, length, then, contact, work)
+        margin, when = flight_margin(motion, i, length, then, contact, work, answers)
+        work[row, MARGIN], work[row, WHEN] = margin, when
         work[row, LENGTH], work[row, NEXT] = length, then
         if ceiling < math.inf:
             below = min(below, work[row, MARGIN])
-    points = points_of(motion.fine, motion.length)
     if touching >= motion.busy:
         contact = (time - motion.start) - period * math.floor((time - motion.start) / period)
-        besides_contact(motion, touching, contact, points, work, work.shape[0] - 2)
-        sample_path(motion, touching, points, TOUCHING, work)
+        sample_path(motion, touching, points, TOUCHING, work, answers)
+        besides_contact(motion, touching, contact, points, work, work.shape[0] - 2, answers)
     for site in range(motion.busy, motion.places.shape[0]):
         low, high = motion.places[site, LOW], motion.places[site, HIGH]
         wanted = near.size > 0 and near[site - motion.busy] != 0
@@ -346,7 +394,7 @@ def margins(
             continue  # it cannot be closer
         if site == touching:
             continue
-        sample_path(motion, site, points, PATH, work)
+        sample_path(motion, site, points, PATH, work, answers)
         if touching >= motion.busy and is_image(points, work):
             continue
         margin, when = idle(motion, site, low, high, points, work)
@@ -358,7 +406,7 @@ def margins(
 
 def margins_along(
     motion: Motion, a: Vector, times: Matrix, impulses: Matrix, near: Signs, touching: int,
-    time: float, work: Matrix, lowest: Vector,
+    time: float, work: Matrix, answers: Matrix, lowest: Vector,
 ) -> None:  # fmt: skip
     """The least margin of each of several motions that differ in their amplitudes and impacts
     alone, below the ceiling that was found before; the work is that of the last."""
@@ -371,7 +419,7 @@ def margins_along(
             motion.responses, motion.modes, motion.impacts, motion.flights, motion.busy,
             motion.places,
         )  # fmt: skip
-        margins(varied, near, lowest[i], touching, time, work)
+        margins(varied, near, lowest[i], touching, time, work, answers)
         for row in range(FOUND, work.shape[0]):
             lowest[i] = min(lowest[i], work[row, MARGIN])
 

@@ -18,11 +18,10 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.branch import Branch, Stop
+from contbreather.continuation.branch import Branch, Points, Stop
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.equilibria import fold
 from contbreather.continuation.point import Point
-from contbreather.continuation.points import Points
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls

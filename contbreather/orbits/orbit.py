@@ -68,6 +68,8 @@ class Orbit(ImpactSequence, HtmlRepr):
     (0.680056001966, -2.519293143359)
     """
 
+    representation: Any  # with what it knows besides: p and b of a closed form, modes, ...
+
     # --------------------------------------------------------------------------------- motion
 
     def displacement(self, n: ArrayLike, t: ArrayLike) -> Any:

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from contbreather.checks import check_kind, flag, shown
+from contbreather.continuation.branch import Points
 from contbreather.continuation.branch_points import bordered_matrix
 from contbreather.continuation.defining_systems import Singular
 from contbreather.continuation.equilibria import branch_point
@@ -37,7 +38,6 @@ from contbreather.continuation.point import (
     Many,
     Point,
 )
-from contbreather.continuation.points import Points
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring

@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contbreather.continuation.branch import Points
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences
 from contbreather.continuation.point import DefiningSystem, Point, UnstableDimension
-from contbreather.continuation.points import Points
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real, shown
+from contbreather.continuation.branch import Points
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
-from contbreather.continuation.points import Points
 from contbreather.errors import BadInput
 from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along

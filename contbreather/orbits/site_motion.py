@@ -23,11 +23,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.lattice.finite import Finite, drive_of, mode_solutions, stiffness_of
 from contbreather.lattice.forcing import Forcing
-from contbreather.lattice.free_flight import LATE, RESPONSES, SLACK, Responses, response_since
-from contbreather.lattice.modal_flow import mode_solutions
-from contbreather.lattice.periodic_green import half_period_green, periodic_green
+from contbreather.lattice.periodic_green import (
+    LATE,
+    RESPONSES,
+    SLACK,
+    Responses,
+    half_period_green,
+    periodic_green,
+    response_since,
+)
 from contbreather.orbits.section import Section
 
 FloatArray = NDArray[np.float64]

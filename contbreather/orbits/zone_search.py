@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.boundary import boundary
-from contbreather.continuation.branch import Branch, refined
+from contbreather.continuation.branch import Branch, Points
 from contbreather.continuation.checkpoint import Checkpoint
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.point import CodimensionTwo, Event, Point
-from contbreather.continuation.points import Points
 from contbreather.continuation.problem import Problem
-from contbreather.continuation.samples import measure_many
+from contbreather.continuation.resume import refined
+from contbreather.continuation.segment import measure_many
 from contbreather.continuation.settings import Steps
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result

@@ -73,7 +73,11 @@ class Figure2:
             figure, panels = new_figure(len(self.zones), height=height)
             draw_panels(self.zones, panels)
             for diagram, panel in zip(self.zones, panels, strict=True):
-                self._rule(panel, diagram.fixed[1])
+                for line in self.lines:  # the rule's pitchfork line lies under the exact one
+                    if line.k == diagram.fixed[1] and line.kind == "NS":
+                        name = f"NS by the paper's rule, N = {line.sites}"
+                        look = {**LINES["NS"], "linestyle": (0, (1, 1.4)), "label": name}
+                        panel.plot(line.gamma, line.a, **look)
             explain(panels, figure)
             for diagram, panel in zip(self.zones, panels, strict=True):
                 words = names_of_meetings(diagram)
@@ -81,14 +85,6 @@ class Figure2:
                     words += [_arrow(panel, *transition) for transition in TRANSITIONS]
                 place_words(panel, words, fontsize="small")
         return figure
-
-    def _rule(self, ax: Axes, k: float) -> None:
-        """The rule's Neimark-Sacker line; its pitchfork line lies under the exact one."""
-        for line in self.lines:
-            if line.k == k and line.kind == "NS":
-                name = f"NS by the paper's rule, N = {line.sites}"
-                look = {**LINES[line.kind], "linestyle": (0, (1, 1.4)), "label": name}
-                ax.plot(line.gamma, line.a, **look)
 
 
 def _arrow(ax: Axes, name: str, start: float, end: float, a: float) -> tuple[float, float, str]:

@@ -17,8 +17,13 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.classify import BROAD
 from contbreather.simulation.measures import localised
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import SimulationRun, completed, simulate
-from contbreather.simulation.smooth import SmoothRun, let_go
+from contbreather.simulation.simulate import (
+    SimulationRun,
+    SmoothRun,
+    completed,
+    let_go,
+    simulate,
+)
 from contbreather.simulation.states import State
 
 Array = NDArray[Any]
@@ -95,8 +100,10 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     off = SMALL * np.random.default_rng(0).normal(size=state.shape)
     sizes: list[float] = []
     lost = 0.0  # the logarithm of all factors taken off
+    shared: Any = {"periods": TOGETHER, "t0": motion.t0, "progress": False}
     while len(sizes) < periods:
-        there = _after(motion, state + off) - state
+        run = completed(let_go(State(*(state + off)), motion.conditions, **shared))
+        there = np.stack(run.strobe, axis=1) - state
         sizes += [lost + math.log(np.linalg.norm(offset)) for offset in there[1:]]
         shrink = SMALL / float(np.linalg.norm(there[-1]))
         off, lost = shrink * there[-1], lost - math.log(shrink)
@@ -105,13 +112,6 @@ def growth(motion: PeriodicMotion, periods: int = 2400) -> float:
     x = np.linspace(0.0, 1.0, size.size + 2)[1:-1]
     slope = np.polyfit(np.arange(size.size), size, 1, w=np.exp(-0.5 / (x * (1.0 - x))))[0]
     return float(np.exp(slope))
-
-
-def _after(motion: PeriodicMotion, state: Array) -> Array:
-    """Stroboscopic states from one near a motion: shape (TOGETHER + 1, 2, N)."""
-    on, t0 = motion.conditions, motion.t0
-    run = let_go(State(*state), on, periods=TOGETHER, t0=t0, progress=False)
-    return np.stack(completed(run).strobe, axis=1)
 
 
 def _conditions(breather: Orbit, damping: float) -> dict[str, Any]:

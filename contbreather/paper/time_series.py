@@ -29,8 +29,13 @@ from contbreather.plotting.canvas import BLUE, CYCLE, VERMILLION, new_figure, st
 from contbreather.simulation.classify import classify
 from contbreather.simulation.integrator import Sample
 from contbreather.simulation.periodic import PeriodicMotion, periodic
-from contbreather.simulation.simulate import SimulationRun, completed, simulate
-from contbreather.simulation.smooth import SmoothRun, simulate_smooth
+from contbreather.simulation.simulate import (
+    SimulationRun,
+    SmoothRun,
+    completed,
+    simulate,
+    simulate_smooth,
+)
 from contbreather.simulation.states import PERIOD, State
 from contbreather.simulation.sweep import sweep
 
@@ -175,16 +180,9 @@ def _against(exact: Orbit, run: SimulationRun | SmoothRun, word: str) -> tuple[P
     panels = []
     for n in SHOWN:
         u = run.record.u[:, sites.index(n % run.sites)]
-        panels.append(
-            Panel(
-                "",
-                (
-                    SampledCurve("exact", n, fine / PERIOD, exact.displacement(n, fine)),
-                    SampledCurve(word, n, times[::step] / PERIOD, u[::step], "circles"),
-                ),
-                (r"$t/2\pi$", f"$u_{{{n}}}$"),
-            )
-        )
+        line = SampledCurve("exact", n, fine / PERIOD, exact.displacement(n, fine))
+        circles = SampledCurve(word, n, times[::step] / PERIOD, u[::step], "circles")
+        panels.append(Panel("", (line, circles), (r"$t/2\pi$", f"$u_{{{n}}}$")))
     return tuple(panels)
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind
-from contbreather.continuation.branch import Branch, refined, with_columns
+from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
-from contbreather.continuation.interpolant import between
 from contbreather.continuation.point import Point
+from contbreather.continuation.resume import refined, with_columns
+from contbreather.continuation.segment import between
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn, Labels, drawing, marker, size, symbol

@@ -28,8 +28,7 @@ from contbreather.plotting.canvas import (
     legend_above,
     symbol,
 )
-from contbreather.simulation.simulate import Record, SimulationRun
-from contbreather.simulation.smooth import SmoothRun
+from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

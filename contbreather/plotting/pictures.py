@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contbreather.checks import kind_of
-from contbreather.continuation.branch import Branch, Branches
+from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
 from contbreather.continuation.run import Run as Kept
+from contbreather.continuation.switching import Branches
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.flows.integrate import Trajectory
 from contbreather.flows.orbit import Cycle
@@ -28,8 +29,7 @@ from contbreather.plotting.runs import plot_basin, plot_localisation, plot_motio
 from contbreather.plotting.zones import plot_zones
 from contbreather.simulation.basin import Basin
 from contbreather.simulation.classify import Classification
-from contbreather.simulation.simulate import SimulationRun
-from contbreather.simulation.smooth import SmoothRun
+from contbreather.simulation.simulate import SimulationRun, SmoothRun
 from contbreather.simulation.sweep import Sweep
 
 if TYPE_CHECKING:

@@ -27,8 +27,7 @@ from contbreather.plotting.canvas import (
 from contbreather.plotting.orbits import draw_states
 from contbreather.simulation.basin import Basin, Outcome
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import Record, SimulationRun
-from contbreather.simulation.smooth import SmoothRun
+from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
 from contbreather.simulation.states import PERIOD
 from contbreather.simulation.sweep import Sweep
 

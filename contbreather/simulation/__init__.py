@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from .recording import record as record
     from .simulate import Record as Record
     from .simulate import SimulationRun as SimulationRun
+    from .simulate import SmoothRun as SmoothRun
     from .simulate import simulate as simulate
+    from .simulate import simulate_smooth as simulate_smooth
     from .smooth import Explicit as Explicit
     from .smooth import Implicit as Implicit
-    from .smooth import SmoothConditions as SmoothConditions
-    from .smooth import SmoothRun as SmoothRun
     from .smooth import Switching as Switching
-    from .smooth import simulate_smooth as simulate_smooth
+    from .states import SmoothConditions as SmoothConditions
     from .states import State as State
     from .sweep import Sweep as Sweep
     from .sweep import sweep as sweep

@@ -20,7 +20,7 @@ from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import advance, completed
+from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
     ModelParameters,
     State,
@@ -36,29 +36,22 @@ Array = NDArray[Any]
 
 
 class Outcome(enum.IntEnum):
-    """Where a start ended: the values are those of `Basin.outcome`."""
+    """Where a start ended: the values are those of `Basin.outcome`, with what pictures and tables
+    call them."""
 
-    PENDING = -1  # the run was interrupted, or its worker killed
-    OUTSIDE = 0
-    QUIET = 1
-    SPREAD = 2
-    OTHER = 3
-    RETURNED = 4  # to the motion asked about
+    words: str
 
-    @property
-    def words(self) -> str:
-        """What that is called in pictures and tables."""
-        return WORDS[self]
+    def __new__(cls, value: int, words: str = "") -> Outcome:
+        outcome = int.__new__(cls, value)
+        outcome._value_, outcome.words = value, words
+        return outcome
 
-
-WORDS = {
-    Outcome.PENDING: "not computed",
-    Outcome.OUTSIDE: "behind a wall",
-    Outcome.QUIET: "no impacts",
-    Outcome.SPREAD: "impacts, no breather",
-    Outcome.OTHER: "another breather",
-    Outcome.RETURNED: "back at the breather",
-}
+    PENDING = -1, "not computed"  # the run was interrupted, or its worker killed
+    OUTSIDE = 0, "behind a wall"
+    QUIET = 1, "no impacts"
+    SPREAD = 2, "impacts, no breather"
+    OTHER = 3, "another breather"
+    RETURNED = 4, "back at the breather"  # to the motion asked about
 
 
 @dataclass(frozen=True)
@@ -83,11 +76,6 @@ class Axis:
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "site", whole("site", site, -(10**9)))
         object.__setattr__(self, "values", tuple(along.tolist()))
-
-    def put(self, state: State, value: float) -> None:
-        """Set the coordinate in a state."""
-        column = state.u if self.name == "u" else state.v
-        column[self.site % column.size] = value
 
     @property
     def label(self) -> str:
@@ -205,10 +193,8 @@ def attraction(
     state = check_state(reference)
     for axis in (x, y):
         check_kind(axis, Axis, "an Axis")
-    site, tolerance = (
-        whole("site", site, -MOST),
-        number("tolerance", tolerance, 0.0, 1e300, "a distance"),
-    )
+    site = whole("site", site, -MOST)
+    tolerance = number("tolerance", tolerance, 0.0, 1e300, "a distance")
     t0 = number("t0", t0, -1e300, 1e300, "a time")
     check_sites("attraction", (site, x.site, y.site), state.u.size)
     if x.name == y.name and (x.site - y.site) % state.u.size == 0:
@@ -249,11 +235,11 @@ def _outcome(
     """Where a start ended, and how far from the reference."""
     start = State(reference.u.copy(), reference.v.copy())
     for axis, value in places:
-        axis.put(start, value)
+        getattr(start, axis.name)[axis.site % start.u.size] = value
     low, high = wall_rows(conditions.walls, start.u.size)
     if ((start.u < low) | (start.u > high)).any():
         return Outcome.OUTSIDE, np.nan
-    run = completed(advance(start, conditions, **settings))
+    run = completed(let_go(start, conditions, **settings))
     gap = float(np.abs(np.subtract(run.final, reference)).max())
     if run.stop is not RunStop.DONE:
         return Outcome.SPREAD, gap

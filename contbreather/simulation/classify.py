@@ -16,9 +16,8 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
-from contbreather.simulation.simulate import SimulationRun, completed
-from contbreather.simulation.smooth import SmoothRun, let_go, rigid_or_smooth
-from contbreather.simulation.states import ModelParameters, State, check_state
+from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go
+from contbreather.simulation.states import ModelParameters, State, check_state, conditions_of
 from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
@@ -124,7 +123,7 @@ def classify(
     ('PERIODIC', 0.876)
     """
     start = check_state(state)
-    conditions = rigid_or_smooth(start.u.size, m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     length = whole("periods", periods, LEAST)
     run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:
@@ -325,11 +324,20 @@ def _periodic(run: Ran, evidence: dict[str, float], orbit: PeriodicMotion) -> Fi
 def _open(
     run: Ran, evidence: dict[str, float], repelling: PeriodicMotion | None, *, lost: bool
 ) -> Finding:
-    """Not closed: chaos, or a torus, by its turns and its exponents."""
-    turn, (values, errors) = rotation(*run.strobe), _exponents(run, lost)
+    """Not closed: chaos, or a torus, by its turns and its exponents from its end on; of a motion
+    with impacts all over the lattice, each of them slow, by one exponent over fewer periods."""
+    # directions that shrink slowly take as long to find as the motion to settle
+    count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)
+    if isinstance(run, SmoothRun):
+        count, length, settle = 1, SEEN, SEEN // 4
+    elif lost:
+        count, length, settle = 1, min(length, LOST), LOST // 4
+    turn, t0 = rotation(*run.strobe), float(run.times[0])
+    found = exponents(_last(run), run.conditions, length, count, settle=settle, t0=t0)
     # an exponent that is zero, as far as can be told
     neutral = 1e-5 if isinstance(run, SmoothRun) else 1e-6
-    kind, words, numbers = chaos_or_torus(turn, values, errors, neutral, repelling is not None)
+    beside = repelling is not None
+    kind, words, numbers = chaos_or_torus(turn, found.exponents, found.error, neutral, beside)
     evidence |= numbers
     if kind is Kind.UNDECIDED and repelling is not None:
         return kind, _repels(run, evidence, repelling)
@@ -364,7 +372,9 @@ def chaos_or_torus(
     if not steady:
         turns = f"{turns}, the section's size changes by {turn.drift:.0e}"
     # bands visited in turn, of chaos or a long period, have a rational number: no sign of a torus
-    zero = bool(small[0]) and error <= (neutral if rational(turn.number) else POSITIVE)
+    q = np.arange(1, LONGEST + 1)
+    rational = (np.abs(turn.number - np.round(turn.number * q) / q) < RATIONAL).any()
+    zero = bool(small[0]) and error <= (neutral if rational else POSITIVE)
     if not (zero and steady):
         return Kind.UNDECIDED, f"{turns}, {words}", evidence
     if frequencies > 1:
@@ -372,23 +382,3 @@ def chaos_or_torus(
             f"; {frequencies} exponents are zero: a torus of {frequencies} frequencies beside 1"
         )
     return Kind.QUASI_PERIODIC, f"{turns}, {words}", evidence
-
-
-def _exponents(run: Ran, lost: bool) -> tuple[Array, Array]:
-    """The largest exponents from the end of a run on, and how well halves agree on them; of one
-    with impacts all over the lattice, each of them slow, one exponent over fewer periods."""
-    # directions that shrink slowly take as long to find as the motion to settle
-    count, length, settle = min(3, 2 * run.sites), run.periods, max(300, run.periods)
-    if isinstance(run, SmoothRun):
-        count, length, settle = 1, SEEN, SEEN // 4
-    elif lost:
-        count, length, settle = 1, min(length, LOST), LOST // 4
-    start, t0 = _last(run), float(run.times[0])
-    lyapunov = exponents(start, run.conditions, length, count, settle=settle, t0=t0)
-    return lyapunov.exponents, lyapunov.error
-
-
-def rational(number: float) -> bool:
-    """Whether a number is a ratio with a small denominator."""
-    q = np.arange(1, LONGEST + 1)
-    return bool(np.any(np.abs(number - np.round(number * q) / q) < RATIONAL))

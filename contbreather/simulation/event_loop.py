@@ -13,28 +13,26 @@ import math
 import numpy as np
 
 from contbreather.kernels import Counts, Kernel, Matrix, Signs, Vector, inlined
-from contbreather.simulation.contact import (
+from contbreather.simulation.taylor import (
     LOST,
     NEVER,
-    any_at_rest,
-    column_bound,
-    comes_to_rest,
-    first_contact,
-    moving_away,
-    push_into_wall,
-    release,
-)
-from contbreather.simulation.taylor import (
     DenseOutput,
     EventLog,
     Parameters,
     Workspace,
+    any_at_rest,
+    column_bound,
+    comes_to_rest,
     drive_sum,
     driven_bound,
     driven_terms,
     ends,
     expand_any,
     expand_state,
+    first_contact,
+    moving_away,
+    push_into_wall,
+    release,
     site_at,
     state_at,
 )

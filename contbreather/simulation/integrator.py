@@ -259,12 +259,10 @@ def event_log(size: int) -> EventLog:
 
 def dense_output(sample: Sample | None, periods: int, sites: int) -> DenseOutput:
     """Where the samples of so many periods are written."""
-    if sample is None:
-        empty = np.empty((periods, 0, 0))
-        return DenseOutput(np.empty(0, np.int64), np.empty(0), empty, empty)
-    chosen = np.array([n % sites for n in sample.sites], np.int64)
-    grid: Array = PERIOD / sample.per_period * np.arange(sample.per_period)
-    u, v = np.full((2, periods, grid.size, chosen.size), np.nan)
+    chosen = np.array([n % sites for n in sample.sites] if sample else [], np.int64)
+    count = sample.per_period if sample else 0
+    u, v = np.full((2, periods, count, chosen.size), np.nan)
+    grid: Array = PERIOD / max(count, 1) * np.arange(count)
     return DenseOutput(chosen, grid, u, v)
 
 
@@ -309,7 +307,7 @@ class EventDriven:
         done, status, site = ended.tolist()
         self.full = status == FULL
         if self.full and not done:
-            return self.advance(periods, first, span=span)
+            return EventDriven.advance(self, periods, first, span=span)  # of a noisy one, too
         if status not in (DONE, CHATTER, FULL):
             raise NotConverged(self._failed(status, first + done))
         impacts, rests = event_tables(self.log, self.t0)
@@ -374,7 +372,7 @@ KICKS = 16  # in a step of the series: 64 in a period, more where modes are fast
 
 
 @dataclass
-class Noisy:
+class Noisy(EventDriven):
     """An integrator of rigid walls whose sites are kicked.
 
     Over a time dt white noise changes a velocity by a normal number of variance noise^2 dt. All of
@@ -382,20 +380,8 @@ class Noisy:
     Kicks depend on the seed and the number of the period alone, not on where chunks are cut.
     """
 
-    flight: EventDriven
-    noise: float
-    seed: int
-
-    def __post_init__(self) -> None:
-        self.t0, self.sample, self.conditions = self.flight.t0, None, self.flight.conditions
-
-    @property
-    def state(self) -> State:
-        return self.flight.state
-
-    @property
-    def most_periods(self) -> int:
-        return self.flight.most_periods
+    noise: float = 0.0
+    seed: int = 0
 
     def advance(self, periods: int, first: int, *, span: float = PERIOD) -> Chunk:
         chunks: list[Chunk] = []
@@ -407,20 +393,21 @@ class Noisy:
 
     def _period(self, period: int, span: float) -> Chunk:
         """Half a dt, a kick, a whole dt, a kick, ..., half a dt; no state where it chatters."""
-        start = State(*(x.copy() for x in self.state))
-        count = math.ceil(KICKS * span / self.flight.parameters.step)
+        start, t0 = State(*(x.copy() for x in self.state)), self.t0
+        count = math.ceil(KICKS * span / self.parameters.step)
         dt = span / count
         size = self.noise * math.sqrt(dt)
         kicks = size * np.random.default_rng([self.seed, period]).normal(size=(count, start.u.size))
         ends = [0.0, *(dt * (np.arange(count) + 0.5)).tolist(), span]
         chunks = []
         for i, (begin, end) in enumerate(pairwise(ends)):
-            self.flight.t0 = reduced(self.t0 + begin)
-            chunks.append(self.flight.advance(1, period, span=end - begin))
+            self.t0 = reduced(t0 + begin)
+            chunks.append(super().advance(1, period, span=end - begin))
+            self.t0 = t0
             for table in (chunks[-1].impacts, chunks[-1].rests):
                 table["time"] += begin
             if chunks[-1].stop is not None:  # nothing is kept of a period that does not end
-                self.flight.state = start
+                self.state = start
                 return chunks[-1]
             if i < count:
                 self.state.v[:] += kicks[i]

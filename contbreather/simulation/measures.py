@@ -30,11 +30,11 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.modal_flow import driven_modes
-from contbreather.simulation.smooth import SmoothConditions, rigid_or_smooth
 from contbreather.simulation.states import (
     PERIOD,
     LatticeParameters,
     ModelParameters,
+    SmoothConditions,
     State,
     check_state,
     conditions_of,
@@ -150,8 +150,11 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothCondition
     """`localisation`, under conditions that have been checked."""
     x, y = u - forced(on, t, 0), v - forced(on, t, 1)
     table = stiffness_of(on.lattice)
-    # what ties a site to the ground: its spring, and what its row of the stiffness has over
-    ground = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * _loose(table)
+    # what ties a site to the ground: its spring, and what its row of the stiffness has over but for
+    # rounding
+    over, size = table.sum(axis=1), abs(table).sum(axis=1)
+    loose = np.where(abs(over) > 1e-14 * size, over, 0.0)
+    ground = 0.5 * on.lattice.masses * on.spring + 0.5 * on.gamma * loose
     energy = 0.5 * on.lattice.masses * y**2 + ground * x**2
     if on.gamma > 0.0:
         energy += on.gamma * _of_bonds(table, x)
@@ -160,12 +163,6 @@ def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothCondition
     with np.errstate(invalid="ignore", divide="ignore"):
         participation = np.where(square > 0.0, total**2 / square, x.shape[-1])
     return Localisation(energy, participation, energy.argmax(axis=-1), on.lattice)
-
-
-def _loose(table: Any) -> Array:
-    """Stiffness of what ties each site to the ground, without what rounding leaves."""
-    rows, size = table.sum(axis=1), abs(table).sum(axis=1)
-    return np.where(abs(rows) > 1e-14 * size, rows, 0.0)
 
 
 def _of_bonds(table: Any, x: Array) -> Array:
@@ -363,7 +360,7 @@ def lyapunov(
     True
     """
     start = check_state(state)
-    conditions = rigid_or_smooth(start.u.size, m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: {sites} sites have {2 * sites} exponents.")

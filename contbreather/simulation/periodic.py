@@ -29,15 +29,18 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
-from contbreather.simulation.simulate import SimulationRun, advance, completed
-from contbreather.simulation.smooth import (
+from contbreather.simulation.simulate import SimulationRun, completed, let_go
+from contbreather.simulation.smooth import state_after
+from contbreather.simulation.states import (
     OWN,
+    PERIOD,
+    ModelParameters,
     SmoothConditions,
-    let_go,
-    rigid_or_smooth,
-    state_after,
+    State,
+    check_state,
+    conditions_of,
+    reduced,
 )
-from contbreather.simulation.states import PERIOD, ModelParameters, State, check_state, reduced
 from contbreather.simulation.variation import variation
 from contbreather.storage.serialise import serialised
 
@@ -96,7 +99,7 @@ def _flight(
     state = State(*np.frombuffer(x).reshape(2, -1))
     if isinstance(on, SmoothConditions):
         return state_after(on, state, t0, span)[0], None
-    run = completed(advance(state, on, periods=span, t0=t0, progress=False))
+    run = completed(let_go(state, on, periods=span, t0=t0, progress=False))
     if run.stop is not RunStop.DONE:
         raise ArithmeticError(run.reason)
     return np.concatenate(run.final), run
@@ -166,7 +169,8 @@ class PeriodicMotion:
     @property
     def unstable(self) -> int:
         """Multipliers outside the unit circle by more than rounding."""
-        return int((np.abs(self.multipliers) > 1.0 + _slack(self.conditions)).sum())
+        rough = isinstance(self.conditions, SmoothConditions)
+        return int((np.abs(self.multipliers) > 1.0 + (INTEGRATED if rough else OUTSIDE)).sum())
 
     @property
     def growth(self) -> float:
@@ -197,10 +201,6 @@ class PeriodicMotion:
 def _by_size(matrix: Array) -> Array:
     values = np.linalg.eigvals(matrix)
     return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
-
-
-def _slack(on: Conditions | SmoothConditions) -> float:
-    return INTEGRATED if isinstance(on, SmoothConditions) else OUTSIDE
 
 
 def periodic(
@@ -253,7 +253,7 @@ def periodic(
     0.0863
     """
     start = check_state(state)
-    conditions = rigid_or_smooth(start.u.size, m, **on)
+    conditions = conditions_of(start.u.size, m, **on)
     return closing(start, conditions, periods=periods, symmetric=symmetric, t0=t0)
 
 

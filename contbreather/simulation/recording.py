@@ -154,12 +154,9 @@ class Recording:
                 start = State(chunk.u[-1], chunk.v[-1])
             else:
                 chunks.append(chunk)
-        before = chunks[0].first if chunks else self.periods
-        left, tables = joined(chunks, start, self.t0 + PERIOD * before, None)
-        for table in tables.values():
-            table["time"] += self.t0
-            table["period"] -= before
-        return SimulationRun(conditions=self.conditions, **left, **tables).since(first - before)
+        left = joined(chunks, start, self.t0, None)
+        before = chunks[0].first if chunks else 0
+        return SimulationRun(conditions=self.conditions, **left).since(first - before)
 
     def strobe(self, n: int | slice = slice(None)) -> State:
         """Stroboscopic displacements and velocities of one site, or of all of them."""
@@ -309,15 +306,6 @@ def _by_harmonics(harmonics: Iterable[Sequence[float]]) -> Forcing:
     return Fourier.from_response({m: c for m, c, _ in rows}, {m: s for m, _, s in rows})
 
 
-def _about(run: Recording) -> dict[str, Any]:
-    on = run.conditions
-    try:
-        conditions = to_dict(on)
-    except NotSerialisable:  # somebody's own forcing: a run needs no more than its harmonics
-        conditions = to_dict(replace(on, forcing=_by_harmonics(on.forcing.harmonics)))
-    return {"conditions": conditions, "t0": run.t0, "sample": run.sample and vars(run.sample)}
-
-
 def _check_same(there: Recording, wanted: Recording) -> None:
     for name in (*NAMES, "forcing", "walls", "t0", "sample", "start", "lattice"):
         old, new = (
@@ -347,8 +335,13 @@ def _make(run: Recording) -> None:
     others = [p.name for p in _listed(run.path) if p.name != LOCK and p.suffix != ".part"]
     if others:
         raise BadInput(f"{run.path} is not empty and holds no run; choose another folder.")
-    about = np.array(json.dumps(_about(run)))
-    save_part(run.path / START, {"about": about, **run.start._asdict()})
+    on = run.conditions
+    try:
+        conditions = to_dict(on)
+    except NotSerialisable:  # somebody's own forcing: a run needs no more than its harmonics
+        conditions = to_dict(replace(on, forcing=_by_harmonics(on.forcing.harmonics)))
+    about = {"conditions": conditions, "t0": run.t0, "sample": run.sample and vars(run.sample)}
+    save_part(run.path / START, {"about": np.array(json.dumps(about)), **run.start._asdict()})
 
 
 @contextmanager

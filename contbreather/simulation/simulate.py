@@ -1,8 +1,8 @@
-"""An impacting lattice, simulated exactly: eq. (1), the reset law (2), damping and springs.
+"""Runs of lattices: eq. (1) with the reset law (2), damping and springs, or the smooth walls (21).
 
-Between impacts the flow is summed to rounding (`contbreather.simulation.taylor`), impacts are
-bracketed so that none can be missed and polished to 1e-12 (`contact`), and rests on a wall
-are part of the motion. The only error left is rounding.
+Between impacts on rigid walls the flow is summed to rounding (`contbreather.simulation.taylor`),
+impacts are bracketed so that none can be missed and polished to 1e-12, and rests on a wall are part
+of the motion: the only error left is rounding. Smooth walls have a solver (`smooth`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from contbreather.checks import MOST, number, one_of, whole
 from contbreather.columns import Columns, Variable
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
-from contbreather.parameters import NEEDED
+from contbreather.parameters import NEEDED, parameter
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import (
     EVENTS,
@@ -35,9 +35,12 @@ from contbreather.simulation.integrator import (
     in_chunks,
     joined_chunks,
 )
+from contbreather.simulation.smooth import Explicit, SmoothIntegrator, Solver
 from contbreather.simulation.states import (
     PERIOD,
+    LatticeParameters,
     ModelParameters,
+    SmoothConditions,
     State,
     check_state,
     conditions_of,
@@ -204,6 +207,17 @@ class SimulationRun(States):
         )
 
 
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class SmoothRun(States):
+    """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<SmoothRun of {self.sites} sites over {self.length} periods, "
+            f"m = {self.conditions.m:g}; {self.stop.value}>"
+        )
+
+
 def simulate(
     state: Any,
     *,
@@ -273,32 +287,92 @@ def simulate(
     start = check_state(state)
     conditions = conditions_of(start.u.size, **on)
     strength = number("noise", noise, 0.0, 1e6, "the strength of the noise, from 0 to 1e6")
-    kicked = (strength, whole("seed", seed, 0))
+    kicked: Any = {"noise": strength, "seed": whole("seed", seed, 0)}
     shared: Any = {"periods": periods, "t0": t0, "sample": sample, "progress": progress}
-    return advance(start, conditions, **shared, kicked=kicked)
+    run: SimulationRun = let_go(start, conditions, **shared, **kicked)
+    return run
 
 
-def advance(
+class SmoothModelParameters(LatticeParameters, total=False):
+    """The keywords of `simulate_smooth` that say what a lattice moves under."""
+
+    k: float | None
+    lam: float | None
+
+
+def simulate_smooth(
+    state: Any,
+    *,
+    m: float,
+    periods: float,
+    t0: float = 0.0,
+    sample: Sample | None = None,
+    solver: Solver | None = None,
+    progress: bool | Bar | None = None,
+    **on: Unpack[SmoothModelParameters],
+) -> SmoothRun:
+    """Let a lattice with smooth walls (21) go from any state.
+
+    Parameters
+    ----------
+    state : pair of array_like, shape (N,)
+    periods, t0, sample, progress, on
+        As in `simulate`, without walls: they are at -1 and 1.
+    m : float
+        Hardness of the walls, from 0.5 to 1e4; (21) has natural numbers, a real one is taken with
+        |u|.
+    k, lam : float
+        Among `on`: restitution of the impacting limit, or lambda of (21), one of the two.
+    solver : Solver, optional
+        `Explicit` unless given; `Switching` and `Implicit` are there to compare.
+
+    Raises
+    ------
+    BadInput
+        Parameters outside their range, or a state far behind the walls.
+    NotConverged
+        If the energy blows up or the solver cannot go on.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import symmetric
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
+    >>> run = simulate_smooth(b.state(20), a=0.5, gamma=0.08, k=0.8, m=20, periods=1)
+    >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
+    True
+    """
+    start = check_state(state)
+    parameter("m", m)
+    conditions = conditions_of(start.u.size, m, **on)
+    settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
+    run: SmoothRun = let_go(start, conditions, periods=periods, t0=t0, **settings)
+    return run
+
+
+def let_go(
     state: State,
-    conditions: Conditions,
+    on: Conditions | SmoothConditions,
     *,
     periods: float,
     t0: float = 0.0,
     sample: Sample | None = None,
     progress: bool | Bar | None = None,
-    kicked: tuple[float, int] = (0.0, 0),
-) -> SimulationRun:
-    """`simulate`, of a state and conditions that have been checked; `kicked` by noise of this
-    strength and seed."""
+    solver: Solver | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> Any:
+    """The run of a state under rigid or smooth walls that have been checked."""
     check_sample(sample, state.u.size)
-    integrator: Any = EventDriven(within(state, conditions.walls), conditions, reduced(t0), sample)
-    noise, seed = kicked
-    if noise:
-        if sample is not None:
-            raise BadInput("sample: sites are not recorded densely under noise; leave one out")
-        integrator = Noisy(integrator, noise, seed)
-    left, tables = gathered(integrator, periods=periods, t0=t0, progress=progress)
-    return SimulationRun(**left, **tables, noise=noise)
+    shared: Any = {"periods": periods, "t0": t0, "progress": progress}
+    if isinstance(on, SmoothConditions):
+        how = Explicit() if solver is None else solver
+        left = gathered(SmoothIntegrator(state, on, reduced(t0), sample, how), **shared)
+        return SmoothRun(**{name: x for name, x in left.items() if name not in EVENTS})
+    start = within(state, on.walls), on, reduced(t0), sample
+    if noise and sample is not None:
+        raise BadInput("sample: sites are not recorded densely under noise; leave one out")
+    integrator = Noisy(*start, noise, seed) if noise else EventDriven(*start)
+    return SimulationRun(**gathered(integrator, **shared), noise=noise)
 
 
 def length_of(periods: float, sites: int) -> float:
@@ -316,8 +390,8 @@ def length_of(periods: float, sites: int) -> float:
 
 def gathered(
     integrator: Integrator, *, periods: float, t0: float, progress: bool | Bar | None
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Let it go: what `States` has of the run, and its impacts and rests; times count from t0."""
+) -> dict[str, Any]:
+    """Let it go: what a run has, its impacts and rests among it; times count from t0."""
     sample, length = integrator.sample, length_of(periods, integrator.state.u.size)
     count, rest = int(length), length - int(length)
     start = State(integrator.state.u.copy(), integrator.state.v.copy())
@@ -336,33 +410,34 @@ def gathered(
                 last = {"final": State(end.u[-1], end.v[-1]), "end": time}
     except KeyboardInterrupt:
         last["stop"] = RunStop.INTERRUPTED
-    left, tables = joined(chunks, start, float(t0), sample)
-    for table in tables.values():
-        table["time"] += t0
-    return {**left, **last, "conditions": integrator.conditions}, tables
+    return {**joined(chunks, start, float(t0), sample), **last, "conditions": integrator.conditions}
 
 
-def joined(
-    chunks: list[Chunk], start: State, t0: float, sample: Sample | None
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What `States` has of successive chunks, from the state at t0 on; their impacts and rests."""
+def joined(chunks: list[Chunk], start: State, t0: float, sample: Sample | None) -> dict[str, Any]:
+    """What a run has of successive chunks, from the state before them on; t0 is that of period 0,
+    from which their times count."""
     sampled = ("dense_u", "dense_v") if sample else ()
-    first = blank(sample, start.u[None], start.v[None])
-    table = joined_chunks([first, *chunks], "u", "v", *EVENTS, *sampled)
-    u, v, record = table["u"], table["v"], None
+    before = blank(sample, start.u[None], start.v[None])
+    table = joined_chunks([before, *chunks], "u", "v", *EVENTS, *sampled)
+    u, v, first = table["u"], table["v"], chunks[0].first if chunks else 0
+    begin, record = t0 + PERIOD * first, None
     if sample is not None:
         dense = [table[name].reshape(-1, len(sample.sites)) for name in sampled]
-        times = t0 + PERIOD / sample.per_period * np.arange(len(dense[0]))
+        times = begin + PERIOD / sample.per_period * np.arange(len(dense[0]))
         record = Record(times, tuple(n % start.u.size for n in sample.sites), *dense)
+    for name in EVENTS:
+        table[name]["time"] += t0
+        table[name]["period"] -= first
     return {
-        "times": t0 + PERIOD * np.arange(len(u)),
+        "times": begin + PERIOD * np.arange(len(u)),
         "strobe": State(u, v),
         "final": State(u[-1].copy(), v[-1].copy()),
-        "end": t0 + PERIOD * (len(u) - 1),
+        "end": begin + PERIOD * (len(u) - 1),
         "record": record,
         "stop": (chunks[-1].stop if chunks else None) or RunStop.DONE,
         "reason": chunks[-1].reason if chunks else "",
-    }, {name: table[name] for name in EVENTS}
+        **{name: table[name] for name in EVENTS},
+    }
 
 
 S = TypeVar("S", bound=Any)  # a run or a sweep
@@ -432,3 +507,8 @@ def _run(
     impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
     shared = states_of(columns, **ended)
     return SimulationRun(impacts=impacts, rests=rests, conditions=conditions, noise=noise, **shared)
+
+
+@serialised("smooth run", SmoothRun, to_content)
+def _smooth_run(columns: Any, conditions: Any, **ended: Any) -> SmoothRun:
+    return SmoothRun(conditions=SmoothConditions(**conditions), **states_of(columns, **ended))

@@ -13,164 +13,27 @@ solver, u^(2m) is invisible to its step control in mid flight, so its step is ca
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any, ClassVar, Protocol, Unpack
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
 from contbreather.errors import BadInput, NotConverged, deferred
-from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.finite import Finite, drive_of, stiffness_of
-from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.formula import forcing_of
-from contbreather.parameters import parameter
-from contbreather.progress import Bar
-from contbreather.simulation.integrator import Chunk, Sample, check_sample, forced_motion
-from contbreather.simulation.simulate import States, advance, gathered, states_of, to_content
+from contbreather.lattice.finite import drive_of, stiffness_of
+from contbreather.simulation.integrator import Chunk, Sample, forced_motion
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
-from contbreather.simulation.states import (
-    PERIOD,
-    LatticeParameters,
-    State,
-    check_state,
-    conditions_of,
-    lattice_for,
-    ranged,
-    reduced,
-    without_noise,
-)
-from contbreather.storage.serialise import serialised, to_dict
+from contbreather.simulation.states import OWN, PERIOD, SmoothConditions, State
 
 Array = NDArray[Any]
 
 FINE = 1e-12  # tolerance where derivatives are asked for
 CAP = 0.2  # largest step of any solver
-OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
 MOST = 1_000_000  # steps between two outputs
-
-
-def damping_of(k: float) -> float:
-    """lambda of the smooth wall with restitution k, eq. (22) solved for it.
-
-    Examples
-    --------
-    >>> round(damping_of(0.8), 12)
-    0.141700600391
-    """
-    k = parameter("k", k)
-    if k == 0.0:
-        return 2.0  # the limit of (22) for k -> 0, where it is a quotient of infinities
-    loss = -math.log(k)
-    return 2.0 * loss / math.hypot(math.pi, loss)
-
-
-def restitution_of(lam: float) -> float:
-    """k of the smooth wall with the damping lambda, eq. (22).
-
-    Examples
-    --------
-    >>> round(restitution_of(damping_of(0.8)), 12)
-    0.8
-    """
-    lam = parameter("lam", lam)
-    if lam == 2.0:
-        return 0.0
-    return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
-
-
-@dataclass(frozen=True)
-class SmoothConditions:
-    """What a lattice with smooth walls moves under; lam and m are those of (21)."""
-
-    a: float
-    gamma: float
-    lam: float
-    m: float
-    damping: float = 0.0
-    spring: float = 0.0
-    forcing: Forcing = field(default_factory=Harmonic)
-    lattice: Finite = field(kw_only=True)
-
-    @property
-    def k(self) -> float:
-        """Restitution of the impacting limit, (22)."""
-        return restitution_of(self.lam)
-
-    @property
-    def params(self) -> dict[str, float]:
-        """All parameters by name, those of the forcing last."""
-        return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
-
-    def to_dict(self) -> dict[str, Any]:
-        """By numbers and names, for files."""
-        numbers = {name: float(getattr(self, name)) for name in OWN}
-        return {**numbers, "forcing": to_dict(self.forcing), "lattice": to_dict(self.lattice)}
-
-    def at(self, params: Mapping[str, float]) -> SmoothConditions:
-        """The same with other values of its parameters, or with the lam of another k."""
-        values = {name: float(params.get(name, value)) for name, value in self.params.items()}
-        if "k" in params:
-            values["lam"] = damping_of(params["k"])
-        numbers: dict[str, Any] = {name: values.pop(name) for name in OWN}
-        return replace(
-            self, **numbers, forcing=self.forcing.at(**values) if values else self.forcing
-        )
-
-    @property
-    def parameters(self) -> SmoothParameters:
-        """What the kernels take."""
-        a, gamma, lam, m, mu, spring = (float(getattr(self, name)) for name in OWN)
-        force = forced_motion(self.forcing, 1.0, 0.0)[1]
-        return SmoothParameters(a, gamma, lam, m, mu, spring, force, *_network(self.lattice))
-
-
-def smooth_conditions_of(
-    sites: int,
-    *,
-    k: float | None = None,
-    lam: float | None = None,
-    forcing: Forcing | str | None = None,
-    lattice: Finite | None = None,
-    **numbers: float,
-) -> SmoothConditions:
-    """The conditions of a state of so many sites, on a ring unless a lattice is given."""
-    without_noise(numbers)
-    if (k is None) == (lam is None):
-        raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
-    wall: Any = lam if k is None else damping_of(k)
-    where, drive = lattice_for(sites, lattice), forcing_of(forcing)
-    return ranged(SmoothConditions(lam=wall, forcing=drive, lattice=where, **numbers))
-
-
-def rigid_or_smooth(sites: int, m: float | None = None, **on: Any) -> Conditions | SmoothConditions:
-    """The conditions of rigid walls, or of smooth ones if there is a hardness m."""
-    if m is None:
-        return conditions_of(sites, **on)
-    if on.pop("walls", None) is not None:
-        raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
-    return smooth_conditions_of(sites, m=m, **on)
-
-
-@lru_cache(maxsize=16)
-def _network(lattice: Finite) -> tuple[Array, Array]:
-    """Entries of the stiffness matrix over the masses, (site, other, value), and the drive."""
-    table = stiffness_of(lattice).tocoo()
-    weight = table.data / np.asarray(lattice.masses)[table.row]
-    entries = np.array([table.row, table.col, weight], dtype=float)
-    return np.ascontiguousarray(entries.T), drive_of(lattice)
-
-
-class SmoothModelParameters(LatticeParameters, total=False):
-    """The keywords of `simulate_smooth` that say what a lattice moves under."""
-
-    k: float | None
-    lam: float | None
 
 
 # --- solvers --------------------------------------------------------------------------------------
@@ -178,11 +41,23 @@ class SmoothModelParameters(LatticeParameters, total=False):
 Rhs = Callable[[float, Array], Array]
 
 
+@lru_cache(maxsize=16)
+def smooth_parameters(on: SmoothConditions) -> SmoothParameters:
+    """What the kernels take."""
+    table = stiffness_of(on.lattice).tocoo()
+    weight = table.data / np.asarray(on.lattice.masses)[table.row]
+    # (site, other, value)
+    entries = np.ascontiguousarray(np.array([table.row, table.col, weight], dtype=float).T)
+    a, gamma, lam, m, mu, spring = (float(getattr(on, name)) for name in OWN)
+    force = forced_motion(on.forcing, 1.0, 0.0)[1]
+    return SmoothParameters(a, gamma, lam, m, mu, spring, force, entries, drive_of(on.lattice))
+
+
 def right_side(on: SmoothConditions, size: int, params: int = 0) -> Rhs:
     """What a state, with variations of it, changes by; see `smooth_flow`."""
     # to copy both costs less than to look up where they are
     state, out = np.empty(size), np.empty(size)
-    fill = RATES.following(state, on.parameters, params, out)
+    fill = RATES.following(state, smooth_parameters(on), params, out)
 
     def at(t: float, y: Array) -> Array:
         state[...] = y
@@ -263,6 +138,7 @@ class Switching(_OfScipy):
 
     Examples
     --------
+    >>> from contbreather.simulation import simulate_smooth
     >>> rest = [0.1], [0.0]
     >>> run = simulate_smooth(rest, a=0.1, gamma=0.0, k=0.8, m=6, periods=1, solver=Switching())
     >>> round(float(run.final.u[0]), 6)  # u = 0.1 cos t
@@ -289,90 +165,7 @@ def _stuck(method: str, t: float) -> NotConverged:
     )
 
 
-# --- runs -----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class SmoothRun(States):
-    """What `simulate_smooth` leaves behind; attributes as in `Run`, without a table of impacts."""
-
-    def __repr__(self) -> str:
-        return (
-            f"<SmoothRun of {self.sites} sites over {self.length} periods, "
-            f"m = {self.conditions.m:g}; {self.stop.value}>"
-        )
-
-
-@serialised("smooth run", SmoothRun, to_content)
-def _smooth_run(columns: Any, conditions: Any, **ended: Any) -> SmoothRun:
-    return SmoothRun(conditions=SmoothConditions(**conditions), **states_of(columns, **ended))
-
-
-def simulate_smooth(
-    state: Any,
-    *,
-    m: float,
-    periods: float,
-    t0: float = 0.0,
-    sample: Sample | None = None,
-    solver: Solver | None = None,
-    progress: bool | Bar | None = None,
-    **on: Unpack[SmoothModelParameters],
-) -> SmoothRun:
-    """Let a lattice with smooth walls (21) go from any state.
-
-    Parameters
-    ----------
-    state : pair of array_like, shape (N,)
-    periods, t0, sample, progress, on
-        As in `simulate`, without walls: they are at -1 and 1.
-    m : float
-        Hardness of the walls, from 0.5 to 1e4; (21) has natural numbers, a real one is taken with
-        |u|.
-    k, lam : float
-        Among `on`: restitution of the impacting limit, or lambda of (21), one of the two.
-    solver : Solver, optional
-        `Explicit` unless given; `Switching` and `Implicit` are there to compare.
-
-    Raises
-    ------
-    BadInput
-        Parameters outside their range, or a state far behind the walls.
-    NotConverged
-        If the energy blows up or the solver cannot go on.
-
-    Examples
-    --------
-    >>> from contbreather.orbits import symmetric
-    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
-    >>> run = simulate_smooth(b.state(20), a=0.5, gamma=0.08, k=0.8, m=20, periods=1)
-    >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
-    True
-    """
-    start = check_state(state)
-    conditions = smooth_conditions_of(start.u.size, m=m, **on)
-    settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
-    run: SmoothRun = let_go(start, conditions, periods=periods, t0=t0, **settings)
-    return run
-
-
-def let_go(
-    state: State,
-    on: Conditions | SmoothConditions,
-    *,
-    periods: float,
-    t0: float = 0.0,
-    sample: Sample | None = None,
-    progress: bool | Bar | None = None,
-    solver: Solver | None = None,
-) -> Any:
-    """The run of a state under rigid or smooth walls that have been checked."""
-    if isinstance(on, Conditions):
-        return advance(state, on, periods=periods, t0=t0, sample=sample, progress=progress)
-    check_sample(sample, state.u.size)
-    how = Explicit() if solver is None else solver
-    integrator = SmoothIntegrator(state, on, reduced(t0), sample, how)
-    return SmoothRun(**gathered(integrator, periods=periods, t0=t0, progress=progress)[0])
+# --- as an integrator -----------------------------------------------------------------------------
 
 
 def state_after(
@@ -432,18 +225,14 @@ class SmoothIntegrator:
         """One period, or one of another length."""
         (u, v) = self.at(np.array([self.t0 + span]))[0]
         self.check(State(u, v), first + 1)
-        # integrated apart, so that looking at a run does not change it
-        dense = self.dense() if span == PERIOD else np.empty((2, 0, 0))
+        dense, sample = np.empty((2, 0, 0)), self.sample
+        if sample is not None and span == PERIOD:
+            # integrated apart, so that looking at a run does not change it
+            times = self.t0 + PERIOD / sample.per_period * np.arange(1, sample.per_period)
+            states = [np.array(self.state)[None], *([self.at(times)] if times.size else [])]
+            dense = np.concatenate(states)[:, :, list(sample.sites)].swapaxes(0, 1)
         self.state = State(u, v)
         return Chunk(first, u[None], v[None], *dense[:, None])
-
-    def dense(self) -> Array:
-        """Displacements and velocities of the sampled sites in the period to come."""
-        if self.sample is None:
-            return np.empty((2, 0, 0))
-        times = self.t0 + PERIOD / self.sample.per_period * np.arange(1, self.sample.per_period)
-        states = [np.array(self.state)[None], *([self.at(times)] if times.size else [])]
-        return np.concatenate(states)[:, :, list(self.sample.sites)].swapaxes(0, 1)
 
     def at(self, times: Array) -> Array:
         """The states at some times of the period to come: (times, 2, sites)."""

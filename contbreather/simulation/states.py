@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Required, TypedDict, TypeVar
 
 import numpy as np
@@ -14,18 +15,16 @@ from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
+from contbreather.storage.serialise import to_dict
 
 Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
 OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
 FASTEST = 1e6
-
-# A lattice may be at rest, or ring freely: without forcing, too.
-RANGES: dict[str, dict[str, Any]] = {"a": {"above": False}}
-
+OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
 
 C = TypeVar("C", bound=Any)  # rigid or smooth
 
@@ -39,6 +38,74 @@ class State(NamedTuple):
     def __repr__(self) -> str:
         size = " x ".join(map(str, np.shape(self.u)))
         return f"<State of {size} displacements and velocities, |u| <= {np.abs(self.u).max():.6g}>"
+
+
+def damping_of(k: float) -> float:
+    """lambda of the smooth wall with restitution k, eq. (22) solved for it.
+
+    Examples
+    --------
+    >>> round(damping_of(0.8), 12)
+    0.141700600391
+    """
+    k = parameter("k", k)
+    if k == 0.0:
+        return 2.0  # the limit of (22) for k -> 0, where it is a quotient of infinities
+    loss = -math.log(k)
+    return 2.0 * loss / math.hypot(math.pi, loss)
+
+
+def restitution_of(lam: float) -> float:
+    """k of the smooth wall with the damping lambda, eq. (22).
+
+    Examples
+    --------
+    >>> round(restitution_of(damping_of(0.8)), 12)
+    0.8
+    """
+    lam = parameter("lam", lam)
+    if lam == 2.0:
+        return 0.0
+    return math.exp(-0.5 * math.pi * lam / math.sqrt(1.0 - 0.25 * lam * lam))
+
+
+@dataclass(frozen=True)
+class SmoothConditions:
+    """What a lattice with smooth walls moves under; lam and m are those of (21)."""
+
+    a: float
+    gamma: float
+    lam: float
+    m: float
+    damping: float = 0.0
+    spring: float = 0.0
+    forcing: Forcing = field(default_factory=Harmonic)
+    lattice: Finite = field(kw_only=True)
+
+    @property
+    def k(self) -> float:
+        """Restitution of the impacting limit, (22)."""
+        return restitution_of(self.lam)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """All parameters by name, those of the forcing last."""
+        return {**{name: getattr(self, name) for name in OWN}, **self.forcing.params}
+
+    def to_dict(self) -> dict[str, Any]:
+        """By numbers and names, for files."""
+        numbers = {name: float(getattr(self, name)) for name in OWN}
+        return {**numbers, "forcing": to_dict(self.forcing), "lattice": to_dict(self.lattice)}
+
+    def at(self, params: Mapping[str, float]) -> SmoothConditions:
+        """The same with other values of its parameters, or with the lam of another k."""
+        values = {name: float(params.get(name, value)) for name, value in self.params.items()}
+        if "k" in params:
+            values["lam"] = damping_of(params["k"])
+        numbers: dict[str, Any] = {name: values.pop(name) for name in OWN}
+        return replace(
+            self, **numbers, forcing=self.forcing.at(**values) if values else self.forcing
+        )
 
 
 class LatticeParameters(TypedDict, total=False):
@@ -61,13 +128,16 @@ class ModelParameters(LatticeParameters, total=False):
 
 def conditions_of(
     sites: int,
+    m: float | None = None,
+    /,
     *,
     forcing: Forcing | str | None = None,
     lattice: Finite | None = None,
     walls: Any = None,
-    **numbers: float,
-) -> Conditions:
-    """The conditions of a state of so many sites, on a ring unless a lattice is given.
+    **numbers: Any,
+) -> Any:
+    """The conditions of a state of so many sites, on a ring unless a lattice is given: of rigid
+    walls, or of smooth ones if there is a hardness m.
 
     Raises
     ------
@@ -75,49 +145,49 @@ def conditions_of(
         A number that is missing, unknown or out of its range, another number of sites, walls of a
         site that is not there.
     """
-    without_noise(numbers)
-    missing = [name for name in NEEDED if name not in numbers]
-    unknown = [name for name in numbers if name not in NAMES]
-    if missing or unknown:
-        what = f"missing {', '.join(missing)}" if missing else f"not known {', '.join(unknown)}"
+    if "noise" in numbers:  # which only `simulate` has, and takes out before
         raise BadInput(
-            f"simulate and all that simulates takes {', '.join(NEEDED)}, and, where wanted, "
-            f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
-        )
-    where = lattice_for(sites, lattice)
-    around, drive = Walls.given(walls), forcing_of(forcing)
-    conditions = Conditions(forcing=drive, walls=around, lattice=where, **numbers)
-    return ranged(conditions).at({})
-
-
-def without_noise(keywords: Mapping[str, Any]) -> None:
-    """Refuse noise; only `simulate`, which takes it out before, has it."""
-    if "noise" in keywords:
-        raise BadInput(
-            f"noise = {shown(keywords['noise'])}: noise is for simulate() alone, on rigid walls; "
+            f"noise = {shown(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
             "leave it out here, or judge() the run that simulate(..., noise=...) returns"
         )
-
-
-def ranged(on: C) -> C:
-    """The same conditions, with numbers that a simulation can have."""
-    free = {"high": HEAVIEST**2, "below": False, "why": ""}
-    coupling = {} if isinstance(on.lattice, Ring) else free
-    for name in (*NAMES, *SMOOTH):
-        if hasattr(on, name):
-            parameter(name, getattr(on, name), **{"gamma": coupling, **RANGES}.get(name, {}))
-    return on
-
-
-def lattice_for(sites: int, lattice: Finite | None) -> Finite:
-    """The lattice of a state: a ring unless one is given."""
+    if m is None:
+        missing = [name for name in NEEDED if name not in numbers]
+        unknown = [name for name in numbers if name not in NAMES]
+        if missing or unknown:
+            what = f"missing {', '.join(missing)}" if missing else f"not known {', '.join(unknown)}"
+            raise BadInput(
+                f"simulate and all that simulates takes {', '.join(NEEDED)}, and, where wanted, "
+                f"{', '.join(OPTIONAL)}, forcing, lattice and walls; {what}."
+            )
+    else:
+        if walls is not None:
+            raise BadInput("smooth walls are at -1 and 1: leave walls out, or m")
+        k, lam = numbers.pop("k", None), numbers.pop("lam", None)
+        if (k is None) == (lam is None):
+            raise BadInput(f"k = {k}, lam = {lam}: give one of them, (22) ties the other to it.")
+        numbers |= {"lam": lam if k is None else damping_of(k), "m": m}
     where = Ring(sites) if lattice is None else finite(lattice)
     if where.sites != sites:
         raise BadInput(
             f"the state has {sites} sites, the lattice ({where.describe()}) has {where.sites}: "
             "both must have the same; leave out lattice for a ring of the state's length."
         )
-    return where
+    numbers |= {"lattice": where, "forcing": forcing_of(forcing)}
+    if m is not None:
+        return ranged(SmoothConditions(**numbers))
+    return ranged(Conditions(walls=Walls.given(walls), **numbers)).at({})
+
+
+def ranged(on: C) -> C:
+    """The same conditions, with numbers that a simulation can have."""
+    # a lattice may be at rest, or ring freely: without forcing, too
+    ranges: dict[str, dict[str, Any]] = {"a": {"above": False}}
+    if not isinstance(on.lattice, Ring):
+        ranges["gamma"] = {"high": HEAVIEST**2, "below": False, "why": ""}
+    for name in (*NAMES, *SMOOTH):
+        if hasattr(on, name):
+            parameter(name, getattr(on, name), **ranges.get(name, {}))
+    return on
 
 
 def check_state(state: Any) -> State:

@@ -20,9 +20,15 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import localised
-from contbreather.simulation.simulate import SimulationRun, completed
-from contbreather.simulation.smooth import Solver, let_go, rigid_or_smooth
-from contbreather.simulation.states import ModelParameters, State, check_state, ranged
+from contbreather.simulation.simulate import SimulationRun, completed, let_go
+from contbreather.simulation.smooth import Solver
+from contbreather.simulation.states import (
+    ModelParameters,
+    State,
+    check_state,
+    conditions_of,
+    ranged,
+)
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
@@ -173,7 +179,7 @@ def sweep(
     start = check_state(state)
     check_kind(name, str, "the name of a parameter")
     needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
-    conditions = rigid_or_smooth(start.u.size, m, **{**on, **needed})
+    conditions = conditions_of(start.u.size, m, **{**on, **needed})
     names = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in names:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")

@@ -25,9 +25,9 @@ from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.event_loop import TANGENT_FLOW, begin_period
 from contbreather.simulation.integrator import EventDriven, in_chunks, parameters_of, workspace_of
-from contbreather.simulation.simulate import SimulationRun
-from contbreather.simulation.smooth import SmoothConditions, SmoothRun, state_after
-from contbreather.simulation.states import PERIOD, State, reduced, within
+from contbreather.simulation.simulate import SimulationRun, SmoothRun
+from contbreather.simulation.smooth import state_after
+from contbreather.simulation.states import PERIOD, SmoothConditions, State, reduced, within
 
 Array = NDArray[Any]
 Events = tuple[Array, Array, Array]  # times in their period, sites, entries b (or codes)

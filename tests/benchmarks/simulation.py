@@ -197,7 +197,7 @@ def _smooth() -> list[Row]:
     from contbreather.lattice import Ring
     from contbreather.orbits import symmetric
     from contbreather.simulation import Explicit, Implicit, SmoothConditions, Switching
-    from contbreather.simulation.smooth import damping_of
+    from contbreather.simulation.states import damping_of
 
     y = np.concatenate(symmetric(0.1, 0.08, 0.8).state(20))
     times, ring = np.array([4.0 * math.pi]), Ring(20)

@@ -171,9 +171,7 @@ def test_balls_cover_all_times() -> None:
     ],
 )
 def test_krawczyk_proves_a_root_where_there_is_one(square, middle, radius, proved) -> None:
-    found = balls.krawczyk(
-        lambda x: [x[0] * x[0] - square], [balls.enclosure_about(middle, radius)]
-    )
+    found = balls.krawczyk(lambda x: [x[0] * x[0] - square], [arb(middle, radius)])
     assert (found is not None) == proved
     assert found is None or found[0].contains(arb(square).sqrt())
 
@@ -182,18 +180,18 @@ def test_krawczyk_wants_all_unknowns_inside() -> None:
     def both(z: Any) -> Any:
         return [z[0] * z[0] - 2, z[1] * z[1] - 3]
 
-    near, far = balls.enclosure_about(1.4, 0.1), balls.enclosure_about(1.5, 0.1)
-    assert balls.krawczyk(both, [near, balls.enclosure_about(1.7, 0.1)])
+    near, far = arb(1.4, 0.1), arb(1.5, 0.1)
+    assert balls.krawczyk(both, [near, arb(1.7, 0.1)])
     assert balls.krawczyk(both, [near, far]) is None
 
 
 def test_krawczyk_with_a_parameter_is_about_each_of_its_values() -> None:
-    box = [balls.enclosure_about(1.45, 0.1), balls.hull(2.0, 2.2)]
+    box = [arb(1.45, 0.1), balls.hull(2.0, 2.2)]
     found = balls.krawczyk(lambda z: [z[0] * z[0] - z[1]], box, along=1)
     assert found is not None
     assert found[0].contains(arb(2).sqrt())
     assert found[0].contains(arb(2.2).sqrt())
-    wide = [balls.enclosure_about(1.45, 0.1), balls.hull(2.0, 2.9)]
+    wide = [arb(1.45, 0.1), balls.hull(2.0, 2.9)]
     assert balls.krawczyk(lambda z: [z[0] * z[0] - z[1]], wide, along=1) is None
 
 
@@ -248,7 +246,7 @@ def test_a_zero_is_alone_up_to_the_next_one() -> None:
         assert zero[0].contains(arb(1e-13))
         assert 2e-14 < proofs.alone_within(square, zero) < 2e-13
         assert proofs.alone_within(lambda z: [z[0] * z[0]], [arb(0)]) == 0.0
-        line = [balls.enclosure_about(0.2, 1e-20)]
+        line = [arb(0.2, 1e-20)]
         assert proofs.alone_within(lambda z: [z[0] - arb(0.2)], line) == proofs.FARTHEST == 0.3
 
 

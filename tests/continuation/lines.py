@@ -256,8 +256,8 @@ FLOWS = (
         doubtful="the cubic coefficient vanishes as well",
     ),
     *map(_persisting, (("m", "l"), ("l", "m"))),
-    *map(_transcritical, (("m", "l"), ("l", "m"))),
-    *map(_of_one_equation, (0.3, 0.5, 0.5001, 2.0)),
+    _transcritical(("l", "m")),
+    *map(_of_one_equation, (0.5, 0.5001)),
     Line(
         "BP of a symmetric BT", flow(symmetric_takens, XY, b1=-0.5, b2=-0.5),
         "b1", "BP", ("b2", "b1"), (("BT", {"b1": 0, "b2": 0}),), course=lambda line: line["b1"],

@@ -320,7 +320,7 @@ def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
     whole = Counted(two_levels)
     grown(Problem(whole, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))
     kept = []
-    for at in np.linspace(200, whole.calls - 1, 23).astype(int):
+    for at in np.linspace(200, whole.calls - 1, 11).astype(int):
         mine = Counted(two_levels, interrupted=at)
         with pytest.raises(Interrupted) as stop:
             grown(Problem(mine, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))

@@ -106,8 +106,11 @@ def test_without_hopf_among_the_events_a_fold_curve_knows_no_flow() -> None:
     assert kinds(line.from_(line.first)) == []
 
 
-@pytest.mark.parametrize("shuffle", [lambda u: u[::-1], lambda u: -u, lambda u: 3.0 * u])
-@pytest.mark.parametrize("line", [TAKENS_LP, TAKENS_HB], ids=lambda line: line.name)
+@pytest.mark.parametrize(
+    ("line", "shuffle"),
+    [(TAKENS_LP, lambda u: u[::-1]), (TAKENS_HB, lambda u: -u), (TAKENS_LP, lambda u: 3.0 * u)],
+    ids=["turned round", "mirrored", "three times as large"],
+)
 def test_names_do_not_depend_on_the_coordinates(
     line: Line, shuffle: Callable[[Array], Array]
 ) -> None:
@@ -136,9 +139,16 @@ def transcritical_takens(u: Array, p: Params) -> list[Any]:
     return [y, p["b1"] * x + p["b2"] * y - x**2 - x * y]
 
 
-@pytest.mark.parametrize("field", [symmetric_takens, transcritical_takens])
-@pytest.mark.parametrize("events", [ALL, ALL[2:], ()], ids=["all", "HB", "none"])
-@pytest.mark.parametrize("pair", [("b1", "b2"), ("b2", "b1")])
+@pytest.mark.parametrize(
+    ("field", "events", "pair"),
+    [
+        (symmetric_takens, ALL, ("b1", "b2")),
+        (symmetric_takens, (), ("b2", "b1")),
+        (transcritical_takens, ALL[2:], ("b1", "b2")),
+        (transcritical_takens, ALL, ("b2", "b1")),
+    ],
+    ids=["all", "none", "HB", "all of a transcritical one"],
+)
 def test_a_hopf_curve_reaches_a_bt_where_branches_cross_and_ends_there(
     field: Field, events: tuple[cb.Event, ...], pair: tuple[str, str]
 ) -> None:

@@ -59,7 +59,7 @@ def places(branch: Branch) -> list[float]:
 # --- zeros ------------------------------------------------------------------------------------
 
 
-@settings(max_examples=50, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(st.lists(st.floats(-0.99, 0.99), min_size=1, max_size=6, unique=True), st.floats(0.01, 3.0))
 def test_all_events_in_one_step_are_found_in_order(values: list[float], largest: float) -> None:
     steps = Steps(first=largest, largest=largest)

@@ -122,12 +122,6 @@ def lorenz(u: Sequence[Any], r: Any) -> list[Any]:
     return [10 * (y - x), x * (r - z) - y, x * y - sympy.Rational(8, 3) * z]
 
 
-def selkov(u: Sequence[Any], b: Any) -> list[Any]:
-    x, y = u
-    a = sympy.Rational(1, 10)
-    return [-x + a * y + x * x * y, b - a * y - x * x * y]
-
-
 def test_first_lyapunov_coefficient_of_the_brusselator() -> None:
     point = trace_case(BRUSSELATOR).first("HB")
     wanted = lyapunov_by_series(brusselator, [1, 2], 1)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 import contbreather as cb
 from contbreather.continuation import Problem, Stop, derivatives, fold, trace
-from contbreather.continuation.interpolant import closest_tangent
+from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Dense, Undefined, approach, newton
+from contbreather.continuation.segment import closest_tangent
 from contbreather.errors import NotConverged
 
 from .zoo import CIRCLE, counted, events_of, scalar
@@ -105,62 +106,66 @@ def test_a_determinant_keeps_its_sign_whatever_rows_are_exchanged() -> None:
     assert Dense(np.ones((2, 2))).solve(np.ones(2)) is None
 
 
-def root(power: float):
-    return (lambda z: z**power - 2.0, lambda z: np.diag(power * z ** (power - 1.0)))
+def curve_of(function, slope) -> Curve:
+    """One equation for one unknown."""
+    problem = Problem(
+        lambda x, p: function(x), {"x": 1.0}, {}, jacobian=lambda x, p: np.diag(slope(x))
+    )
+    return Curve(problem, ())
+
+
+ROOT = curve_of(lambda x: x**2 - 2.0, lambda x: 2.0 * x)
+ARCTAN = curve_of(np.arctan, lambda x: 1 / (1 + x**2))
 
 
 def test_newton_says_how_far_it_came() -> None:
-    found = newton(*root(2.0), np.array([1.0]))
+    found = newton(ROOT, np.array([1.0]))
     assert found.converged
     assert found.z == pytest.approx([math.sqrt(2.0)], abs=1e-14)
     assert found.residual < 1e-14
     assert 3 <= found.iterations <= 7
     assert found.correction < 1e-9 * 3
-    short = newton(*root(2.0), np.array([1.0]), most=2)
+    short = newton(ROOT, np.array([1.0]), most=2)
     assert (short.converged, short.iterations) == (False, 2)
     assert short.residual == pytest.approx(abs(float(short.z[0]) ** 2 - 2.0))
     assert short.correction == pytest.approx(1.5 - 17.0 / 12.0)
-    rough = newton(*root(2.0), np.array([1.0]), tolerance=1e-2)
+    rough = newton(ROOT, np.array([1.0]), tolerance=1e-2)
     assert rough.converged
     assert rough.iterations < found.iterations
 
 
 def test_newton_gives_up_where_corrections_grow() -> None:
-    found = newton(lambda z: np.arctan(z), lambda z: np.diag(1 / (1 + z**2)), np.array([3.0]))
+    found = newton(ARCTAN, np.array([3.0]))
     assert not found.converged
     assert found.iterations < 12
 
 
 def test_newton_with_a_row_stays_on_its_plane() -> None:
     """A circle, from beside it, along a line through the origin."""
-    equations = lambda z: np.array([z @ z - 1.0])  # noqa: E731
-    jacobian = lambda z: 2.0 * z[None]  # noqa: E731
-    start = np.array([0.9, 0.6])
+    curve, start = Curve(CIRCLE.problem, ("mu",)), np.array([0.9, 0.6])
     for row in (np.array([0.0, 1.0]), np.array([1.0, 0.0]), np.array([0.6, -0.9])):
-        found = newton(equations, jacobian, start, row=row)
+        found = newton(curve, start, row)
         assert found.converged
         assert found.z @ found.z == pytest.approx(1.0, abs=1e-14)
         assert row @ (found.z - start) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_correction_that_is_not_finite_is_no_step() -> None:
-    with pytest.raises(Undefined, match="not finite"):
-        newton(lambda z: np.array([math.inf]), lambda z: np.eye(1), np.array([1.0]))
+    with pytest.raises(Undefined, match="the Newton correction is not finite"):
+        newton(curve_of(lambda x: x + 1.0, lambda x: 0 * x + 1e-320), np.array([1.0]))
 
 
 def test_an_approach_comes_near_from_anywhere_or_says_that_it_does_not() -> None:
-    far = approach(lambda z: np.arctan(z), lambda z: np.diag(1 / (1 + z**2)), np.array([30.0]))
+    far = approach(ARCTAN, np.array([30.0]))
     assert far is not None
     assert abs(far[0]) < 0.1
-    assert approach(lambda z: z**2 + 1.0, lambda z: np.diag(2 * z), np.array([3.0])) is None
+    assert approach(curve_of(lambda x: x**2 + 1.0, lambda x: 2 * x), np.array([3.0])) is None
     there = np.array([2.0])
-    assert approach(lambda z: z - 2.0, lambda z: np.eye(1), there) is there
-    flat = approach(lambda z: np.array([1.0]), lambda z: np.zeros((1, 1)), there)
+    assert approach(curve_of(lambda x: x - 2.0, np.ones_like), there) is there
+    flat = approach(curve_of(np.ones_like, np.zeros_like), there)
     assert flat is None
     # more unknowns than equations: the shortest way
-    circle = approach(
-        lambda z: np.array([z @ z - 1.0]), lambda z: 2.0 * z[None], np.array([3.0, 4.0])
-    )
+    circle = approach(Curve(CIRCLE.problem, ("mu",)), np.array([3.0, 4.0]))
     assert circle is not None
     assert circle / np.linalg.norm(circle) == pytest.approx([0.6, 0.8], abs=1e-9)
 
@@ -191,7 +196,7 @@ def test_the_derivative_in_the_unknowns_is_the_first_part_of_the_whole() -> None
 
 # --- coefficients in other units ------------------------------------------------------------------
 
-UNITS = [1e-3, 1.0, 1e3]
+UNITS = [1e-3, 1e3]
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -248,7 +253,7 @@ def test_the_coefficient_of_a_cusp_belongs_to_the_unit_of_its_unknown(unit: floa
 
 
 @pytest.mark.parametrize("unit", UNITS)
-@pytest.mark.parametrize("angle", [0.7, 1.1, 2.9])
+@pytest.mark.parametrize("angle", [0.7, 2.9])
 def test_angle_and_coefficient_of_a_neimark_sacker_point(unit: float, angle: float) -> None:
     """``z -> e^(i angle) z (1 + m - |z|^2/unit^2)``: d = -2 over the square of the unit."""
     c, s = math.cos(angle), math.sin(angle)

@@ -15,7 +15,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import complex_steps, differences, estimate, misfit
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import LINE, SMALL, Case, counted, scalar, trace_case
+from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, counted, scalar, trace_case
 
 PAIR = {"x": 0.3, "y": -0.2}
 
@@ -186,7 +186,7 @@ def test_a_small_error_is_found_and_rounding_is_forgiven() -> None:
     assert misfit(exact, wanted, doubt) == (1, 0)
 
 
-@pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", [CUSP, ISOLA, LORENZ, STIFF], ids=lambda case: case.name)
 def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
     def real(u, p):
         return case.problem.residual(
@@ -242,8 +242,14 @@ def test_a_start_is_a_solution_where_rounding_is_all_that_is_left() -> None:
     for off, solved in ((0.0, True), (1e-17, True), (1e-14, False)):
         for row in np.eye(3):
             target = matrix @ x + off * row * (abs(matrix) @ x)
-            mine = Problem(lambda u, p, t=target: matrix @ u - t, start, {})
-            assert mine._is_solved(Curve(mine, ())) == solved
+            curve = Curve(Problem(lambda u, p, t=target: matrix @ u - t, start, {}), ())
+            assert (abs(curve.equations(x)) <= curve.rounding(x)).all() == solved
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_a_start_is_as_exact_whatever_the_scales(scale: float) -> None:
+    mine = Problem(lambda x, p: x**2 - 0.3, {"x": 1.0}, {}, scales={"x": scale})
+    assert mine.solve()[0].start["x"] == pytest.approx(math.sqrt(0.3), abs=1e-14)
 
 
 # --- functions written by others ------------------------------------------------------------------

@@ -172,11 +172,6 @@ GIVEN: list[Row] = [
     (LINE.problem.at, (), {"nu": 1.0}, r"no 'nu' in this problem; it has \['x', 'mu'\]"),
     (LINE.problem.at, (), {"x": [1.0, 2.0]}, r"x = \[1\.0, 2\.0\]: a number was expected"),
     (problem({"u": np.ones(3)}, {}).at, (), {"u": 1.0}, r"u = 1\.0: an array was expected, as it"),
-    *(
-        (cb.FixedPoint, (lambda x, p: x, {"x": 0.6}, {"r": 2.5}), {"period": period},
-         "a whole number, at least 1, was expected")
-        for period in (0, -1, 1.5, True, "2")
-    ),
     # equations and their derivatives
     (solved, (lambda u, p: np.zeros(3),), {}, r"the residual has shape \(3,\) for 2 unknowns"),
     (solved, (lambda u, p: 0.0,), {}, r"has shape \(1,\) for 2 unknowns; as many equations as unk"),
@@ -349,14 +344,6 @@ def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residu
     problem = cb.Problem(residual, {"x": 1.0}, {"mu": 1.0}, **more)
     with pytest.raises(KeyError, match="mu"):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
-
-
-@pytest.mark.parametrize("towards", ["up", "down", "both"])
-def test_a_walk_goes_where_it_is_told_to(towards: str) -> None:
-    mine = cb.Problem(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0})
-    branch = cb.trace(mine, "m", towards=towards, within={"m": (-0.3, 0.4)}, events=())
-    ends = {"up": (0.0, 0.4), "down": (-0.3, 0.0), "both": (-0.3, 0.4)}[towards]
-    assert (branch["m"].min(), branch["m"].max()) == pytest.approx(ends, abs=1e-12)
 
 
 # --- closed forms at their rims -------------------------------------------------------------------

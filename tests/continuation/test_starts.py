@@ -109,7 +109,7 @@ def stirred_tank(t: float, rate: float) -> cb.Problem:
     return cb.Problem(residual, {"u": 0.75, "v": 4.0}, {"t": t, "rate": rate})
 
 
-@pytest.mark.parametrize(("t", "rate"), [(0.5, 0.2), (1.0, 0.2), (0.5, 0.15), (1.0, 0.05)])
+@pytest.mark.parametrize(("t", "rate"), [(0.5, 0.2), (1.0, 0.05)])
 def test_how_far_a_start_was_moved_is_said(t: float, rate: float) -> None:
     branch = cb.trace(stirred_tank(t, rate), "t", within={"t": (0.1, 5)}, events=[])
     start = next(point for point in branch if "moved" in point.detail)
@@ -122,7 +122,8 @@ def test_how_far_a_start_was_moved_is_said(t: float, rate: float) -> None:
 
 
 def test_a_start_that_is_a_solution_was_not_moved() -> None:
-    branch = cb.trace(cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0}), "mu")
+    line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0})
+    branch = cb.trace(line, "mu", within={"mu": (0, 1)})
     assert branch.moved == 0
     assert "moved" not in repr(branch)
 

@@ -106,7 +106,7 @@ def test_lorenz_branch_point_leads_to_the_origin() -> None:
 
 
 @given(st.integers(2, 5), st.integers(0, 10**6), st.sampled_from(["transcritical", "pitchfork"]))
-@settings(max_examples=15)
+@settings(max_examples=8)
 def test_crossings_are_found_in_any_dimension_and_position(n: int, seed: int, shape: str) -> None:
     """A known crossing hidden by a rotation, a shift and well-behaved other directions."""
     rotation = ortho_group.rvs(n, random_state=seed)

@@ -100,17 +100,6 @@ def test_a_branch_point_is_refused_where_two_ranks_are_lost() -> None:
     assert [point.kind for point in found.doubtful] == ["BP"]
 
 
-def test_a_count_beside_the_test_finds_two_branch_points_in_one_step() -> None:
-    """``x ((mu - 0.5)^2 - e^2 - x^2) = 0`` on x = 0: both within one step of 0.4, the sign of the
-    determinant is the same before and after."""
-    e = 0.003
-    mine = flow(lambda u, p: [u[0] * ((p["mu"] - 0.5) ** 2 - e**2 - u[0] ** 2)], {"x": 0.0}, mu=0.1)
-    steps = cb.Steps(first=0.4, largest=0.4)
-    branch = trace(mine, "mu", within={"mu": (0, 1)}, events=[branch_point()], steps=steps)
-    found = [p["mu"] for p in branch.special if p.kind == "BP"]
-    assert found == pytest.approx([0.5 - e, 0.5 + e], abs=1e-9)
-
-
 def test_the_count_beside_branch_points_is_that_of_unstable_directions() -> None:
     """It changes by one at each, so that a pair in one step leaves a difference of two or none."""
     mine = flow(

@@ -36,7 +36,6 @@ from .zoo import (
     LINE,
     LORENZ,
     PITCHFORK,
-    SMALL,
     STATIC,
     TRANSCRITICAL,
     Case,
@@ -121,7 +120,7 @@ def test_every_walk_from_a_fold_goes_the_other_way_when_told() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(st.floats(-1.9, -1.0), st.floats(1.0, 1.9), st.floats(0.02, 2.0))
 def test_a_branch_ends_exactly_at_its_bounds(low: float, high: float, largest: float) -> None:
     steps = Steps(first=0.01, largest=largest)
@@ -315,7 +314,7 @@ def test_whenever_it_comes_the_interrupted_branch_is_a_piece_of_the_whole_one() 
     whole = Counted(sine)
     branch = traced(whole)
     places = set(branch["mu"].round(9))
-    for after in range(20, whole.calls, 41):
+    for after in range(20, whole.calls, 83):
         with pytest.raises(Interrupted) as stop:
             traced(Counted(sine, interrupted=after))
         kept = stop.value.partial
@@ -361,7 +360,7 @@ def test_an_interrupted_walk_inside_of_another_is_not_taken_for_it() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.3, 10.0])
-@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.0, math.pi, -math.pi / 2])
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, math.pi])
 def test_a_circle_closes_from_anywhere_with_each_event_once(angle: float, scale: float) -> None:
     problem = CIRCLE.problem.at(x=math.cos(angle), mu=math.sin(angle))
     events = [fold(), user("x", 0.5), user("mu", math.sin(angle)), user("x", math.cos(angle))]
@@ -486,17 +485,6 @@ def test_a_walk_passes_degenerate_crossings_and_gives_them_no_label(equation) ->
 
 
 # --- work -------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", SMALL, ids=lambda case: case.name)
-def test_work_per_point_is_bounded(case: Case) -> None:
-    for scale in (0.3, 10.0):
-        problem, counter = counted(case.problem)
-        branch = trace_case(case, scale, start=problem)
-        size = problem.x.size + 1
-        assert counter.calls < (30 + 14 * size) * len(branch) + 400
-        assert len(branch.doubtful) <= 4
 
 
 def test_with_derivatives_a_point_costs_a_handful_of_residuals() -> None:

@@ -20,14 +20,9 @@ from contbreather.explorer.style import GRID
 from ..apart import HUNG
 
 
-@pytest.fixture(scope="module")
-def plane() -> Any:
-    return cb.zones(k=0.8)
-
-
-def opened(plane: Any) -> Iterator[Page]:
+def opened(diagram: Any) -> Iterator[Page]:
     explorer = Explorer()
-    explorer._planes["k", 0.8, "", ""] = plane
+    explorer._planes["k", 0.8, "", ""] = diagram
     yield Page(explorer)
     explorer.stop()
 
@@ -204,10 +199,12 @@ def typed(page: Page, **texts: str) -> None:
     ("texts", "given"),
     [
         ({"spring": "0.1"}, {"spring": 0.1}),
-        ({"lattice": "12", "damping": "0.02"}, {"lattice": cb.Ring(12), "damping": 0.02}),
-        ({"lattice": "open:9", "site": "4"}, {"lattice": cb.OpenChain(9), "site": 4}),
         (
-            {"lattice": "ring:12", "walls": "-0.9,0.9 3:none,none"},
+            {"lattice": "open:9", "site": "4", "damping": "0.02"},
+            {"lattice": cb.OpenChain(9), "site": 4, "damping": 0.02},
+        ),
+        (
+            {"lattice": "12", "walls": "-0.9,0.9 3:none,none"},
             {
                 "lattice": cb.Ring(12),
                 "walls": dict.fromkeys(range(12), (-0.9, 0.9)) | {3: (None, None)},
@@ -216,12 +213,12 @@ def typed(page: Page, **texts: str) -> None:
     ],
 )  # fmt: skip
 def test_lattice_springs_and_walls_are_typed(
-    page: Page, plane: Any, texts: Any, given: Any, monkeypatch: pytest.MonkeyPatch
+    page: Page, diagram: Any, texts: Any, given: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Breathers, branches and zones are of what was typed; on the infinite chain zones have none
     of it."""
     asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), plane)[1])
+    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), diagram)[1])
     page.explorer.watch((0,), 20)
     typed(page, **texts)
     of = [{name: on[name] for name in on if name not in ("forcing", "progress")} for on in asked]
@@ -350,11 +347,11 @@ def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
     assert "went through all its periods" in page.run.figure.title.text
 
 
-def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(plane: Any) -> None:
+def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(diagram: Any) -> None:
     breathers = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.4, 0.6)})
     square = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
     explorer = Explorer(breathers, cb.trace(square, "mu", within={"mu": (0.5, 2.0)}))
-    explorer._planes["k", 0.8, "", ""] = plane
+    explorer._planes["k", 0.8, "", ""] = diagram
     page = Page(explorer)
     assert (page.branches.figure.title.text, page.x.value, page.y.value) == ("given1", "a", "p")
     assert "mu" not in page.x.options

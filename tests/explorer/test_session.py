@@ -6,6 +6,7 @@ import re
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -250,13 +251,13 @@ def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
 
 @pytest.mark.parametrize("quiet", [0.0, HUNG])
 def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a_while(
-    monkeypatch: pytest.MonkeyPatch, quiet: float
+    monkeypatch: pytest.MonkeyPatch, quiet: float, diagram: Any
 ) -> None:
-    drawn, asked = cb.zones(k=0.8), []
+    asked: list[float] = []
 
     def told(k: float, **_: Any) -> Any:
         asked.append(k)
-        return drawn
+        return diagram
 
     monkeypatch.setattr(session, "zones", told)
     monkeypatch.setattr(session, "QUIET", quiet)
@@ -309,7 +310,9 @@ def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
     explorer.stop()
 
 
-def test_zones_are_those_of_the_ring_that_is_set() -> None:
+def test_zones_are_those_of_the_ring_that_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = {"gamma": (0.05, 0.0501), "a": (0.79, 0.82)}
+    monkeypatch.setattr(session, "zones", partial(cb.zones, within=few))
     explorer = Explorer(k=0.8)
     explorer.choose_typed(a=0.5, gamma=0.05, k=0.8, forcing="", lattice="ring:9")
     assert explorer.wait(HUNG)
@@ -318,9 +321,11 @@ def test_zones_are_those_of_the_ring_that_is_set() -> None:
     assert "zones = cb.zones(k=0.8, lattice=cb.Ring(9))" in explorer.script()
 
 
-def test_zones_follow_a_chosen_point_to_what_it_lives_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, plane = [], cb.zones(k=0.8)
-    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), plane)[1])
+def test_zones_follow_a_chosen_point_to_what_it_lives_on(
+    monkeypatch: pytest.MonkeyPatch, diagram: Any
+) -> None:
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(session, "zones", lambda **on: (asked.append(on), diagram)[1])
     on = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
     window = {"a": (0.5, 0.52)}
     there = cb.trace(cb.symmetric(0.5, 0.05, 0.8, **on), "a", within=window)

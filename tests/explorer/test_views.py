@@ -27,11 +27,6 @@ same = np.testing.assert_array_equal
 
 
 @pytest.fixture(scope="module")
-def plane() -> Any:
-    return cb.zones(k=0.8)
-
-
-@pytest.fixture(scope="module")
 def branch() -> Any:
     return cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
 
@@ -135,15 +130,15 @@ def test_inks_on_dark_paper_are_lighter_ones_of_the_same_hues() -> None:
         assert np.ptp([rgb_to_hsv(to_rgb(colour))[0] for colour in (one, other)]) < 0.02
 
 
-def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(plane: Any) -> None:
+def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: Any) -> None:
     ring = np.array([[0.1, 0.2], [0.2, 0.2], [0.2, 0.3], [0.1, 0.2]])
     extra = (
         Region(ring, (0.5 * ring + 0.1,), 0.15, 0.22, 0.1, (2, 2)),
         Region(ring, (), 0.1, 0.2, 0.1, (None, None)),  # no breathers: white, without a letter
     )
-    view, drawn = views.ZonesView(LIGHT), preview_of(plane)
-    view.show(replace(drawn, regions=(*plane.regions, *extra)))
-    shaded = [one for one in (*plane.regions, extra[0]) if one.verdict]
+    view, drawn = views.ZonesView(LIGHT), preview_of(diagram)
+    view.show(replace(drawn, regions=(*diagram.regions, *extra)))
+    shaded = [one for one in (*diagram.regions, extra[0]) if one.verdict]
     letters = [(one.x, one.y, one.verdict) for one in shaded]
     assert rows(view.letters, "x", "y", "text") == letters
     shown = rows(view.regions, "xs", "ys", "colour")
@@ -152,9 +147,9 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(plane: Any)
         for wanted, x, y in zip((one.outline, *one.holes), xs, ys, strict=True):
             same(np.column_stack([x, y]), wanted)
     for kind in KINDS:
-        for own, (x, y) in zip(plane[kind], rows(view.curves[kind], "xs", "ys"), strict=True):
+        for own, (x, y) in zip(diagram[kind], rows(view.curves[kind], "xs", "ys"), strict=True):
             same([x, y], [own["gamma"], own["a"]])
-    wanted = {(p["gamma"], p["a"]): {*p.kind.split("-")} for p in plane.special}
+    wanted = {(p["gamma"], p["a"]): {*p.kind.split("-")} for p in diagram.special}
     met = rows(view.meetings, "x", "y", "text")
     assert {(x, y): {*name.split("\N{EN DASH}")} for x, y, name in met} == wanted
     places = np.vstack([line for lines in drawn.curves.values() for line in lines])
@@ -187,9 +182,9 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way() -> None:
         assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
 
-def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, plane: Any) -> None:
-    view, line = views.ZonesView(LIGHT), plane["NS"][0]
-    drawn = preview_of(plane)
+def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, diagram: Any) -> None:
+    view, line = views.ZonesView(LIGHT), diagram["NS"][0]
+    drawn = preview_of(diagram)
     for k, wanted in ((0.8, [line]), (0.7, [])):
         there = replace(drawn, fixed=("k", k))
         view.boundaries([branch, line], there)
@@ -211,8 +206,10 @@ def test_only_curves_and_breathers_of_this_plane_are_drawn_on_it(branch: Any, pl
         assert "chosen" not in view.figure.title.text
 
 
-def test_words_at_the_edge_of_the_zones_stay_inside_and_do_not_cover_each_other(plane: Any) -> None:
-    view, drawn = views.ZonesView(LIGHT), preview_of(plane)
+def test_words_at_the_edge_of_the_zones_stay_inside_and_do_not_cover_each_other(
+    diagram: Any,
+) -> None:
+    view, drawn = views.ZonesView(LIGHT), preview_of(diagram)
     right = max(line[:, 0].max() for lines in drawn.curves.values() for line in lines)
     met = ((right, 0.5, "LP\N{EN DASH}GR"), (right, 0.501, "NS\N{EN DASH}GR"))
     view.show(replace(drawn, meetings=met))

@@ -133,12 +133,10 @@ def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
     ("f", "params", "settle", "period"),
     [
         (van_der_pol, {"mu": 5.0}, 0.0, 11.61223067),
-        (van_der_pol, {"mu": 20.0}, 40.0, 34.68232331),
-        (van_der_pol, {"mu": 50.0}, 100.0, 82.50833389),
         (lambda t, x, p: [(x[0] - x[0] ** 3 / 3 - x[1]) / p["eps"], x[0]], {"eps": 1e-3}, 5.0,
          1.68007149),
     ],
-    ids=["5", "20", "50", "Lienard, 1000"],
+    ids=["5", "Lienard, 1000"],
 )  # fmt: skip
 def test_a_relaxation_is_closed_on_as_many_intervals_as_it_needs(f, params, settle, period) -> None:
     """Periods of van der Pol's oscillator by Radau's method at a tolerance of 1e-12."""
@@ -192,7 +190,7 @@ def test_states_are_known_at_all_times() -> None:
 
 
 def test_roessler_doubles_its_period_where_it_is_known_to() -> None:
-    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.3}, settle=400)
+    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.3}, settle=150)
     window = {"c": (2, 4.2)}
     single = cb.trace(ring, "c", within=window, towards="up")
     assert [point.kind for point in single.special] == ["EP", "PD", "EP"]
@@ -225,9 +223,8 @@ def test_a_step_takes_one_derivative_and_few_flights() -> None:
 
 
 def test_a_curve_of_period_doublings_stays_one() -> None:
-    ring = cb.cycle(roessler, BEGIN, {**BAND, "c": 2.5}, settle=400)
-    point = cb.trace(ring, "c", within={"c": (2, 3.5)}, towards="up").first("PD")
-    line = cb.boundary(point, ("c", "a"), within={"c": (2.5, 3.5)}, events=())
+    point = CASES["roessler"].branch.first("PD")
+    line = cb.boundary(point, ("c", "a"), within={"c": (2.6, 3.1)}, events=())
     assert len(line) > 5
     for place in (line[0], line[-1]):
         assert abs(place.base_point.solution.multipliers + 1).min() < 1e-7

@@ -147,6 +147,8 @@ def test_a_mass_matrix_is_divided_out() -> None:
         (lambda: cb.Flow(smooth).check(0, [1, 2, 3], {"w": 1}), "'k'; params has 'w'"),
         (lambda: cb.Flow(lambda t, x, p: [math.nan]).check(0, [1], P), "finite numbers"),
         (lambda: cb.Flow(lambda t, x, p: 1 / 0).check(0, [1], P), "raises ZeroDivisionError"),
+        (lambda: cb.Flow(lambda t, x, p: x.__imul__(2)).check(0, [1], P), "f writes to its x or p"),
+        (lambda: cb.Flow(lambda t, x, p: [p.setdefault("q", 1.0)]).check(0, [1], P), "writes to"),
         (
             lambda: cb.Flow(smooth, until=lambda t, x, p: x).check(0, [1, 2, 3], P),
             "a number was expected",

@@ -40,7 +40,7 @@ def fork(t, x, p):
 
 
 def forced(f, start, params, **more):
-    return cb.cycle(f, start, params, period=TAU, settle=40, collocation=FEW, **more)
+    return cb.cycle(f, start, params, period=TAU, settle=20, collocation=FEW, **more)
 
 
 def along_mu(f, k: float, w: float = 0.3) -> cb.Branch:

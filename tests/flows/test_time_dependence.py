@@ -150,8 +150,7 @@ def never_met() -> cb.Problem:
         # of the origin, whose velocity is zero at all times
         (lambda: cb.equilibrium(lambda t, x, p: [x[1], -x[0] * np.cos(t)], REST, {}),
          "f depends on t"),
-        *((lambda period=period: guessed(period), "does not depend on time, its period is unknown")
-          for period in (5.0, 6.5, 6.66)),
+        (lambda: guessed(6.66), "does not depend on time, its period is unknown"),
         (lambda: cb.cycle(lambda t, x, p: [x[1] + 0 * t, (1 - x[0] ** 2) * x[1] - x[0]],
                           {"x": 2.0, "v": 0.0}, {}, period=6.66), "does not depend on time"),
         (lambda: cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {"F": 1.0, "V": 1.0, "d": 0.1},

@@ -17,7 +17,7 @@ from tests.lattice.by_hand import MEANS, ring_mean
 from tests.orbits.field import dense
 
 CHAIN = InfiniteChain()
-GAMMAS = [1e-9, 0.003, 0.12, 0.2, 0.24, 0.2499, 0.24999999]
+GAMMAS = [0.0, 1e-9, 0.12, 0.24, 0.24999999]
 couplings = st.floats(0.0, 0.2499)
 
 
@@ -31,27 +31,15 @@ def mean(of, gamma):
         return mp.quad(lambda t: of(2 * mp.sqrt(gamma) * mp.cos(t / 2)), splits) / mp.pi
 
 
-def test_chi_is_the_paper_s_sum():
-    """(10), summed as printed."""
-    with mp.workdps(25):
-        for gamma in (0.12, 0.2499):
-            g = mp.mpf(gamma)
-            total = mp.nsum(
-                lambda m, g=g: 1 / mp.sqrt((2 * m + 1) ** 4 - 4 * g * (2 * m + 1) ** 2), [0, mp.inf]
-            )
-            assert abs(CHAIN.chi(gamma) / (4 / mp.pi * total) - 1) < 5e-16
-    assert CHAIN.chi(0.12) == pytest.approx(2.06787397039377, abs=5e-15)
-
-
 @pytest.mark.parametrize("gamma", GAMMAS)
 @pytest.mark.parametrize("name", MEANS)
 def test_means_over_the_infinite_band_are_exact_up_to_its_edge(name, gamma):
     exact = mean(MEANS[name], gamma)
-    assert abs(getattr(CHAIN, name)(gamma) / exact - 1) < 5e-16
+    assert abs(getattr(CHAIN, name)(gamma) - exact) <= 5e-16 * abs(exact)
 
 
-@pytest.mark.parametrize("sites", [1, 2, 3, 4, 7, 20, 37])
-@pytest.mark.parametrize("gamma", [0.0, 1e-12, 0.1, 0.2499, 0.24999999])
+@pytest.mark.parametrize("sites", [1, 2, 3, 20])
+@pytest.mark.parametrize("gamma", [0.0, 1e-12, 0.1, 0.24999999])
 @pytest.mark.parametrize("name", MEANS)
 def test_means_over_a_ring_are_the_sums_over_its_modes(name, gamma, sites):
     with mp.workdps(30):
@@ -59,8 +47,8 @@ def test_means_over_a_ring_are_the_sums_over_its_modes(name, gamma, sites):
     assert abs(getattr(Ring(sites), name)(gamma) - exact) < 1e-15 * max(1, abs(exact))
 
 
-@pytest.mark.parametrize("sites", [None, 1, 2, 3, 6, 7, 21, 60])
-@pytest.mark.parametrize("gamma", [0.05, 0.12, 0.24, 0.2499])
+@pytest.mark.parametrize("sites", [None, 1, 2, 7, 60])
+@pytest.mark.parametrize("gamma", [0.05, 0.2499])
 @pytest.mark.parametrize("name", MEANS)
 def test_slopes_in_gamma_are_those_of_the_means(name, gamma, sites):
     lattice = Ring(sites) if sites else CHAIN
@@ -71,14 +59,6 @@ def test_slopes_in_gamma_are_those_of_the_means(name, gamma, sites):
     got = getattr(lattice, "d" + name)(gamma)
     # the finite step misses (h/(1/4 - gamma))^2 of it
     assert abs(got - exact) < 2e-13 * max(1e-2, abs(exact))
-
-
-def test_means_have_their_limits_without_coupling():
-    for lattice in (CHAIN, Ring(1), Ring(2), Ring(9)):
-        assert lattice.chi(0.0) == pytest.approx(math.pi / 2, rel=1e-15)
-        assert lattice.eta(0.0) == 0.0
-        assert lattice.sigma(0.0) == pytest.approx(1 / math.pi, rel=1e-15)
-        assert lattice.psi(0.0) == pytest.approx(2 / math.pi, rel=1e-15)
 
 
 @settings(max_examples=40)
@@ -124,15 +104,6 @@ def test_resolvent_of_the_chain_solves_its_quadratic_and_is_hermitian(gamma, x, 
     g = complex(resolvent_of(CHAIN, gamma, s))
     assert abs(g**2 * s**2 * (s**2 - 4 * gamma) - 1) < 1e-12
     assert abs(complex(resolvent_of(CHAIN, gamma, s.conjugate())) - g.conjugate()) < 1e-13 * abs(g)
-
-
-def test_chi_is_a_sum_of_resolvents_at_the_odd_frequencies():
-    """chi = 2 G12(mu = -1), the bridge to the characteristic function."""
-    odd = 2.0 * np.arange(200000) + 1.0
-    for lattice in (CHAIN, Ring(6)):
-        total = -4 / math.pi * math.fsum(resolvent_of(lattice, 0.2, odd).real)
-        tail = 4 / math.pi / (2 * (odd[-1] + 1))  # of 1/s^2
-        assert abs(total + tail - lattice.chi(0.2)) < 1e-14 * 10
 
 
 # ------------------------------------------------------------------------------------ modes

@@ -31,7 +31,7 @@ def mode_sum(gamma, n, s, sites):
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.07, 0.2499])
-@pytest.mark.parametrize("sites", [1, 2, 3, 10, 11])
+@pytest.mark.parametrize("sites", [1, 2, 10, 11])
 @pytest.mark.parametrize("n", [0, 1, 4])
 def test_response_of_a_ring_is_the_sum_over_its_modes(gamma, sites, n):
     for s in TIMES:
@@ -41,9 +41,7 @@ def test_response_of_a_ring_is_the_sum_over_its_modes(gamma, sites, n):
         assert max(abs(float(x) - y) for x, y in zip(got, exact, strict=True)) < 3e-15 * scale
 
 
-@pytest.mark.parametrize(
-    ("gamma", "n"), [(0.12, 0), (0.12, 1), (0.12, 10), (0.12, 300), (0.2499, 2), (0.2499, 300)]
-)
+@pytest.mark.parametrize(("gamma", "n"), [(0.12, 0), (0.12, 1), (0.12, 300), (0.2499, 2)])
 def test_response_of_the_chain_is_that_of_a_ring_too_long_to_go_round(gamma, n):
     r = math.sqrt(1 - 4 * gamma)
     laps = int(38 / (2 * math.atanh(r))) + 2 * n
@@ -75,7 +73,7 @@ def test_response_turns_over_after_half_a_period_and_the_impact_takes_two(lattic
 
 
 @pytest.mark.parametrize("gamma", [1e-6, 0.1, 0.2499])
-@pytest.mark.parametrize("sites", [None, 1, 2, 3, 8, 9, 21, 60])
+@pytest.mark.parametrize("sites", [None, 1, 2, 9, 60])
 def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma, sites):
     """At s = 0, where the mode is tan(pi w/2)/w cos(n theta)."""
     lattice = Ring(sites) if sites else CHAIN

@@ -10,8 +10,8 @@ import pytest
 
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
-from contbreather.lattice.free_flight import MEETINGS
 from contbreather.lattice.periodic_green import (
+    MEETINGS,
     check_coupling,
     periodic_green,
     sinc,

@@ -15,7 +15,8 @@ from scipy.optimize import brentq
 from contbreather.lattice import InfiniteChain, Ring, forcing_of
 from contbreather.lattice.conditions import Conditions
 from contbreather.orbits import neighbour_peak, symmetric
-from contbreather.orbits.orbit import Orbit, orbit_of
+from contbreather.orbits.constructors import shooting
+from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.simulation import simulate
 from tests.lattice.by_hand import ring_mean
@@ -39,6 +40,13 @@ def orbit_from(
     drive = forcing_of(forcing)
     on = Conditions(a, gamma, k, forcing=drive, lattice=lattice or InfiniteChain())
     return orbit_of(on, section, [row[2] for row in rows], [row[3] for row in rows], offsets)
+
+
+@cache
+def in_phase() -> Orbit:
+    """Two sites of a ring of 7 that hit the same wall, half a symmetric orbit."""
+    seed, on = {"t1": -2.94, "t2": -2.94}, {"a": 0.5, "gamma": 0.03, "k": 0.8, "sites": 7}
+    return orbit_at(shooting(seed, sequence=((1, 1), (4, 1)), symmetric=True, **on))
 
 
 @cache

@@ -51,14 +51,7 @@ def breathers(draw, forcings=FORCINGS, lattices=LATTICES):
 # --------------------------------------------------------------------------------- neighbours
 
 
-def test_spot_values_of_the_highest_neighbour():
-    b = upper(0.5, 0.12, 0.4)
-    assert b.admissibility().max_neighbour == pytest.approx(0.667948289045169, abs=4e-15)
-    b = upper(0.3, 0.12, 0.7, forcing=TWO)
-    assert b.admissibility().max_neighbour == pytest.approx(0.581967518208344, abs=4e-15)
-
-
-@pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2499, 0.4), (0.02, 0.05)])
+@pytest.mark.parametrize(("gamma", "k"), [(0.2499, 0.4), (0.02, 0.05)])
 def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
     """The maximum of (15) found at 30 digits from the series and its slope."""
     a = 0.5 * (1.0 + smallest_amplitude(gamma, k))
@@ -78,7 +71,7 @@ def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
         assert abs(t - (phi + s + (mp.pi if late else 0))) < 1e-14
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(breathers())
 def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
     assume(b.lattice.sites != 1)
@@ -95,7 +88,7 @@ def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
         assert b.phi <= at < b.phi + 2 * math.pi + 1e-14
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(breathers(lattices=[CHAIN, Ring(3), Ring(40), Ring(41)]))
 def test_no_site_however_far_climbs_higher_than_the_verdict_says(b):
     verdict = b.admissibility()
@@ -139,7 +132,7 @@ def test_of_two_crests_nearly_as_high_the_higher_is_found():
 
     On the grid the wrong one of the two looks higher for about half of these.
     """
-    for tilt in np.linspace(-1e-5, 1e-5, 41):
+    for tilt in np.linspace(-1e-5, 1e-5, 15):
         angle = math.pi / 3 + tilt
         first = {1: 0.2 * math.cos(angle)}
         forcing = Fourier.from_response(cos={3: 1.0, **first}, sin={1: 0.2 * math.sin(angle)})
@@ -160,7 +153,7 @@ def test_upper_limit_of_the_theory_notes():
 # ------------------------------------------------------------------------------------- centre
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(breathers())
 def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(b):
     assume(b.k > 1e-3)
@@ -378,7 +371,7 @@ def test_a_ring_has_no_far_field_and_a_single_oscillator_no_neighbours():
 # ----------------------------------------------------------------------------------- verdicts
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(breathers())
 def test_the_verdict_is_the_worst_margin_at_the_place_it_names(b):
     verdict = b.admissibility()
@@ -399,7 +392,7 @@ def test_margins_are_continuous_along_a_branch(name):
     """Halving the step halves the largest change: no jumps, also where the worst site changes."""
     where = {"a": (0.35, 1.1), "gamma": (0.0, 0.249), "k": (0.0, 1.0)}[name]
     changes = []
-    for count in (400, 800, 1600):
+    for count in (200, 400, 800):
         margins = []
         for value in np.linspace(*where, count + 1):
             point = {"a": 0.9, "gamma": 0.15, "k": 0.2} | {name: float(value)}

@@ -20,10 +20,9 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.constructors import asymmetric, shooting, started_on_arm
 from contbreather.orbits.green_equations import OrbitEquations
-from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
-from contbreather.orbits.symmetries import shifted, simpler_than
+from contbreather.orbits.symmetries import simpler_than
 from contbreather.runs import load, save
 
 from .by_hand import derivatives
@@ -82,37 +81,6 @@ def test_difference_quotient_of_the_forcing_is_smooth_where_both_times_meet():
 # --- figures --------------------------------------------------------------------------------------
 
 
-def test_known_breather_at_gamma_004():
-    orbit = asymmetric(0.82, 0.04, 0.8)
-    assert orbit.p == pytest.approx(1.0931390, abs=5e-8)
-    assert abs(orbit.c) == pytest.approx(0.0373542, abs=5e-8)
-    assert abs(orbit.asymmetry) / 2 == pytest.approx(0.29836, abs=5e-6)
-    ring = orbit.on(Ring(20))
-    # the velocities before and after each impact
-    assert np.abs(ring.incoming) == pytest.approx([1.214598943047] * 2, abs=1e-12)
-    assert 0.8 * np.abs(ring.incoming) == pytest.approx([0.971679154438] * 2, abs=1e-12)
-    assert abs(ring.c) == pytest.approx(0.0373541595, abs=1e-10)
-    mu = ring.multipliers()
-    assert np.abs(mu).max() == pytest.approx(1.00675, abs=5e-6)
-    assert np.prod(mu).real == pytest.approx(0.8**4, rel=1e-12)
-    assert orbit.stability().stable
-
-
-def test_without_coupling_the_arm_doubles_its_period():
-    one, other = arms(0.0, 0.8)
-    assert one[0]["a"] == pytest.approx(0.691778556508, abs=1e-12)
-    for arm in (one, other):
-        point = arm.first("PD")
-        assert point.located
-        # 0.92551200629320 by 40 digits of the single oscillator's own map
-        assert point["a"] == pytest.approx(0.9255120062932025, abs=1e-13)
-        mu = point.solution.on(Ring(1)).multipliers()
-        assert np.abs(mu + 1).min() < 1e-12
-    assert (one["unstable"][:3].tolist(), one["unstable"][-1]) == ([0, 0, 0], 1)
-    # at the pitchfork itself a multiplier is on the circle, and it is said that one is
-    assert not one[0].solution.stability().certain
-
-
 def test_with_coupling_the_neighbour_ends_the_arm_before_that():
     for arm in (*arms(0.04, 0.8), shot_arm(0.04, 0.8)):
         assert [point.kind for point in arm.special if point.kind != "NS"] == ["EP", "GR"]
@@ -164,23 +132,7 @@ def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides(sites):
 # --- arms and their pitchfork ---------------------------------------------------------------------
 
 
-def test_arms_are_mirror_images():
-    one, other = arms(0.04, 0.8)
-    assert len(one) == len(other)
-    for name in ("a", "p"):
-        assert np.abs(one[name] - other[name]).max() < 1e-10
-    assert np.abs(one["c"] + other["c"]).max() < 1e-10
-    assert np.abs(one["asymmetry"] + other["asymmetry"]).max() < 1e-10
-    assert one["asymmetry"][1] > 0
-    image = shifted(one[-1].solution, 1)
-    twin = other[-1].solution
-    gap = np.abs(image.representation.x - twin.representation.x)
-    gap[:2] = np.abs((image.times - twin.times) + math.pi) % (2 * math.pi) - math.pi
-    assert np.abs(gap).max() < 1e-10
-    assert image.residual < 1e-14
-
-
-@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(1), Ring(2), Ring(9)])
+@pytest.mark.parametrize("lattice", [InfiniteChain(), Ring(1)])
 def test_columns_are_those_of_a_breather_with_two_impacts(lattice):
     arm = arms(0.03, 0.8, lattice)[0]
     assert np.all(arm["t1"] < arm["t2"])
@@ -237,8 +189,8 @@ def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
     assert one[-1]["a"] == pytest.approx(arms(0.04, 0.8)[0][-1]["a"], abs=1e-12)
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.01, 0.025, 0.05])
-@pytest.mark.parametrize("k", [0.4, 0.6, 0.8, 1.0])
+@pytest.mark.parametrize("gamma", [0.0, 0.025])
+@pytest.mark.parametrize("k", [0.4, 0.8, 1.0])
 def test_at_a_pitchfork_breather_and_arm_count_alike(gamma, k):
     """The multiplier on the circle is not outside, either way, and neither is certain."""
     point = pitchfork_point(gamma, k)
@@ -246,17 +198,6 @@ def test_at_a_pitchfork_breather_and_arm_count_alike(gamma, k):
     assert [one.unstable for one in verdicts] == [0, 0]
     assert not any(one.certain for one in verdicts)
     assert point["unstable"] == switch(point, events=(), steps=Steps(most=1))[0][0]["unstable"] == 0
-
-
-def test_arms_leave_as_the_normal_form_says():
-    for gamma, coefficient in ((0.04, 8.761463), (0.0, 9.165893)):
-        point = pitchfork_point(gamma, 0.8)
-        assert pitchfork_form(point.solution).coefficient == pytest.approx(coefficient, abs=1e-6)
-        branch = switch(point, steps=Steps(largest=0.01), within={"a": (0, 0.8)})[0]
-        asymmetry, rise = branch["asymmetry"][1:6], branch["a"][1:6] - point["a"]
-        # the ratio has its limit where the asymmetry vanishes, quadratically
-        ratio = np.polyfit(asymmetry**2, asymmetry**2 / rise, 1)
-        assert ratio[1] == pytest.approx(coefficient, rel=2e-4)
 
 
 def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
@@ -271,17 +212,6 @@ def test_diagram_finds_breathers_arms_and_doubled_orbits_once():
     assert sum(label.startswith("symmetric breather") for label in labels) == 1
     assert sum(label.startswith("asymmetric breather (ring of 1") for label in labels) == 2
     assert labels.count("orbit with impacts") == 1
-
-
-def test_arms_of_a_subcritical_pitchfork_go_down():
-    forcing = Fourier(cos={1: -1.0, 3: 0.3})
-    start = symmetric(0.9, 0.02, 0.8, forcing=forcing)
-    window = {"a": (0.05, 2)}
-    branch = trace(start, "a", within=window, events=[pitchfork()], inadmissible=True)
-    point = branch.first("PF")
-    one, _ = switch(point, events=(), within={"a": (0.5, 2)}, steps=Steps(most=15))
-    assert not pitchfork_form(point.solution).supercritical
-    assert one["a"][1] < one["a"][0]
 
 
 @pytest.mark.parametrize(("free", "window"), [("gamma", (0.0, 0.2)), ("k", (0.1, 0.99))])
@@ -375,7 +305,7 @@ def test_grazing_line_ends_where_pitchfork_and_grazing_of_the_symmetric_breather
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("largest", [0.1, 0.007])
+@pytest.mark.parametrize("largest", [0.1, 0.02])
 def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
     """Nothing but rounding is left there of the asymmetry and of the margin of the mirrored crest;
     neither arm nor step may decide what the end is called."""
@@ -395,13 +325,17 @@ def test_grazing_lines_of_both_arms_end_at_their_pitchfork_by_one_name(largest):
     assert ends[0]["gamma"] == pytest.approx(ends[1]["gamma"], abs=1e-11)
 
 
+@cache
+def pair_of_an_arm_in_k():
+    """Where a pair leaves the circle on the way to elastic impacts."""
+    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
+    return switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0].first("NS")
+
+
 def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchfork():
     """Angle and asymmetry shrink like the root of 1 - k: the line ends at a bound, not in rounding,
     and there it is as close to the pitchfork of elastic impacts as it has to be."""
-    within = {"k": (0.97, 1.0)}
-    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
-    arm = switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0]
-    line = boundary(arm.first("NS"), ("k", "a"), within=within, events=())
+    line = boundary(pair_of_an_arm_in_k(), ("k", "a"), within={"k": (0.97, 1.0)}, events=())
     assert line.stop is Stop.BOUND
     assert line[-1]["k"] == 1.0 - 1e-5
     assert "domain of k" in line.reason
@@ -414,9 +348,7 @@ def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchf
 def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elastic_impacts():
     """One of its ends is the pitchfork; at the other the angle comes as close to the edge of the
     band as (1 - k)^2, nearer than any fixed step of a difference could stay off it."""
-    branch = trace(symmetric(0.82, 0.04, 0.57), "k", within={"k": (0.5, 0.99)})
-    arm = switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0]
-    line = boundary(arm.first("NS"), ("k", "gamma"), within={"k": (0.9, 1.0)}, events=())
+    line = boundary(pair_of_an_arm_in_k(), ("k", "gamma"), within={"k": (0.95, 1.0)}, events=())
     assert (line.began, line.stop) == (Stop.BOUND, Stop.BOUND)
     assert line[0]["k"] == line[-1]["k"] == 1.0 - 1e-5
     near = [
@@ -470,13 +402,20 @@ def on_ring_of_one(orbit):
     return Orbit(replace(flight, conditions=replace(flight.conditions, lattice=Ring(1))))
 
 
+BENT = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
+
+
+@cache
+def subcritical_arm():
+    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=BENT), "a", within={"a": (0.3, 0.9)})
+    return switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0]
+
+
 def test_fold_line_of_a_subcritical_arm():
     """Harmonics that make the pitchfork subcritical: the arm turns back at a fold, on its line up
     to where the neighbour grazes and down to single oscillators."""
-    forcing = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
-    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=forcing), "a", within={"a": (0.3, 0.9)})
-    assert branch.first("PF")["criticality"] == "subcritical"
-    arm = switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0]
+    arm = subcritical_arm()
+    assert arm.origin["criticality"] == "subcritical"
     assert [point.kind for point in arm.special][:3] == ["EP", "LP", "PD"]
     turn = arm.first("LP")
     assert turn["a"] == arm["a"].min()
@@ -492,13 +431,11 @@ def test_fold_line_of_a_subcritical_arm():
 
 def test_fold_line_of_an_arm_meets_its_mirror_image_at_the_pitchfork():
     """There the pitchfork changes its criticality; no cusp, though two folds of arms meet."""
-    forcing = Fourier(cos={1: -1.0, 3: -0.45, 5: 0.5})
-    branch = trace(symmetric(0.6, 0.01, 0.95, forcing=forcing), "a", within={"a": (0.3, 0.9)})
-    turn = switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0].first("LP")
+    turn = subcritical_arm().first("LP")
     line = boundary(turn, ("k", "a"), within={"k": (0.75, 0.96), "a": (0, 1.2)}, towards="down")
     assert [point.kind for point in line.special] == ["EP", "CP", "LP-PF", "CP", "EP"]
     meeting = line.first("LP-PF")
-    near = symmetric(meeting["a"] - 0.02, 0.01, meeting["k"], forcing=forcing)
+    near = symmetric(meeting["a"] - 0.02, 0.01, meeting["k"], forcing=BENT)
     fork = trace(near, "a", within={"a": (0.6, 0.7)}).first("PF")
     assert fork["a"] == pytest.approx(meeting["a"], abs=1e-8)
     assert abs(fork["coefficient"]) > 1e6  # of asymmetry^2 over distance: a pole there
@@ -511,17 +448,6 @@ def test_doubling_line_reaches_elastic_impacts():
     )
     assert line[-1]["k"] == 1.0
     assert line[-1].solution.map.count().certain is False
-
-
-def test_on_a_ring_the_papers_threshold_is_met_exactly():
-    ring = Ring(20)
-    point = pitchfork_point(0.06, 0.8, ring, inadmissible=True)
-    arm = switch(point, events=[neimark_sacker(threshold=1.05)], within={"a": (0, 1.2)})[0]
-    event = arm.first("NS")
-    size = np.abs(event.solution.multipliers())
-    assert np.abs(size - 1.05).min() < 1e-10
-    with pytest.raises(BadInput, match="threshold"):
-        switch(point, events=[neimark_sacker(threshold=1.0)], within={"a": (0, 1.2)})
 
 
 @pytest.mark.parametrize("shot", [False, True])
@@ -539,8 +465,8 @@ def test_neimark_sacker_line_of_an_arm_on_a_ring_keeps_a_pair_at_the_threshold(s
 
 def test_doubling_line_in_restitution_is_that_of_the_single_oscillator():
     arm = switch(pitchfork_point(0.0, 0.8), events=[period_doubling()], within={"a": (0, 0.99)})[0]
-    line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.6, 0.95)})
-    for point in line.points[::5]:
+    line = boundary(arm.first("PD"), ("k", "a"), events=(), within={"k": (0.75, 0.85)})
+    for point in line.points[::3]:
         single = orbit_at(point.base_point.problem).on(Ring(1))
         assert np.abs(single.multipliers() + 1).min() < 1e-10
 

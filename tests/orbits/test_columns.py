@@ -14,7 +14,6 @@ from contbreather.continuation import Problem
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.green_function import impact_problem
-from contbreather.orbits.orbit import orbit_at
 from contbreather.stability.half_period import HalfMap
 
 BASE = {"a", "gamma", "k", "arclength", "residual", "unstable"}
@@ -76,13 +75,13 @@ def test_no_orbit_is_shot_with_a_restitution_that_cannot_be(k: float) -> None:
         cb.trace(problem.at(k=k), "a", within={"a": (0.45, 0.55)})
 
 
-FIXED = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, spring=0.05, damping=0.02)
-TWO = cb.multibreather([0, 3], a=0.6, gamma=0.02, k=0.8, lattice=cb.Ring(9), damping=0.01)
+FIXED = cb.symmetric(0.75, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, spring=0.05, damping=0.02)
+TWO = cb.multibreather([0, 3], a=0.7, gamma=0.02, k=0.8, lattice=cb.Ring(9), damping=0.01)
 
 
 @pytest.mark.parametrize("start", [FIXED, TWO], ids=["springs", "two sites"])
 def test_arms_of_finite_lattices_have_asymmetry_and_all_momenta_and_come_back_to_pf(start) -> None:
-    within = {"a": (0.5, 1.0)}
+    within = {"a": (0.7, 0.85)}
     fork = cb.trace(start, "a", within=within).first("PF")
     arm = cb.switch(fork, within=within)[0]
     orbit, m = arm[-1].solution, start.section.count
@@ -102,7 +101,7 @@ def test_arms_of_finite_lattices_have_asymmetry_and_all_momenta_and_come_back_to
 
 
 def test_a_pitchfork_from_an_arm_is_one_in_files_too(tmp_path) -> None:
-    within = {"a": (0.5, 1.0)}
+    within = {"a": (0.75, 0.85)}
     arm = cb.switch(cb.trace(FIXED, "a", within=within).first("PF"), within=within)[0]
     back = cb.trace(arm[len(arm) // 2], "a", within=within, towards="down")
     cb.save(tmp_path / "back.nc", back)
@@ -110,24 +109,6 @@ def test_a_pitchfork_from_an_arm_is_one_in_files_too(tmp_path) -> None:
     assert [point.label for point in again.special] == [point.label for point in back.special]
     (one, *_) = cb.switch(again.first("PF"), within=within)
     assert abs(one["asymmetry"]).max() < 1e-6
-
-
-def test_what_belongs_to_two_impacts_is_refused_for_more() -> None:
-    four = cb.symmetric(0.5, 0.05, 0.8).unfolded().doubled()
-    with pytest.raises(cb.BadInput, match="asymmetry belongs to orbits whose second half"):
-        _ = four.asymmetry
-    assert four.p == pytest.approx(cb.symmetric(0.5, 0.05, 0.8).p, abs=1e-15)
-
-
-def test_acceleration_of_a_shot_orbit_is_the_slope_of_its_velocity() -> None:
-    orbit = orbit_at(shooting(cb.symmetric(0.5, 0.04, 0.8), sites=8))
-    h = 1e-4
-    for site in (0, 1, 4):
-        for t in (0.3, 1.7, 4.4):
-            ahead, behind = (orbit.velocity(site, t + s) for s in (h, -h))
-            assert orbit.acceleration(site, t) == pytest.approx(
-                (ahead - behind) / (2 * h), abs=1e-6
-            )
 
 
 def test_what_is_followed_from_where_two_crests_graze_is_grazing() -> None:
@@ -167,14 +148,6 @@ def test_columns_of_counts_of_other_forcings_and_springs_are_those_of_their_poin
     for free in ("gamma", start.problem.names[-1]):
         branch = cb.trace(start, free, within={free: (0.0, 0.11)}, events=(), towards="both")
         assert branch["unstable"].tolist() == [point["unstable"] for point in branch]
-
-
-def test_on_the_boundary_of_a_bifurcation_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    branch = cb.trace(cb.symmetric(0.5, 0.05, 0.8), "a", within={"a": (0.06, 0.95)}, towards="both")
-    window = {"gamma": (0.04, 0.06), "a": (0.0, 1.5)}
-    line = cb.boundary(branch.first("PF"), ("gamma", "a"), within=window)
-    monkeypatch.setattr(HalfMap, "unstable", None)
-    assert np.isnan(line["unstable"]).all()
 
 
 def test_where_damping_ends_there_is_no_count_for_the_circle_itself() -> None:

@@ -20,7 +20,7 @@ from contbreather.continuation.boundary import meeting as meeting_of
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Fourier, InfiniteChain, Ring, Symbolic
 from contbreather.orbits import pitchfork
-from contbreather.orbits.closure import Closure
+from contbreather.orbits.closed_problem import Closure
 from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.grazing import other_contacts
 from contbreather.orbits.green_function import impact_problem

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
@@ -17,7 +16,7 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.orbit import orbit_at
-from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
+from contbreather.stability import G, dense_half_map, neimark_sacker
 
 CHAIN = cb.InfiniteChain()
 
@@ -35,18 +34,6 @@ FORCINGS: dict[str, dict[str, Any]] = {
     "two": {"forcing": cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=0.1)},
     "held": {"spring": 0.05},
 }
-
-
-def test_neimark_sacker_by_bisection_of_the_winding_number() -> None:
-    """The located point against plain bisection on the count, which knows no locus."""
-
-    def side(gamma: float) -> float:
-        b = cb.symmetric(0.5, gamma, 0.8).b
-        return unstable_count(gamma, 0.8, b).count - 1.0
-
-    gamma = brentq(side, 0.10, 0.12, xtol=1e-11)
-    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "gamma").first("NS")
-    assert point["gamma"] == pytest.approx(gamma, abs=1e-9)
 
 
 @pytest.mark.parametrize("k", [0.6, 1.0])
@@ -91,8 +78,7 @@ def test_where_tests_of_many_points_are_not_known_each_is_asked(lattice: Any, fr
     assert given == 4 * [None] if free == "gamma" else given == 3 * [None]
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.04, 0.1, 0.2])
-@pytest.mark.parametrize("k", [0.4, 0.8])
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.1, 0.4), (0.2, 0.8)])
 @pytest.mark.parametrize("lattice", [CHAIN, cb.Ring(6)])
 def test_fold_is_the_closed_form_14(gamma: float, k: float, lattice: Any) -> None:
     q, chi = (1 - k) / (1 + k), lattice.chi(gamma)
@@ -121,7 +107,7 @@ def test_fold_and_pitchfork_are_where_the_half_map_has_a_multiplier_minus_one_an
     assert distance(cb.symmetric(beside, gamma, 0.8)) > 1e-3
 
 
-@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.04, 0.8), (0.07, 0.95), (0.03, 0.4)])
+@pytest.mark.parametrize(("gamma", "k"), [(0.0, 0.8), (0.03, 0.4)])
 @pytest.mark.parametrize("lattice", [CHAIN, cb.Ring(6)])
 def test_pitchfork_is_the_closed_form(gamma: float, k: float, lattice: Any) -> None:
     q, sigma, chi = (1 - k) / (1 + k), lattice.sigma(gamma), lattice.chi(gamma)
@@ -175,37 +161,6 @@ def test_branch_in_a_meets_both_sides_of_the_neimark_sacker_line() -> None:
     assert branch.first("LP")["a"] == pytest.approx(0.057029037182, abs=1e-12)
 
 
-def test_branch_in_k_finds_the_same_neimark_sacker_point() -> None:
-    in_k = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "k").first("NS")
-    in_a = cb.trace(cb.symmetric(0.5, 0.1, in_k["k"]), "a")
-    assert min(abs(point["a"] - 0.5) for point in only(in_a, "NS")) < 1e-9
-
-
-def test_grazing_is_where_the_neighbour_just_touches() -> None:
-    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", towards="up").first("GR")
-    t = np.linspace(0, 2 * math.pi, 200001)
-    assert abs(point.solution.displacement(1, t)).max() == pytest.approx(1, abs=1e-10)
-    assert point.solution.velocity(1, point.detail["t"]) == pytest.approx(0, abs=1e-12)
-    inside = cb.symmetric(point["a"] - 1e-6, 0.1, 0.8, root=1)
-    beyond = cb.symmetric(point["a"] + 1e-6, 0.1, 0.8, root=1)
-    assert inside.admissibility().ok
-    assert not beyond.admissibility().ok
-
-
-def test_site_zero_grazes_between_its_impacts_for_small_k() -> None:
-    branch = cb.trace(cb.symmetric(0.7, 0.0, 0.03), "a", towards="up")
-    point = branch.first("GR")
-    assert point.solution.admissibility().site == 0
-    s = np.linspace(1e-3, math.pi - 1e-3, 100001)
-    u = point.solution.displacement(0, point["phi"] + s)
-    assert u.max() == pytest.approx(1, abs=1e-9)
-
-
-def test_a_start_beyond_grazing_is_refused() -> None:
-    with pytest.raises(cb.BadInput, match="beyond GR"):
-        cb.trace(cb.symmetric(0.9, 0.1, 0.8, root=1), "a")
-
-
 def test_nothing_happens_where_nothing_happens() -> None:
     branch = cb.trace(cb.symmetric(0.3, 0.05, 0.8), "a", within={"a": (0.1, 0.6)}, towards="up")
     assert kinds(branch) == ["EP", "EP"]
@@ -218,12 +173,6 @@ def by_the_rule(sites: int, gamma: float, end: float, **more: Any) -> cb.Branch:
     return cb.trace(
         cb.symmetric(0.2, gamma, 0.8), "gamma", within={"gamma": (0, end)}, **how, **more
     )
-
-
-def test_ring_rule_agrees_with_all_multipliers() -> None:
-    point = by_the_rule(200, 0.08, 0.09).first("NS")
-    largest = abs(point.solution.multipliers(sites=200)).max()
-    assert largest == pytest.approx(1.005, abs=1e-10)
 
 
 def on_damped_ring(*, every: bool) -> cb.Branch:

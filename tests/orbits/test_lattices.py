@@ -61,7 +61,7 @@ def random_orbit(seed: int):
     )  # fmt: skip
 
 
-SEEDS = range(10)
+SEEDS = range(6)  # of all dampings and springs, one site to three
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -79,7 +79,7 @@ def test_orbit_returns_under_an_independent_integrator(seed: int) -> None:
 
 def test_most_random_orbits_are_admissible() -> None:
     """The test above says little of the others."""
-    assert sum(random_orbit(seed).admissibility().ok for seed in SEEDS) >= 7
+    assert sum(random_orbit(seed).admissibility().ok for seed in SEEDS) >= 4
 
 
 # --- closed forms -----------------------------------------------------------------------------
@@ -88,13 +88,6 @@ def test_most_random_orbits_are_admissible() -> None:
 def special(start, low: float = 0.01, high: float = 0.95) -> dict[str, float]:
     branch = cb.trace(start, "a", within={"a": (low, high)})
     return {point.label: point["a"] for point in branch.special}
-
-
-def test_open_chain_and_damped_ring_have_their_known_pitchforks() -> None:
-    end = cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(9))
-    assert special(end, 0.5)["PF1"] == pytest.approx(0.744359, abs=5e-7)
-    ring = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), damping=0.02)
-    assert special(ring, 0.5)["PF1"] == pytest.approx(0.78391045, abs=5e-9)
 
 
 def test_ring_by_its_matrix_is_the_ring() -> None:
@@ -147,8 +140,8 @@ def test_boundary_in_damping_keeps_the_multiplier_one() -> None:
     assert line[0]["a"] == pytest.approx(plain.first("PF")["a"], abs=1e-10)
 
 
-RING = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20))
-MODES = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20), spring=0.0)
+RING = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(10))
+MODES = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(10), spring=0.0)
 WITHIN = {"a": (0.5, 1.0)}
 SLIGHT = {"damping": (0.0, 0.003), "spring": (0.0, 0.08)}
 
@@ -177,7 +170,8 @@ def test_curves_of_an_undamped_ring_free_damping_and_spring(kind: str) -> None:
 
 def test_a_curve_that_frees_damping_keeps_its_threshold_and_its_lifted_walls() -> None:
     ns = [cb.neimark_sacker(threshold=1.01)]
-    point = cb.trace(RING, "gamma", within={"gamma": (0.03, 0.05)}, events=ns).first("NS")
+    ring = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(20))
+    point = cb.trace(ring, "gamma", within={"gamma": (0.03, 0.05)}, events=ns).first("NS")
     line = cb.boundary(point, ("damping", "gamma"), within={"damping": (0.0, 4e-4)}, events=())
     assert line[-1].stability(threshold=1.01).largest == pytest.approx(1.01, abs=1e-9)
     assert "threshold 1.01" in line.problem.label
@@ -421,15 +415,15 @@ def test_orbits_between_any_walls_return_under_the_integrator(walls, impacts: in
     assert verdict.neighbours == pytest.approx(nearest, abs=1e-6)
 
 
-@pytest.mark.parametrize("past", [-1e-16, 0.0, 1e-16, 1e-12])
-def test_sites_that_meet_their_walls_at_once_all_bounce_whatever_the_rounding(past: float) -> None:
+def test_sites_that_meet_their_walls_at_once_all_bounce_whatever_the_rounding() -> None:
     """A state in which one of three sites is past its wall already, by next to nothing."""
     orbit = settled((None, 0.6), 0.9)
     t, on = orbit.times[0], {"lattice": cb.OpenChain(3), "a": 0.9, "walls": (None, 0.6)}
-    seed = np.array([0.6, 0.6 + past, 0.6]), np.full(3, orbit.incoming[0])
-    again = orbit_at(cb.shooting(seed, t=t, **on, **ONE_WALL))
-    assert sorted(again.section.impacts) == [(0, 1), (1, 1), (2, 1)]
-    assert again.times == pytest.approx(np.full(3, t), abs=1e-9)
+    for past in (-1e-16, 0.0, 1e-16, 1e-12):
+        seed = np.array([0.6, 0.6 + past, 0.6]), np.full(3, orbit.incoming[0])
+        again = orbit_at(cb.shooting(seed, t=t, **on, **ONE_WALL))
+        assert sorted(again.section.impacts) == [(0, 1), (1, 1), (2, 1)]
+        assert again.times == pytest.approx(np.full(3, t), abs=1e-9)
 
 
 def test_between_unequal_walls_only_shifts_by_whole_periods_make_images() -> None:
@@ -579,16 +573,16 @@ def test_a_ring_with_next_to_no_damping_has_the_events_of_one_without() -> None:
     assert [x for _, x in met[0]] == pytest.approx([x for _, x in met[1]], abs=1e-6)
 
 
-@pytest.mark.parametrize("other", ["gamma", "k", "damping"])
-def test_where_impacts_vanish_with_losses_all_sites_swing_as_one(other: str) -> None:
+def test_where_impacts_vanish_with_losses_all_sites_swing_as_one() -> None:
     """Without impacts a chain that is driven alike swings with the amplitude a/sqrt(1 + mu^2)."""
-    start = cb.symmetric(0.5, 0.03, 0.8, lattice=cb.OpenChain(6), damping=0.0136)
-    end = cb.trace(start, "a", towards="both").first("VI")
+    low = cb.orbits.symmetric_roots(0.9, 0.03, 0.8, lattice=cb.OpenChain(4), damping=0.0136)[-1]
+    end = cb.trace(low, "a", within={"a": (0.8, 1.2)}).first("VI")
     window = {"gamma": (0.0, 0.1), "k": (0.5, 0.9), "damping": (0.01, 0.05)}
-    line = cb.boundary(end, (other, "a"), within=window)
-    assert len(line) > 2
-    for point in line:
-        assert point["a"] == pytest.approx(np.hypot(1.0, point.solution.damping), abs=1e-12)
+    for other in window:
+        line = cb.boundary(end, (other, "a"), within=window)
+        assert len(line) > 2
+        for point in line:
+            assert point["a"] == pytest.approx(np.hypot(1.0, point.solution.damping), abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ CASES = {
         lambda: asymmetric(0.82, 0.04, 0.8), "a", (0.78, 1.2), ("GR",)
     ),
     "asymmetric, ring": Case(
-        lambda: asymmetric(0.82, 0.04, 0.8, lattice=cb.Ring(12)), "a", (0.78, 1.2), ("GR", "NS")
+        lambda: asymmetric(0.82, 0.04, 0.8, lattice=cb.Ring(6)), "a", (0.78, 1.2), ("GR", "NS")
     ),
     "asymmetric, single oscillator": Case(
         lambda: asymmetric(0.9, 0.0, 0.8, lattice=cb.Ring(1)), "a", (0.85, 0.97), ("PD",)

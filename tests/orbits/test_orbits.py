@@ -23,15 +23,15 @@ from contbreather.orbits.orbit import Orbit, orbit_at, orbit_of
 from contbreather.orbits.section import Section
 from contbreather.orbits.symmetries import SAME, images_of, shifted, simpler_than
 
-from .by_hand import derivatives, orbit_from, repeats, two_impacts
+from .by_hand import derivatives, in_phase, orbit_from, repeats, two_impacts
 
 TWO = Section(((0, 1), (0, -1)))
 RICH = Fourier(cos={1: -1.0, 3: 0.4}, sin={1: 0.2, 5: -0.3})
 
 
-@pytest.mark.parametrize("gamma", [0.0, 1e-4, 0.04, 0.12, 0.2])
-@pytest.mark.parametrize("k", [0.2, 0.8, 0.95])
-@pytest.mark.parametrize("d", [0.02, 0.3, 0.55, 0.8])
+@pytest.mark.parametrize("gamma", [0.0, 0.04, 0.2])
+@pytest.mark.parametrize("k", [0.2, 0.95])
+@pytest.mark.parametrize("d", [0.02, 0.3, 0.8])
 def test_two_impacts_are_the_closed_form_of_asymmetric_breathers(gamma, k, d):
     """The shorter flight, pi - 2d, is centred at t_m; the solver starts well off and knows no d."""
     exact = two_impacts(d, gamma, k)
@@ -88,7 +88,7 @@ def test_derivatives_are_those_of_the_residual(lattice, sequence, periods, forci
 
 
 @pytest.mark.parametrize("sites", [6, 21])
-@pytest.mark.parametrize(("bonds", "wall"), [(1, 1), (1, -1), (2, -1), (3, 1)])
+@pytest.mark.parametrize(("bonds", "wall"), [(1, -1), (3, 1)])
 def test_breathers_on_two_sites_are_repeated_by_the_simulated_ring(sites, bonds, wall):
     b = symmetric(0.5, 0.08, 0.8)
     orbit = orbit_of(
@@ -99,15 +99,6 @@ def test_breathers_on_two_sites_are_repeated_by_the_simulated_ring(sites, bonds,
     ).solved()
     assert orbit.admissibility().ok
     assert repeats(orbit, sites)[0] < 1e-13
-
-
-def test_asymmetric_breather_is_repeated_by_the_simulated_ring():
-    for forcing, a in ((None, 0.82), (Fourier(cos={1: -1.0, 3: -0.15}), 0.81)):
-        orbit = asymmetric(a, 0.04, 0.8, forcing=forcing)
-        assert orbit.admissibility().ok
-        assert abs(orbit.c) > 0.01
-        assert repeats(orbit, 20)[0] < 1e-13
-        assert repeats(orbit, 3)[0] < 1e-13
 
 
 def test_mean_impulses_tilt_the_chain_between_two_sites():
@@ -269,12 +260,6 @@ def test_times_count_modulo_the_period():
     assert orbit.admissibility().margin == pytest.approx(b.admissibility().margin, abs=1e-12)
 
 
-def two_alike():
-    """Two sites of a ring of 7 that hit the same wall, half a symmetric orbit."""
-    seed, on = {"t1": -2.94, "t2": -2.94}, {"a": 0.5, "gamma": 0.03, "k": 0.8, "sites": 7}
-    return orbit_at(shooting(seed, sequence=((1, 1), (4, 1)), symmetric=True, **on))
-
-
 def twice(shot):
     arm = asymmetric(0.9, 0.0, 0.8, lattice=Ring(1))
     arm = trace(shooting(arm) if shot else arm, "a", within={"a": (0.9, 0.93)}, towards="up")
@@ -286,7 +271,7 @@ IMAGES = {
     "arm": (lambda: asymmetric(0.82, 0.04, 0.8), 1),
     "arm, ring": (lambda: asymmetric(0.82, 0.04, 0.8).on(Ring(5)), 1),
     "arm, shot": (lambda: orbit_at(shooting(asymmetric(0.82, 0.04, 0.8), sites=20)), 1),
-    "two sites": (two_alike, 1),
+    "two sites": (in_phase, 1),
     "doubled": (lambda: twice(False), 3),
     "doubled, shot": (lambda: twice(True), 3),
     "no solution": (lambda: orbit_from(PATTERN, (0.05,), 2, a=0.4, gamma=0.03), 3),

@@ -259,45 +259,6 @@ def test_a_breather_is_taken_to_a_lattice_it_does_not_know(half: Any) -> None:
         cb.shooting(b, lattice=open_chain, sequence=((2, 1), (2, -1)))
 
 
-def test_momentum_and_phase_of_a_shot_orbit_are_those_of_the_breather(half: Any) -> None:
-    ring = cb.symmetric(**HERE, lattice=Ring(6))
-    assert half.p == pytest.approx(ring.p, abs=1e-10)
-    assert half.phi == pytest.approx(ring.phi, abs=1e-10)
-    assert half.c == 0.0
-    lower = orbit_at(cb.shooting(half.state(t=math.pi), t=math.pi, symmetric=True, **HERE))
-    assert lower.phi == pytest.approx(ring.phi, abs=1e-9)
-
-
-def test_impacts_of_different_momenta_have_no_p() -> None:
-    """Two sites, one of them on its lower root."""
-    both = cb.multibreather({0: "upper", 3: "lower"}, a=0.5, gamma=0.003, k=0.8, lattice=Ring(6))
-    with pytest.raises(BadInput, match="the impacts have different momenta: half of them are"):
-        both.p  # noqa: B018
-
-
-def test_a_choice_that_has_no_orbit_without_coupling_is_in_the_catalogue_as_that() -> None:
-    found = cb.multibreathers(Ring(4), a=0.01, gamma=0.02, k=0.4, most=1)
-    (one,) = found
-    assert (one.sites, one.copies, one.exists, one.orbit) == ((0,), 4, False, None)
-    assert (one.gamma, one.ended) == (0.0, "no orbit without coupling")
-    assert one.stable() is False
-
-
-def test_the_catalogue_counts_each_class_of_choices_once() -> None:
-    found = cb.multibreathers(Ring(5), a=0.5, gamma=0.002, k=0.8, most=2)
-    assert [(one.sites, one.copies) for one in found] == [((0,), 5), ((0, 1), 5), ((0, 2), 5)]
-    assert all(one.exists and one.gamma == 0.002 and one.ended == "" for one in found)
-    assert all(one.stable(threshold=1.5) for one in found)
-    for one in found:
-        largest = one.orbit.stability().largest
-        assert one.stable(threshold=largest + 1e-9)
-    (grown,) = cb.multibreathers(Ring(8), a=0.8, gamma=0.045, k=0.8, most=1)
-    assert grown.exists
-    assert not grown.stable()
-    assert not grown.stable(threshold=1.13)
-    assert grown.stable(threshold=1.14)
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [

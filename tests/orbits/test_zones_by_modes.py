@@ -81,12 +81,14 @@ def test_pitchforks_without_coupling_are_refused_where_idle_sites_rest_anywhere(
     why = "gamma = 0: there PF cannot be traced, but up to gamma = 1e-06; take a point there"
     with pytest.raises(cb.BadInput, match=why):
         cb.zones(gamma=0.0, **model, within=window)
-    assert len(cb.zones(gamma=1e-6, **model, within=window)["PF"]) == 1
-    start = cb.symmetric(0.7, 0.0, 0.7, lattice=cb.Ring(3), damping=0.02)
-    fork = cb.trace(start, "a", within=window).first("PF")
+    on = {"lattice": cb.Ring(3), "damping": 0.02}
+    bare, next_to = (
+        cb.trace(cb.symmetric(0.7, gamma, 0.7, **on), "a", within=window) for gamma in (0.0, 1e-6)
+    )
     for pair in (("gamma", "a"), ("k", "a")):
         with pytest.raises(cb.BadInput, match=why):
-            cb.boundary(fork, pair)
+            cb.boundary(bare.first("PF"), pair)
+        assert len(cb.boundary(next_to.first("PF"), pair, steps=cb.Steps(most=2))) > 1
 
 
 def test_upper_breathers_of_a_ring_are_the_same_by_modes() -> None:

@@ -35,7 +35,7 @@ def largest_pair(a: float, gamma: float, k: float) -> float:
 def test_at_the_crossing_a_pair_first_has_the_modulus_of_the_threshold(a: float, k: float) -> None:
     found = neimark_sacker(a, k, sites=SITES, threshold=THRESHOLD)
     assert largest_pair(a, found.gamma, k) == pytest.approx(THRESHOLD, abs=1e-10)
-    before = np.linspace(0.01, found.gamma - 1e-6, 60)
+    before = np.linspace(0.01, found.gamma - 1e-6, 30)
     assert max(largest_pair(a, gamma, k) for gamma in before) < THRESHOLD
     assert largest_pair(a, found.gamma + 1e-6, k) > THRESHOLD
 
@@ -58,7 +58,7 @@ def test_long_rings_tend_to_the_isolated_pair_at_the_threshold() -> None:
 
 @pytest.fixture(scope="module", params=[0.8, 0.4])
 def line(request: pytest.FixtureRequest):
-    return neimark_sacker_line(request.param, points=12)
+    return neimark_sacker_line(request.param, points=6)
 
 
 @pytest.mark.slow

@@ -42,6 +42,7 @@ def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
     assert numbers["rigid_multiplier"] == pytest.approx(0.9979, abs=5e-5)
     assert numbers["undamped_multiplier"] == pytest.approx(1.014, abs=5e-4)
     assert "an attractor" in figures(5).caption
+    assert numbers["away"] < 0.1  # from the start of the paper, u_0' = 3
 
 
 @pytest.mark.slow

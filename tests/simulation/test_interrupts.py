@@ -157,14 +157,23 @@ def test_start_that_was_interrupted_has_no_outcome(ctrl_c):
     assert Outcome.SPREAD not in basin.outcome
 
 
-IMPORTED = 4.0  # seconds of work in which a fresh process has loaded all that it needs
 BASIN = """
+import os, time
+from pathlib import Path
 import numpy as np
+from contbreather.lattice import Harmonic
 from contbreather.orbits import symmetric
 from contbreather.simulation import Axis, attraction
+def begins(folder):
+    Path(folder, f"{os.getpid()}.begun").write_text(str(time.process_time()))
+    return Harmonic()
+class Told(Harmonic):  # by a worker that has loaded all that it needs
+    def __reduce__(self):
+        return begins, (os.getcwd(),)
 state = symmetric(0.2, 0.08, 0.8).state(40)
 u, v = (Axis(name, 0, np.linspace(-0.9, 0.9, 2000)) for name in "uv")
-found = attraction(state, u, v, periods=2000, a=0.2, gamma=0.08, k=0.8, executor=2)
+on = {"a": 0.2, "gamma": 0.08, "k": 0.8, "forcing": Told()}
+found = attraction(state, u, v, periods=2000, executor=2, **on)
 print(found.complete, (found.outcome == -1).any())
 """
 
@@ -173,8 +182,13 @@ print(found.complete, (found.outcome == -1).any())
 def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(BASIN)
-    with begun(script) as child:
-        until(lambda: sum(time > IMPORTED for time in workers_of(child.pid).values()) == 2)
+
+    def busy(number, work):
+        told = tmp_path / f"{number}.begun"
+        return told.exists() and work > float(told.read_text() or "inf") + 0.2
+
+    with begun(script, cwd=tmp_path) as child:
+        until(lambda: sum(busy(*one) for one in workers_of(child.pid).items()) == 2)
         child.send_signal(signal.SIGINT)
         out, err = child.communicate()
     assert (out, child.returncode) == ("False True\n", 0), err

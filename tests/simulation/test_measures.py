@@ -413,16 +413,3 @@ def test_every_impact_is_in_the_period_of_its_time() -> None:
     assert np.array_equal(run.impacts["period"], np.floor(since / (2 * np.pi)))
     phase = np.exp(1j * run.impacts["phase"]) * np.exp(-1j * run.impacts["time"])
     assert abs(phase - 1).max() < 1e-11
-
-
-def test_exponents_of_a_ring_without_impacts_are_its_damping() -> None:
-    still = np.zeros(3), np.zeros(3)
-    shared = {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.2}
-    found = lyapunov(still, periods=400, count=6, settle=20, **shared)
-    # every mode but the common one swings: half the damping; the common one has 0 and -damping
-    assert found.exponents[0] == pytest.approx(0.0, abs=1e-3)
-    assert found.exponents[1:5] == pytest.approx(4 * [-0.1], abs=1e-3)
-    assert found.exponents[5] == pytest.approx(-0.2, abs=1e-3)
-    assert found.periods == 400
-    assert found.error.shape == (6,)
-    assert (found.error >= 0.0).all()

@@ -183,6 +183,3 @@ def test_an_empty_recording_is_where_it_starts(tmp_path) -> None:
     again = open_recording(tmp_path / "run")
     assert (again.t0, again.sample, again.interrupted) == (0.5, None, False)
     assert again.conditions == kept.conditions
-
-
-# --- workers --------------------------------------------------------------------------------------

@@ -20,12 +20,7 @@ PI = math.pi
 
 PARAMETERS = [  # a, gamma, k
     (0.1, 0.08, 0.8),
-    (0.5, 0.08, 0.8),
-    (0.2, 0.11, 0.8),
-    (0.82, 0.04, 0.8),
-    (0.3, 0.05, 0.4),
     (0.5, 0.12, 0.4),
-    (0.7, 0.06, 0.2),
     (0.9, 0.02, 0.6),
     (0.35, 0.2, 0.8),
     (0.6, 0.0, 1.0),
@@ -122,34 +117,11 @@ def test_elastic_walls_without_forcing_keep_the_energy():
     assert np.ptp(energy(0.2, *run.strobe)) < 1e-11
 
 
-def test_elastic_motion_run_backwards_returns():
-    """cos t is even: reversed velocities retrace the motion, all its impacts included."""
-    rng = np.random.default_rng(8)
-    u, v = rng.uniform(-0.9, 0.9, 6), rng.normal(size=6)
-    conditions = {"a": 0.3, "gamma": 0.1, "k": 1.0, "periods": 2}
-    there = simulate((u, v), **conditions)
-    back = simulate((there.final.u, -there.final.v), **conditions)
-    assert len(there.impacts) == len(back.impacts) > 5
-    assert np.allclose(back.final.u, u, rtol=0, atol=1e-9)
-    assert np.allclose(back.final.v, -v, rtol=0, atol=1e-9)
-
-
 def test_ring_in_unison_is_one_oscillator():
     one = simulate(([0.3], [1.1]), a=0.7, gamma=0.2, k=0.7, periods=5)
     many = simulate((np.full(30, 0.3), np.full(30, 1.1)), a=0.7, gamma=0.2, k=0.7, periods=5)
     assert len(many.impacts) == 30 * len(one.impacts)
     assert np.allclose(many.final.u, one.final.u[0], rtol=0, atol=1e-12)
-
-
-def test_chatter_is_the_geometric_series_of_its_impacts():
-    """Each impact of a chatter is k times the one before; resolved to the end and not cut short."""
-    run = simulate(([0.2], [0.3]), a=1.5, gamma=0.1, k=0.1, periods=30)
-    rest = run.rests[run.rests["begins"]][-1]
-    chatter = run.impacts[run.impacts["time"] <= rest["time"]][-4:]
-    assert np.allclose(chatter["before"][1:] / chatter["before"][:-1], 0.1, rtol=2e-3)
-    push = -1.5 * math.cos(rest["phase"]) * rest["wall"]
-    flights = np.diff(chatter["time"])
-    assert np.allclose(flights, 2 * np.abs(chatter["after"][:-1]) / push, rtol=1e-2)
 
 
 def test_mirror_images_hit_at_the_same_time_and_stay_mirror_images():
@@ -378,14 +350,11 @@ def test_samples_are_the_run_at_their_own_times(sites: int, damping: float) -> N
         assert run.record.times[j] == pytest.approx(there.end, abs=1e-12)
 
 
-# --- a run is cut and taken up again --------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("k", "a"), [(0.8, 0.5), (0.1, 1.5)])
-def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit(k, a):
+def test_run_taken_up_from_its_final_state_is_the_same_run_bit_for_bit():
+    """With chatter and rests; `record` does so with those of a breather."""
     rng = np.random.default_rng(2)
     state = rng.uniform(-0.9, 0.9, 9), rng.normal(size=9)
-    conditions = {"a": a, "gamma": 0.12, "k": k, "damping": 0.01, "t0": 0.4}
+    conditions = {"a": 1.5, "gamma": 0.12, "k": 0.1, "damping": 0.01, "t0": 0.4}
     whole = simulate(state, periods=40, **conditions)
     first = simulate(state, periods=17, **conditions)
     second = simulate(first.final, periods=23, **conditions)

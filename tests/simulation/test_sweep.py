@@ -107,15 +107,6 @@ def test_sweep_in_gamma_meets_the_torus_where_the_branch_has_it():
     assert 0.084 < up.lost() < 0.088
 
 
-def test_smooth_breather_is_lost_at_the_fold_of_its_branch():
-    """Fig. 5 downwards in a: the fold of m = 6 is at 0.0726."""
-    conditions = {"gamma": 0.08, "k": 0.8, "damping": 0.005}
-    state = symmetric(0.1, 0.08, 0.8).state(20)
-    values = [0.1, 0.09, 0.08, 0.075, 0.071, 0.067]
-    down = sweep(state, "a", values, periods=100, a=0.1, m=6, **conditions)
-    assert down.lost() == pytest.approx(0.071)
-
-
 def test_other_parameters_can_be_swept_forcing_included(orbit):
     for name, value in (("gamma", 0.06), ("k", 0.75), ("damping", 0.03)):
         seen = sweep(orbit.state, name, [value], periods=20, a=0.2, **DAMPED)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from contbreather.continuation import trace
 from contbreather.errors import BadInput
 from contbreather.lattice import Ring
 from contbreather.orbits import symmetric
-from contbreather.simulation import Kind, classify, lyapunov, periodic, simulate, variation
+from contbreather.simulation import lyapunov, periodic, simulate, variation
 from contbreather.stability import dense_half_map
 from tests.simulation.zoo import breather
 
@@ -78,7 +77,7 @@ def test_exponents_of_a_damped_attractor_are_its_multipliers():
 
 def test_chaos_has_a_positive_exponent_and_the_same_from_any_perturbation():
     state = ([0.1], [0.3])
-    conditions = {"a": 2.0, "gamma": 0.0, "k": 0.95, "periods": 6000, "settle": 100}
+    conditions = {"a": 2.0, "gamma": 0.0, "k": 0.95, "periods": 1500, "settle": 100}
     one = lyapunov(state, **conditions, count=1, seed=1)
     two = lyapunov(state, **conditions, count=1, seed=2)
     assert one.exponents[0] > 0.2
@@ -96,18 +95,6 @@ def test_without_damping_the_periodic_motion_is_the_exact_breather():
     mine = np.sort_complex(np.round(found.half, 9))
     exact = np.sort_complex(np.round(own.multipliers(half=True), 9))
     assert np.allclose(mine, exact, rtol=0, atol=1e-8)
-
-
-def test_damped_breather_becomes_a_torus_where_a_pair_leaves_the_circle():
-    conditions = {"a": 0.1, "k": 0.8, "damping": 0.005}
-    start = breather(20, gamma=0.08, **conditions)
-    branch = trace(start, "gamma", within={"gamma": (0.07, 0.1)}, towards="up")
-    found = branch.first("NS")
-    assert found["gamma"] == pytest.approx(0.0832031649, abs=1e-9)
-    assert found["largest"] == pytest.approx(1.0, abs=1e-9)
-    for gamma, kind in ((0.083, Kind.PERIODIC), (0.0845, Kind.QUASI_PERIODIC)):
-        seen = classify(start.state, gamma=gamma, **conditions, settle=20000, periods=1000)
-        assert seen.kind is kind, str(seen)
 
 
 def test_direction_that_walls_without_restitution_annihilate_has_an_exact_exponent():

@@ -81,7 +81,7 @@ def exact_G(gamma: float, nu: complex, sites: int | None) -> np.ndarray:
             )
 
         if sites is None:  # periodic trapezoid, converging with the distance from the band
-            sites = 4000 if abs(mp.im(nu)) < 0.1 and abs(mp.re(nu)) < 1 else 400
+            sites = 2000 if abs(mp.im(nu)) < 0.1 and abs(mp.re(nu)) < 1 else 200
         total = [mp.mpf(0)] * 3
         for j in range(sites // 2 + 1):
             weight = 1 if j == 0 or 2 * j == sites else 2

@@ -13,9 +13,9 @@ from contbreather.stability import D, D_gradient, D_slope, G, dense_half_map, sa
 from contbreather.stability.characteristic import regular
 from tests.stability.by_hand import b_of, exact_G, slope
 
-GAMMAS = (0.0, 1e-6, 0.05, 0.2, 0.2499)
-LATTICES = (InfiniteChain(), Ring(1), Ring(2), Ring(3), Ring(7), Ring(40))
-OFF_BAND = (0.3 - 0.4j, 0.9 - 0.05j, 1 - 0.9j, -0.2 - 1.5j, -0.99j, 0.3 + 0.2j, 0.5 + 3j, 0.1 - 7j)
+GAMMAS = (0.0, 1e-6, 0.05, 0.2499)
+LATTICES = (InfiniteChain(), Ring(1), Ring(2), Ring(7), Ring(40))
+OFF_BAND = (0.9 - 0.05j, 1 - 0.9j, -0.99j, 0.3 + 0.2j, 0.1 - 7j)
 
 
 @pytest.mark.parametrize("gamma", GAMMAS)

@@ -10,7 +10,6 @@ import pytest
 
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.modal_flow import propagator
-from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap, ModalSaltation, ring_map
 from contbreather.stability.saltation import Saltation, saltation
@@ -80,22 +79,6 @@ def test_on_a_circle_all_of_them_vanish_at_the_same_multipliers() -> None:
     ):
         off = abs(map.on_circle(turned + 0.05, size))
         assert abs(map.on_circle(turned, size)) < 1e-7 * off
-
-
-def test_two_halves_make_the_whole_orbit() -> None:
-    gamma, k = 0.06, 0.7
-    for lattice in (InfiniteChain(), Ring(18)):
-        for b in (-0.5, 0.4, 1.2):
-            half = HalfMap(gamma, k, b, lattice)
-            kicks = (Saltation(0, 0.0, b), Saltation(0, math.pi, b))
-            ring = lattice.sites and ring_map(lattice, gamma, k, kicks)
-            whole = ring or OrbitMap(gamma, k, kicks)
-            assert verdict(half).unstable == verdict(whole).unstable
-            assert verdict(half).period == verdict(whole).period
-            if ring:
-                assert np.sort(abs(half.over_period)) == pytest.approx(
-                    np.sort(abs(ring.over_period)), abs=1e-9
-                )
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.07])

@@ -59,17 +59,6 @@ def test_a_wave_once_round_the_ring_closes_on_itself():
     np.testing.assert_allclose(size, np.abs(scattering(gamma, nu.real, k, b)), rtol=0.02)
 
 
-def test_the_example_of_theory():
-    worst = over_reflection(0.08, 0.8, b_of(0.5, 0.08, 0.8))
-    assert worst.over_reflecting
-    assert worst.gain == pytest.approx(1.25696, abs=1e-5)
-    assert worst.nu == pytest.approx(0.3685, abs=1e-4)
-    assert worst.growth == pytest.approx(0.8488, abs=5e-5)
-    for sites, growth in ((160, 0.8165), (320, 0.8335)):
-        mu = half_multipliers(Ring(sites), 0.08, 0.8, b_of(0.5, 0.08, 0.8))
-        assert sites * (np.abs(mu).max() - 1) == pytest.approx(growth, abs=5e-5)
-
-
 @pytest.mark.parametrize(
     ("gamma", "k", "b"), [(0.08, 0.8, 0.468), (0.2, 0.4, -0.7), (0.03, 0.6, 0.3)]
 )

@@ -1,4 +1,16 @@
-"""Where a walk sets out: a start moved onto its curve, the tangent there, and the window."""
+"""Where a walk sets out and where it ends: a start moved onto its curve, the tangent there, the
+window, and infinity.
+
+Where a curve runs to infinity z grows and grows, and parameters tend to limits meanwhile. No single
+step tells: z has to become several times as long. What is asked of a parameter is relative to the
+largest that it was, so that its unit does not matter:
+
+- all of them stay, whatever the limit, as next to a homoclinic orbit while the period grows;
+- or one vanishes while others go on, as on curves of folds along which u grows as eps^-2 and lam
+  falls as exp(-1/eps). It falls as a power of z may, and does not pass zero, which is much steeper.
+
+A window of what grows, or one of what vanishes that ends short of zero, says how far to go instead.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +19,6 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,11 +27,11 @@ from numpy.typing import ArrayLike
 from ..errors import BadInput, NotConverged
 from .branch_points import crossing
 from .curve import LEVEL, Curve
-from .interpolant import closest_tangent
 from .linear_algebra import least_singular, sense
-from .newton import Array, Undefined, approach
+from .newton import Array, Undefined, approach, newton
 from .point import Point
 from .problem import Problem
+from .segment import closest_tangent
 from .settings import Within, windows
 from .sparse import is_sparse, scaled
 
@@ -113,12 +124,12 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
     """The curve started at a solution near by, by the least correction in unknowns and parameter:
     just beyond a fold there is none at the same parameter."""
     try:
-        z = approach(curve.equations, curve.jacobian, curve.start, curve.metric)
+        z = approach(curve, curve.start)
         if z is None:
             return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = curve.tangent_at(z, np.eye(1, z.size, z.size - 1)[0])
-        solution = curve.newton(z, curve.metric * tangent, tolerance=tolerance)
+        solution = newton(curve, z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
     moved = Point(curve, solution.z, tangent, 0.0, solution.residual)
@@ -200,22 +211,22 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     return tangent * sense(tangent)
 
 
+# --- the window ----------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Bound:
-    """The window of what can change: an unknown, a parameter, the norm of an array."""
+    """The window of what can change: an unknown, a parameter, the norm of an array.
+
+    Its `ends` are those that are finite: their side, -1 or 1, value, and how far rounding may leave
+    a step that should end there.
+    """
 
     name: str
     slot: int | slice
     low: float
     high: float
-
-    @cached_property
-    def ends(self) -> list[tuple[int, float, float]]:
-        """The ends that it has: their side, -1 or 1, value, and how far rounding may leave a step
-        that should end there."""
-        both = ((-1, self.low), (1, self.high))
-        finite = [(side, end) for side, end in both if math.isfinite(end)]
-        return [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
+    ends: list[tuple[int, float, float]]
 
     def value(self, z: Array) -> float:
         entries = z[self.slot]
@@ -223,9 +234,9 @@ class Bound:
 
     def row(self, z: Array) -> Array:
         """The derivative of the value."""
-        row = np.zeros(z.size)
+        row, alone = np.zeros(z.size), isinstance(self.slot, int)
         # d|u| = u . du / |u|
-        row[self.slot] = 1.0 if isinstance(self.slot, int) else z[self.slot] / self.value(z)
+        row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
         return row
 
     def with_value(self, z: Array, value: float) -> Array:
@@ -266,5 +277,136 @@ def bounds_of(curve: Curve, within: Within | None) -> list[Bound]:
         if not low <= size <= high:
             raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if name in curve.slots:
-            bounds.append(Bound(name, curve.slots[name], low, high))
+            finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
+            ends = [(side, end, 4 * math.ulp(end or 1e-16)) for side, end in finite]
+            bounds.append(Bound(name, curve.slots[name], low, high, ends))
     return bounds
+
+
+# --- infinity ------------------------------------------------------------------------------------
+
+
+ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |z|
+STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
+SMALL = 1e-3  # if it was no more than this all the while
+POWER = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
+MANY = 8  # places from which on to look at all at once is quicker
+SHARE = 0.1  # the power of |z| from which on something grows with it
+STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
+
+
+@dataclass
+class Tendency:
+    """What a parameter does while z grows.
+
+    Attributes
+    ----------
+    name, slot
+        Its name and its place in z.
+    largest : float
+        The size it had at most.
+    reaches : bool
+        Whether its window has zero in it.
+    moved, since : float
+        Its value where it last moved, and 1 + |z| there.
+    small : float
+        1 + |z| from where on it has been small; infinite where it is not.
+    """
+
+    name: str
+    slot: int
+    largest: float
+    reaches: bool
+    moved: float = math.nan
+    since: float = math.inf
+    small: float = math.inf
+
+    def passes(self, value: float, slope: float, size: float) -> bool:
+        """The next value, its derivative along the curve, and the length of z there; whether it
+        tends to zero: with ``d log|value| / d log|z|`` between -POWER and 0."""
+        self.largest = max(self.largest, abs(value))
+        # what its moves are compared with: where zero is not to be reached, its own size
+        if not abs(value - self.moved) <= STILL * (self.largest if self.reaches else abs(value)):
+            self.moved, self.since = value, 1.0 + size
+        small = abs(value) <= SMALL * self.largest
+        self.small = min(self.small, 1.0 + size) if small else math.inf
+        less = abs(value) <= STILL * self.largest and size > ENDLESS * self.small
+        falls = 0.0 < -slope * math.copysign(size, value) < POWER * abs(value)
+        return self.reaches and less and falls
+
+    def moves_on(self, values: Array, sizes: Array) -> bool:
+        """Take several values at once, if each is another than the one before and none is small."""
+        largest = max(self.largest, float(abs(values).max()))
+        if not (abs(values) > SMALL * largest).all():
+            return False
+        self.largest, self.small = largest, math.inf
+        unit = self.largest if self.reaches else abs(values)
+        if not (abs(np.diff(values, prepend=self.moved)) > STILL * unit).all():
+            return False
+        self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
+        return True
+
+
+class Growth:
+    """How z grows along a walk."""
+
+    def __init__(self, curve: Curve, bounds: Sequence[Bound], start: Array) -> None:
+        self.curve, self.first = curve, 1.0 + curve.length(start)
+        self.bounds, self.tendencies = bounds, list[Tendency]()
+        for name in curve.varied:
+            slot = curve.slots[name]
+            reaches = all(b.low <= 0.0 <= b.high for b in bounds if b.name == name)
+            self.tendencies.append(Tendency(name, slot, abs(float(start[slot])), reaches))
+
+    def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
+        """The first of several places beyond which nothing is to come, and what it tends to."""
+        sizes = np.sqrt(rows**2 @ self.curve.metric)
+        many = len(rows) >= MANY
+        if many and all(param.moves_on(rows[:, param.slot], sizes) for param in self.tendencies):
+            return None
+        for i, size in enumerate(sizes.tolist()):
+            gone, since = [], 0.0
+            for param in self.tendencies:
+                value, slope = float(rows[i, param.slot]), float(tangents[i, param.slot])
+                if param.passes(value, slope, size):
+                    gone.append(
+                        f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}"
+                    )
+                since = max(since, param.since)
+            if (gone or size > ENDLESS * since) and not self._bounded(rows[i], tangents[i], size):
+                limits = [
+                    f"{param.name} tends to {rows[i, param.slot]:.6g}" for param in self.tendencies
+                ]
+                grows = self._growing(rows[i]) or "the solution"
+                return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
+        return None
+
+    def towards(self, z: Array, tangent: Array) -> str:
+        """What there is to say of a curve that was walked as many steps as allowed, outwards."""
+        size, along = self.curve.length(z), z * self.curve.metric @ tangent
+        outwards = along > STRAIGHT * size > STRAIGHT * ENDLESS * self.first
+        if not outwards or self._bounded(z, tangent, size):
+            return ""
+        grows = self._growing(z)
+        window = grows or self.tendencies[-1].name  # of the solution a parameter tells how far
+        return (
+            f"{grows or 'the solution'} grows, and no window ends it; give one, "
+            f"within={{{window!r}: (low, high)}}"
+        )
+
+    def _growing(self, z: Array) -> str:
+        """What z mostly consists of; empty where that is internal."""
+        slots = self.curve.slots.items()
+        parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
+        most = max(parts, key=lambda name: parts[name])
+        return "" if most in self.curve.problem.internals else most
+
+    def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
+        """Whether a window says how far something may go that grows with z."""
+        for bound in self.bounds:
+            value, rate = bound.value(z), float(bound.row(z) @ tangent)
+            if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):
+                return True
+            if rate * size < SHARE * value <= 0.0 and math.isfinite(bound.low):
+                return True
+        return False

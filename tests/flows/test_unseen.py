@@ -1,0 +1,131 @@
+"""What a branch comes to and its start does not show: contacts, lost symmetries, flights that
+vanish, units of any size."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import contbreather as cb
+from contbreather.flows.flow import slopes
+
+TAU = 2 * np.pi
+
+
+def contact(t: Any, x: Any, p: Any) -> Any:
+    """A force of Hertz's kind beyond 1, which complex steps lose."""
+    deep = np.where(x[0] > 1, 20 * abs(x[0] - 1) ** 1.5, 0.0)
+    return [x[1], -0.1 * x[1] - x[0] - deep + p["F"] * np.cos(0.7 * t)]
+
+
+def test_slopes_are_right_where_a_force_begins_that_was_not_seen_at_first() -> None:
+    x, t = np.linspace([-1.0, 0.0], [0.9, 1.0], 50, axis=1), np.linspace(0, 5, 50)
+    slopes(contact, t, x, {"F": 1.0})
+    deep = slopes(contact, t, x + 1, {"F": 1.0})[1][1, 0]
+    np.testing.assert_allclose(deep, -1 - 30 * np.sqrt(np.maximum(x[0], 0.0)), rtol=1e-6, atol=1e-6)
+
+
+def test_contact_on_the_way_is_what_it_is_from_the_start() -> None:
+    def doublings(F: float) -> list[float]:
+        problem = cb.cycle(
+            lambda t, x, p: contact(t, x, p), {"x": 0.0, "v": 0.0}, {"F": F}, period=TAU / 0.7,
+            settle=90,
+        )  # fmt: skip
+        branch = cb.trace(problem, "F", within={"F": (0.5, 0.6)})
+        return [at["F"] for at in branch.special if at.kind == "PD"]
+
+    upwards = doublings(0.5)
+    assert len(upwards) == 2
+    # meshes differ, and no polynomial is like |x - 1|^1.5
+    assert upwards == pytest.approx(doublings(0.6), abs=1e-3)
+
+
+def test_a_function_serves_any_number_of_states() -> None:
+    def decay(t: Any, x: Any, p: Any) -> Any:
+        return -x + p["c"]
+
+    for start in ({"x": 1.0}, {"x": 1.0, "y": 1.0}):
+        rest = cb.equilibrium(decay, start, {"c": 1.0})
+        branch = cb.trace(rest, "c", within={"c": (0, 2)})
+        np.testing.assert_allclose(branch["x"], branch["c"], atol=1e-12)
+
+
+def test_half_of_a_forced_orbit_doubles_where_the_whole_loses_its_symmetry() -> None:
+    def duffing(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -0.1 * x[1] - x[0] ** 3 + p["F"] * np.cos(t)]
+
+    mirror = cb.Flow(duffing, reset=lambda t, x, p: [-x[0], -x[1]])
+    kinds = []
+    for flow, period, kind in ((mirror, np.pi, "PD"), (duffing, TAU, "BP")):
+        orbit = cb.cycle(flow, {"x": 1.0, "v": 0.0}, {"F": 2.2}, period=period, settle=60)
+        branch = cb.trace(orbit, "F", within={"F": (2.0, 2.5)}, towards="up")
+        arm = cb.switch(branch.first(kind), within={"F": (2.0, 3.6)})[0]
+        kinds.append([branch.first(kind)["F"], *(at["F"] for at in arm.special if at.kind == "LP")])
+    assert len(kinds[0]) == 3
+    assert kinds[0] == pytest.approx(kinds[1], rel=1e-8)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+def test_a_fold_is_where_it_is_whatever_the_unit_of_time(unit: float) -> None:
+    fall = cb.Flow(
+        lambda t, x, p: [x[1], -1 / unit**2],
+        until=lambda t, x, p: x[0] - p["A"] * np.sin(t / unit),
+        reset=lambda t, x, p: [x[0], -0.8 * x[1] + 1.8 * p["A"] / unit * np.cos(t / unit)],
+    )
+    ball = cb.cycle(
+        fall, {"y": 0.5, "v": 3.1 / unit}, {"A": 0.6}, period=TAU * unit, t0=0.9 * unit,
+        settle=40 * unit,
+    )  # fmt: skip
+    branch = cb.trace(ball, "A", within={"A": (0.3, 1.5)}, towards="down")
+    # pi (1 - e) / (1 + e)
+    assert branch.first("LP")["A"] == pytest.approx(np.pi / 9, rel=1e-9)
+    assert branch[-1]["A"] == 1.5
+
+
+def test_a_contact_without_impact_begins_at_grazing_in_one_and_in_two_parameters() -> None:
+    def free(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -0.1 * x[1] - x[0] + p["F"] * np.cos(p["w"] * t) + 0.2]
+
+    def stopped(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], free(t, x, p)[1] - 8 * (x[0] - 1)]
+
+    flows = [
+        cb.Flow(free, until=lambda t, x, p: 1 - x[0]),
+        cb.Flow(stopped, until=lambda t, x, p: x[0] - 1),
+    ]
+    params = {"F": 0.104, "w": 1.0}
+    orbit = cb.cycle(flows, {"x": 0.0, "v": 0.0}, params, period=lambda p: TAU / p["w"], settle=200)
+    branch = cb.trace(orbit, "F", within={"F": (0.02, 3)}, towards="down")
+    grazing = branch.special[-1]
+    curve = cb.boundary(grazing, ("w", "F"), within={"w": (0.95, 1.05)})
+    assert (grazing.kind, branch.doubtful, curve.stop.name) == ("GR", (), "BOUND")
+    # the linear motion reaches 1 = 0.2 + F / |1 - w^2 + 0.1 i w|
+    for at in (grazing, *curve):
+        w = at["w"]
+        assert at["F"] == pytest.approx(0.8 * abs(1 - w**2 + 0.1j * w), abs=1e-9)
+
+
+def test_a_cycle_begins_to_slide_where_it_touches_the_threshold() -> None:
+    def field(harvest: float) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            eaten = 0.3556 * x[0] / (0.33 + x[0])
+            return [x[0] * (1 - x[0]) - eaten * x[1], (eaten - p["d"] - harvest) * x[1]]
+
+        return f
+
+    system = cb.Filippov(field(0.2067), field(0.0), lambda t, x, p: x[1] - p["h"])
+    params, start = {"h": 2.43, "d": 0.0444}, {"u": 0.3, "v": 0.4}
+    mesh = cb.flows.Collocation(intervals=60)
+    orbit = cb.cycle(system, start, params, settle=200, collocation=mesh)
+    sliding = cb.trace(orbit, "h", within={"h": (2.4, 3.0)}, towards="up")
+    assert (sliding.special[-1].kind, sliding.doubtful) == ("SL", ())
+    # of the harvest that never begins: v is largest where v' = 0
+    free = solve_ivp(
+        lambda t, x: field(0.0)(t, x, params), (0, 1500), [0.3, 0.4], rtol=1e-12, atol=1e-13,
+        method="DOP853", events=lambda t, x: field(0.0)(t, x, params)[1],
+    )  # fmt: skip
+    largest = max(free.y_events[0][-4:, 1])
+    assert sliding.special[-1]["h"] == pytest.approx(largest, abs=1e-8)
