@@ -14,8 +14,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from .display import HtmlRepr
 from .fronts import front
+from .tables import HtmlRepr
 
 if TYPE_CHECKING:
     from . import certified as certified

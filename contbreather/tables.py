@@ -1,14 +1,16 @@
 """Numbers in a table that fits: fewer digits, then fewer columns, never half a number.
 
-What results show of themselves is such a table, in a terminal, a notebook and the explorer.
+What results show of themselves is such a table, in a terminal, a notebook and the explorer. A
+notebook shows a picture, too. These are drawn on a higher floor, and values must not know it: they
+ask a painter, which the front desk hands in.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
@@ -18,6 +20,20 @@ Cell = str | complex | None
 DIGITS = 12  # where there is room
 FEWEST = 4
 NOTHING = "\N{EN DASH}"
+
+
+class HtmlRepr:
+    """A value that notebooks show as a small picture and a table."""
+
+    __slots__ = ()
+    painter: ClassVar[Callable[[Any], str] | None] = None
+
+    def table(self) -> Sheet:
+        """What it consists of, for people: in a terminal, a notebook and the explorer."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str | None:
+        return None if HtmlRepr.painter is None else HtmlRepr.painter(self)
 
 
 @dataclass(frozen=True)

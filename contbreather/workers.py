@@ -24,9 +24,15 @@ from queue import SimpleQueue
 from typing import Any
 
 from .checks import whole
-from .errors import BadInput, ContbreatherError, NotConverged, add_partial_result, partial_result
+from .errors import (
+    BadInput,
+    ContbreatherError,
+    NotConverged,
+    add_partial_result,
+    deferred,
+    partial_result,
+)
 from .progress import Bar
-from .signals import deferred
 
 LARGEST = 8  # items that are sent together
 SHARES = 8  # into how many parts for each worker what is left is cut

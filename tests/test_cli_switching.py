@@ -10,7 +10,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, FAILED, INTERRUPTED
-from contbreather.cli.switch import _stretches
+from contbreather.cli.curves import _stretches
 
 from .typed import Run, strict, table
 

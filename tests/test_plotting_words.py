@@ -7,7 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from contbreather.plotting.labels import Labels, place_words
+from contbreather.plotting.canvas import Labels, place_words
 
 POINT = 100.0 / 72.0  # pixels, at the resolution of the figure below
 

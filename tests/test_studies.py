@@ -591,7 +591,7 @@ def test_every_key_of_a_study_reaches_the_library(
     }  # fmt: skip
     for name, calls in wanted.items():
         asked.clear()
-        tasks._COMPUTED[own[name].kind](own[name], tmp_path)
+        tasks.computed(own[name], tmp_path)
         assert asked == calls
 
 

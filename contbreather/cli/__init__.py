@@ -23,8 +23,8 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 VERBOSE = "--verbose"  # of every command
 STDOUT = "/dev/stdout"
 COMMANDS = {  # each a function of its name, in this module
-    "point": "branch", "branch": "branch", "boundary": "branch", "switch": "switch",
-    "diagram": "switch", "zones": "zones", "atlas": "zones", "simulate": "simulate",
+    "point": "curves", "branch": "curves", "boundary": "curves", "switch": "curves",
+    "diagram": "curves", "zones": "zones", "atlas": "zones", "simulate": "simulate",
     "figure": "packages", "explore": "packages", "show": "show", "extend": "show",
     "run": "packages",
 }  # fmt: skip

@@ -128,8 +128,15 @@ class Output:
         typed = {"--csv": self.csv, "--save": self.kept}
         typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
         written = {option: path for option, path in typed.items() if path is not None}
-        for option, path in written.items():
-            _check_place(option, path)
+        for option, path in written.items():  # what is kept and a figure have names of their sort
+            if option == "--save":
+                from contbreather.storage.netcdf import target_of
+
+                target_of(path)
+            elif option == "--output":
+                cb.plotting.canvas.figure_path(path)
+            else:
+                writable(path)
         taken = {identity(path): name for name, path in (read or {}).items() if path is not None}
         taken[identity(1)] = "standard output"
         if self.json:
@@ -195,18 +202,6 @@ class SavedRun(SavedOutput):
         Keep the run in this file when it has ended, for show and load; --stream keeps one as it
         goes on.
     """
-
-
-def _check_place(option: str, path: str) -> None:
-    """What is kept, a figure and a table each have names of their own sort."""
-    if option == "--save":
-        from contbreather.storage.netcdf import target_of
-
-        target_of(path)
-    elif option == "--output":
-        cb.plotting.canvas.figure_path(path)
-    else:
-        writable(path)
 
 
 # --- branches -----------------------------------------------------------------------------------

@@ -73,8 +73,7 @@ def explore(
     headless
         Do not open a browser.
     """
-    from contbreather.explorer import Explorer
-    from contbreather.explorer.server import server_for
+    from contbreather.explorer import Explorer, server_for
 
     with computing():
         explorer = Explorer(run=run, k=k)

@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import contbreather as cb
-from contbreather.cli.branch import curve_entry, leave
+from contbreather.cli.curves import arms_entry, curve_entry, diagram_entry, leave
 from contbreather.cli.options import Axes, Span, Whole, typed_interval
 from contbreather.cli.output import (
     Output,
@@ -23,7 +23,9 @@ from contbreather.cli.output import (
     table_of,
 )
 from contbreather.cli.process import until_interrupted
-from contbreather.cli.run_summary import judged, summary_of
+from contbreather.cli.simulate import content, judged, strobe_table, summary_of
+from contbreather.cli.simulate import draw as draw_run
+from contbreather.cli.zones import curves_table, zones_entry, zones_lines
 from contbreather.errors import BadInput
 from contbreather.files import identity
 from contbreather.parameters import NEEDED
@@ -57,10 +59,10 @@ def show(
     else:
         lines, what = iter([results.table()]), {}
     into.leave(
-        lambda: {"path": str(results.path), **what, **_as_left(chosen)[0]()},
+        lambda: {"path": str(results.path), **what, **_as_left(chosen, axes).entry()},
         lines,
-        lambda: _as_left(chosen)[1](),
-        lambda: _drawn(chosen, axes),
+        lambda: _as_left(chosen, axes).table(),
+        lambda: _as_left(chosen, axes).draw(),
     )
 
 
@@ -110,7 +112,7 @@ def extend(
         cb.extend, branch, end=end, within=within, steps=steps, save=inner
     )
     file.finish({**others, key: longer})
-    leave(longer, "branch", {"free": branch.free}, into, cut)
+    leave(longer, "branch", into, cut, entry=lambda x: {"free": x.free, **branch_entry(x)})
 
 
 def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
@@ -142,8 +144,6 @@ def _described(result: Any) -> str:
 
 
 def _lines(result: Any) -> Iterator[object]:
-    from contbreather.cli.zones import zones_lines
-
     if isinstance(result, cb.Branch):
         yield from lines_of(result)
     elif isinstance(result, cb.orbits.Zones):
@@ -173,44 +173,59 @@ def _in_words(point: cb.continuation.Point, value: Any) -> str:
     return ", ".join(words)
 
 
-def _as_left(by_name: Mapping[str, Any]) -> tuple[Callable[[], Any], Callable[[], Table]]:
-    """Results for JSON and for CSV: as the command that leaves such makes them, those of several
-    commands each by its name."""
-    from contbreather.cli import simulate, switch, zones
+class _Left(NamedTuple):
+    """Results as the command that leaves such makes them: for JSON, for CSV, as a figure."""
+
+    entry: Callable[[], Mapping[str, Any]]
+    table: Callable[[], Table]
+    draw: Callable[[], Any]
+
+
+def _as_left(by_name: Mapping[str, Any], axes: Axes) -> _Left:
+    """Results of one command together, those of several each by its name."""
     from contbreather.continuation.diagram import Diagram
 
-    results = list(by_name.values())
-    first: Any = results[0]
-    if all(isinstance(result, cb.orbits.Zones) and any(result) for result in results):
-        return partial(zones.zones_entry, results), partial(zones.curves_table, results)
-    if all(re.fullmatch(r"arm\d+", name) and _is_arm(result) for name, result in by_name.items()):
-        return partial(switch.arms_entry, results), partial(branch_table, results, "arm", 1)
+    results: list[Any] = list(by_name.values())
+    stacked, draw = partial(_stacked, by_name), partial(_branches_drawn, results, axes)
+    if all(isinstance(result, cb.orbits.Zones) for result in results):
+        draw = partial(cb.plotting.plot_zones, results)
+        if all(map(any, results)):
+            return _Left(partial(zones_entry, results), partial(curves_table, results), draw)
+    if all(_is_arm(name, result) for name, result in by_name.items()):
+        return _Left(partial(arms_entry, results), partial(branch_table, results, "arm", 1), draw)
     if len(results) > 1:
-        return partial(_each, by_name), partial(_stacked, by_name)
-    match first:
-        case cb.Branch():
-            return lambda: {**curve_entry(first), **branch_entry(first)}, partial(
-                branch_table, results
-            )
-        case Diagram():
-            branches = first.branches
-            return partial(switch.diagram_entry, first), partial(branch_table, branches, "branch")
-        case cb.simulation.SimulationRun() | cb.simulation.SmoothRun():
-            on, summary = first.conditions, summary_of(first)
-            params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
-            m = getattr(on, "m", None)
-            table = partial(simulate.strobe_table, summary)
-            return lambda: simulate.content(judged(summary), params, m), table
-    return partial(_special, first), partial(_stacked, by_name)
+        return _Left(partial(_each, by_name, axes), stacked, draw)
+    match results[0]:
+        case cb.Branch() as branch:
+            return _Left(partial(curve_entry, branch), partial(branch_table, [branch]), draw)
+        case Diagram() as tree:
+            table = partial(branch_table, tree.branches, "branch")
+            draw = partial(cb.plotting.plot_diagram, tree)
+            return _Left(partial(diagram_entry, tree), table, draw)
+        case cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run:
+            hits = getattr(run, "impacts", {"site": ()})["site"]
+            draw = partial(draw_run, run, int(hits[0]) if len(hits) else 0)  # its site hits first
+            return _Left(partial(_run_entry, run), partial(strobe_table, summary_of(run)), draw)
+        case other:
+            return _Left(partial(_special, other), stacked, draw)
 
 
-def _is_arm(result: Any) -> bool:
+def _run_entry(run: Any) -> dict[str, Any]:
+    on = run.conditions
+    params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
+    return content(judged(summary_of(run)), params, getattr(on, "m", None))
+
+
+def _is_arm(name: str, result: Any) -> bool:
     """Whether it left a branch of breathers."""
-    return isinstance(result, cb.Branch) and result[0].parent is not None and bool(lives_on(result))
+    arm = re.fullmatch(r"arm\d+", name) and isinstance(result, cb.Branch) and result[0].parent
+    return bool(arm and lives_on(result))
 
 
-def _each(by_name: Mapping[str, Any]) -> dict[str, Any]:
-    entries = {name: _entry(one) | _as_left({"": one})[0]() for name, one in by_name.items()}
+def _each(by_name: Mapping[str, Any], axes: Axes) -> dict[str, Any]:
+    entries = {
+        name: {**_entry(one), **_as_left({"": one}, axes).entry()} for name, one in by_name.items()
+    }
     return {"results": entries}
 
 
@@ -241,19 +256,8 @@ def _stacked(by_name: Mapping[str, Any]) -> Table:
     return table_of({name: column for name, column in columns if column.ndim == 1})
 
 
-def _drawn(by_name: Mapping[str, Any], axes: Axes) -> Any:
-    from contbreather.cli.simulate import draw
-    from contbreather.continuation.diagram import Diagram
-
-    values = list(by_name.values())
-    if all(isinstance(value, cb.orbits.Zones) for value in values):
-        return cb.plotting.plot_zones(values)[0]
-    if len(values) == 1 and isinstance(values[0], Diagram):
-        return cb.plotting.plot_diagram(values[0])
-    if len(values) == 1 and isinstance(values[0], cb.plotting.runs.RUNS):
-        hits = getattr(values[0], "impacts", {"site": ()})["site"]
-        return draw(values[0], int(hits[0]) if len(hits) else 0)  # a breather's site hits first
-    branches = [value for value in values if isinstance(value, cb.Branch)]
+def _branches_drawn(results: list[Any], axes: Axes) -> Any:
+    branches = [result for result in results if isinstance(result, cb.Branch)]
     if not branches:
         raise BadInput("--output: only branches, diagrams, zones and runs are drawn; name one")
     return axes.plot(*branches)

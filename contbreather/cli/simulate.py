@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
@@ -25,14 +25,6 @@ from contbreather.cli.output import (
     to_json,
 )
 from contbreather.cli.process import computing, end
-from contbreather.cli.run_summary import (
-    RunSummary,
-    judged,
-    periods_gone,
-    periods_in_words,
-    summary_in,
-    summary_of,
-)
 from contbreather.errors import BadInput
 from contbreather.files import read_text, write_csv, write_whole
 from contbreather.parameters import NEEDED
@@ -41,12 +33,16 @@ from contbreather.tables import Sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from contbreather.simulation.integrator import Chunk
     from contbreather.simulation.simulate import SmoothRun
+
+    Ran = cb.simulation.SimulationRun | SmoothRun
 
 SITES = 20  # the paper's ring
 WINDOW = 6  # periods drawn densely
 CLOSE = 0.05  # an impact so close to t = 0 is at the end of a period
-VERDICT = ("kind", "motion", "reason", "evidence")
+JUDGED = 4096  # periods that a verdict looks at, at most
+ENOUGH = 50  # and at least
 WANTED = "JSON with u, v and t, or two columns u and v were expected"
 IMPACTS = ("time", "period", "phase", "site", "wall", "before", "after", "acceleration")
 
@@ -136,7 +132,7 @@ class RunOptions:
             if self.stream is not None:
                 count = int(self.periods)
                 recording = cb.simulation.record(self.stream, pushed, periods=count, **shared)
-                return summary_in(recording, count, where.site)
+                return summary_of(recording.last(2 * JUDGED), where.site, recording, count)
             shared |= {"noise": self.noise, "seed": self.seed, "periods": self.periods}
             return summary_of(cb.simulate(pushed, **shared), where.site)
 
@@ -230,11 +226,127 @@ def simulate(
         say(f"{lattice[0].upper()}{lattice[1:]}, {walls}, {periods_in_words(length)}", aside=aside)
         if rows := list(_rows(summary, options)):
             say(Sheet.of(rows), aside=aside)
-        lines = [summary.reason]
+        lines = [summary.verdict["reason"]]
         if summary.interrupted or summary.stop != "went through all its periods":
             lines.append(summary.stop)
         say(*sentences(lines), *(f"Wrote {path}." for path in written), aside=aside)
     end(summary.interrupted)
+
+
+# --- what it shows --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """A run (of a stream its last periods), how it ended, and what it is in the end. What took long
+    to simulate is on disk before it is judged."""
+
+    run: Ran
+    site: int
+    periods: int
+    interrupted: bool
+    stop: str
+    stream: cb.simulation.Recording | None = None
+    by_site: dict[int, int] | None = None
+    lost: int | None = None
+    verdict: dict[str, Any] = field(
+        default_factory=lambda: _undecided("no verdict: interrupted before it was found")
+    )
+
+    def chunks(self) -> Iterator[Chunk]:
+        """All of it; a stream piece by piece, so that memory does not grow with its length."""
+        if self.stream is None:
+            from contbreather.simulation.integrator import Chunk
+
+            u, v = (row[1:] for row in self.run.strobe)
+            hits: dict[str, Any] = (
+                {"impacts": self.run.impacts} if hasattr(self.run, "impacts") else {}
+            )
+            yield Chunk(0, u, v, u[:0], v[:0], **hits)
+            return
+        for chunk in self.stream.chunks():
+            chunk.impacts["time"] += self.stream.t0
+            yield chunk
+
+
+def summary_of(
+    run: Ran, site: int = 0, stream: cb.simulation.Recording | None = None, wanted: int = 0
+) -> RunSummary:
+    """A run, or the end of one on disk, and how it ended, not judged yet."""
+    stop = getattr(run, "reason", "") or run.stop.value
+    if stream is None:
+        interrupted = run.stop is cb.simulation.RunStop.INTERRUPTED
+        return RunSummary(run, site, run.periods, interrupted, stop)
+    if stream.interrupted:
+        stop = f"interrupted after {stream.periods} of {wanted} periods; the same command goes on"
+    return RunSummary(run, site, stream.periods, stream.interrupted, stop, stream)
+
+
+@computing()
+def judged(summary: RunSummary) -> RunSummary:
+    """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
+    try:
+        if hasattr(summary.run, "impacts"):
+            counts = Counter[int]()
+            for chunk in summary.chunks():
+                counts.update(chunk.impacts["site"].tolist())
+            summary = replace(summary, by_site=dict(sorted(counts.items())), lost=_lost_in(summary))
+        verdict = _judged(summary.run)
+    except KeyboardInterrupt:
+        return replace(summary, interrupted=True)
+    return replace(summary, verdict=verdict)
+
+
+def _lost_in(summary: RunSummary) -> int | None:
+    """After which period it was no breather any more, if ever."""
+    import numpy as np
+
+    from contbreather.paper.lifetimes import unlike_a_breather
+
+    wall = 0
+    for chunk in summary.chunks():
+        wrong = unlike_a_breather(chunk.impacts, chunk.periods, chunk.first, wall, summary.site)
+        gone = np.flatnonzero(wrong)
+        if gone.size:
+            return chunk.first + int(gone[0])
+        wall = int(chunk.impacts["wall"][-1]) if chunk.impacts.size else wall
+    return None
+
+
+def _judged(run: Ran) -> dict[str, Any]:
+    """Kind, sentence and evidence from the later half of a run."""
+    from contbreather.simulation.classify import judge
+
+    half = min(JUDGED, run.periods // 2)
+    if run.stop is cb.simulation.RunStop.CHATTER:
+        return _undecided("it ends before a period of too many impacts")
+    if half < ENOUGH:
+        length = periods_gone(run)
+        words = f"{periods_in_words(length)} {'is' if length == 1 else 'are'} too few"
+        return _undecided(f"no verdict: {words}, give at least {2 * ENOUGH}")
+    verdict: Any
+    try:
+        verdict = judge(run.since(run.periods - half))
+    except cb.errors.ContbreatherError as error:
+        return _undecided(f"no verdict: {error}")
+    kinds = {"kind": verdict.kind.name, "motion": verdict.motion.name}
+    return {**kinds, "reason": str(verdict), "evidence": dict(verdict.evidence)}
+
+
+def _undecided(reason: str) -> dict[str, Any]:
+    return {"kind": "UNDECIDED", "motion": "UNDECIDED", "reason": reason, "evidence": {}}
+
+
+def periods_gone(run: Ran) -> float:
+    """How many periods it went, the fraction at its end included."""
+    from contbreather.simulation.states import PERIOD
+
+    return run.periods + round((run.end - float(run.times[-1])) / PERIOD, 6)
+
+
+def periods_in_words(count: float) -> str:
+    """So many periods, in numbers."""
+    return "1 period" if count == 1 else f"{count:.12g} periods"
 
 
 # --- what is left ---------------------------------------------------------------------------------
@@ -243,7 +355,10 @@ def simulate(
 def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator[Any]:
     """What goes on from here first: large tables take long enough to be interrupted."""
     if options.final is not None:
-        yield write_state(options.final, summary.run.final, summary.run.end)
+        state = summary.run.final
+        last = {"t": float(summary.run.end), "u": state.u.tolist(), "v": state.v.tolist()}
+        text = json.dumps(last, allow_nan=False) + "\n"
+        yield write_whole(options.final, lambda file: file.write(text.encode()))
     if into.save is not None:
         cb.save(into.save, run=summary.run)
         yield into.save
@@ -254,13 +369,6 @@ def _files(summary: RunSummary, options: RunOptions, into: SavedRun) -> Iterator
         yield write_csv(options.impacts, IMPACTS, rows)
     if into.output is not None:
         yield to_figure(into.output, lambda: draw(summary.run, summary.site))
-
-
-def write_state(path: str, state: cb.simulation.State, t: float) -> Path:
-    """JSON with u, v and t, all digits."""
-    content = {"t": float(t), "u": state.u.tolist(), "v": state.v.tolist()}
-    text = json.dumps(content, allow_nan=False) + "\n"
-    return write_whole(path, lambda file: file.write(text.encode()))
 
 
 def strobe_table(summary: RunSummary) -> Table:
@@ -285,7 +393,7 @@ def _strobes(summary: RunSummary) -> Iterator[list[float]]:
             yield [period, t0 + PERIOD * period, *u[i].tolist(), *v[i].tolist()]
 
 
-def draw(run: cb.simulation.SimulationRun | SmoothRun, site: int = 0) -> Figure:
+def draw(run: Ran, site: int = 0) -> Figure:
     """The last periods of three sites, the section of one, and how localised it was."""
     plotting = cb.plotting
     titles = ["the last periods", "once in a period, later half", "where the energy is"]
@@ -330,7 +438,7 @@ def content(summary: RunSummary, params: Mapping[str, Any], m: float | None) -> 
         "stop": summary.stop,
         "interrupted": summary.interrupted,
         "noise": getattr(run, "noise", 0.0),
-        "verdict": {name: getattr(summary, name) for name in VERDICT},
+        "verdict": summary.verdict,
         "final": {"t": run.end, "u": run.final.u, "v": run.final.v},
     }
     if summary.by_site is not None:
@@ -355,10 +463,11 @@ def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]
         if options.start is None:
             lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
             yield "breather kept for", lost
-    if "return" in summary.evidence:
-        count = int(summary.evidence["periods"])
+    evidence = summary.verdict["evidence"]
+    if "return" in evidence:
+        count = int(evidence["periods"])
         after = "a period" if count == 1 else f"{count} periods"
-        yield f"returns after {after} to", f"{summary.evidence['return']:.2g}"
+        yield f"returns after {after} to", f"{evidence['return']:.2g}"
     for name, (words, shape) in WORDS.items():
-        if name in summary.evidence:
-            yield words, shape.format(summary.evidence[name])
+        if name in evidence:
+            yield words, shape.format(evidence[name])

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from ..checks import check_kind, shown
 from ..columns import Columns
-from ..display import HtmlRepr
 from ..errors import BadInput
-from ..tables import Column, Sheet
+from ..tables import Column, HtmlRepr, Sheet
 from .curve import Curve
 from .newton import Array
 from .point import Point, UnstableDimension

@@ -13,11 +13,10 @@ import numpy as np
 
 from ..checks import whole
 from ..columns import Columns, stacked
-from ..display import HtmlRepr
 from ..errors import ContbreatherError, NotConverged, add_partial_result, partial_result
 from ..progress import Counter
 from ..storage.serialise import serialised
-from ..tables import Column, Sheet
+from ..tables import Column, HtmlRepr, Sheet
 from .branch import Branch, Stop
 from .checkpoint import Checkpoint, Inner, Save, checkpoint
 from .duplicates import Duplicate, duplicate_of, same_place, simplest

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import check_kind, flag, number
-from ..display import HtmlRepr
 from ..errors import BadInput
 from ..storage.serialise import serialised
-from ..tables import Sheet
+from ..tables import HtmlRepr, Sheet
 from .compiled_steps import Loops
 from .curve import Curve
 from .newton import Array

@@ -8,11 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..display import HtmlRepr
 from ..errors import BadInput, ContbreatherError
 from ..files import named
 from ..storage.netcdf import check_names, read_file
-from ..tables import Column, Sheet
+from ..tables import Column, HtmlRepr, Sheet
 from . import diagram  # noqa: F401 - enters diagrams
 from .branch_from_dict import result_from_dict
 from .checkpoint import write_results

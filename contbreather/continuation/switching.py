@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import kind_of
-from ..display import HtmlRepr
 from ..errors import BadInput, NotConverged, add_partial_result
 from ..progress import Counter
-from ..tables import Column, Sheet
+from ..tables import Column, HtmlRepr, Sheet
 from .branch import Branch, Stop, labelled
 from .checkpoint import Checkpoint, Inner, Save, checkpoint, piece_of
 from .curve import Curve

@@ -1,16 +1,25 @@
 """The explorer: zones, branches and breathers to click through, in a browser or a notebook.
 
 What is seen is one frozen value; an `Explorer` holds the present one and changes it, pages show it.
-Panel and Bokeh, the extra `explorer`, are imported only where a page is made.
+Panel and Bokeh, the extra `explorer`, are imported only where a page is made. In a browser it is a
+server on this machine that ends with Ctrl-C.
 """
 
 from __future__ import annotations
 
+import logging
+import socket
+from collections.abc import Sequence
 from typing import Any
 
+from contbreather.checks import whole
+from contbreather.errors import BadInput
 from contbreather.explorer.session import Session
 
-__all__ = ["Explorer"]
+__all__ = ["Explorer", "server_for"]
+
+LOOPBACK = "127.0.0.1"
+HIGHEST = 65535
 
 
 class Explorer(Session):
@@ -64,3 +73,79 @@ class Explorer(Session):
 
     def __repr__(self) -> str:
         return f"<Explorer {self.state.title}: {len(self.state.curves)} curves>"
+
+
+def server_for(
+    explorer: Session, *, port: int = 0, address: str = LOOPBACK, origins: Sequence[str] = ()
+) -> tuple[Any, str]:
+    """A server that is not running yet, and where a browser finds it.
+
+    Parameters
+    ----------
+    explorer : Session
+        The one that every page shows.
+    port : int
+        Any free one unless given.
+    address : str
+        This machine alone unless given.
+    origins : sequence of str
+        ``HOST:PORT`` of pages from elsewhere that may talk to it; those of the server itself may.
+
+    Raises
+    ------
+    BadInput
+        If the port is taken or the address is not one of this machine, an origin is none, or Panel
+        is missing.
+    """
+    panel = _panel()
+    from bokeh.server.util import create_hosts_allowlist
+
+    if whole("port", port, 0) > HIGHEST:
+        raise BadInput(
+            f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
+        )
+    port = _free(address, port)
+    for origin in origins:
+        try:
+            create_hosts_allowlist([origin], port)
+        except ValueError as error:
+            raise BadInput(
+                f"origin {origin!r}: HOST:PORT was expected, example.org:80 for instance"
+            ) from error
+    own_origins = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
+    from contbreather.explorer.page import in_template
+
+    # that a page was closed, or loaded again, while something was sent to it is no trouble
+    logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+    server = panel.io.server.get_server(
+        {"/": lambda: in_template(explorer)}, port=port, address=address, start=False, show=False,
+        websocket_origin=[*own_origins, *origins], title="contbreather explorer", verbose=False,
+    )  # fmt: skip
+    return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
+
+
+def _panel() -> Any:
+    try:
+        import panel
+    except ModuleNotFoundError as error:
+        raise BadInput(
+            f"the explorer needs {error.name}, which is not installed: "
+            "pip install 'contbreather[explorer]'"
+        ) from error
+    return panel
+
+
+def _free(address: str, port: int) -> int:
+    """The port, or a free one for 0; asked before anything is loaded for it."""
+    try:
+        info = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(info[0], info[1]) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(info[4])
+            return int(probe.getsockname()[1])
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise BadInput(
+            f"cannot listen at {address}, port {port}: {reason}; choose another port, or 0 for "
+            "any that is free"
+        ) from error

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from html import escape
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -116,13 +117,8 @@ class Field:
         BadInput
             If it cannot be read; the field says so.
         """
-        try:
-            value = self.read(self.input.value or "")
-        except BadInput as error:
-            self.trouble.say(str(error))
-            raise
-        self.trouble.say("")
-        return value
+        with said(self.trouble):
+            return self.read(self.input.value or "")
 
 
 class Words:
@@ -161,6 +157,17 @@ class ErrorLabel(Words):
         """Another sentence, or none."""
         html = f'<div class="trouble" role="alert">{escape(sentence)}</div>'
         self.show(html if sentence else "")
+
+
+@contextmanager
+def said(trouble: ErrorLabel) -> Iterator[None]:
+    """Have a label say why something was refused, or nothing."""
+    try:
+        yield
+    except BadInput as error:
+        trouble.say(str(error))
+        raise
+    trouble.say("")
 
 
 def tried(do: Callable[[], object], say: Callable[[str], object]) -> None:
@@ -242,7 +249,9 @@ class PageForms:
     def _breather(self) -> Any:
         name, value = self.explorer.state.fixed
         first = {"a": "0.5", "gamma": "0.08", "k": "0.8", "site": "0", name: f"{value:g}"}
-        how = {"lattice": optional(self._lattice, ""), "site": a_count("site", 0, MOST - 1)}
+        known = self.explorer.lattices  # of one that a curve brought the field has the description
+        lattice = optional(lambda text: text if text in known else a_lattice(text), "")
+        how = {"lattice": lattice, "site": a_count("site", 0, MOST - 1)}
         self.breather = {
             name: of_the_model(name, first.get(name, ""), how.get(name, str.strip))
             for name in (*NEEDED, "forcing", "lattice", "site", "spring", "damping", "walls")
@@ -252,10 +261,6 @@ class PageForms:
         self.breather["root"] = Field("root, by p", "", root, hint="upper")
         button = "Show", self.explorer.choose_typed, self.breather
         return self._card("Breather", in_rows(self.breather.values(), 2), button)
-
-    def _lattice(self, text: str) -> str:
-        """As it was typed; of a lattice that a curve brought its description."""
-        return text if text in self.explorer.lattices else a_lattice(text)
 
     # --- walks ------------------------------------------------------------------------------------
 
@@ -268,33 +273,34 @@ class PageForms:
         }
         self.free.param.watch(self._usual_window, "value")
         fields = pn.Row(self.free, *(field.view for field in self.window.values()), margin=0)
-        return self._card("Continue from here", fields, ("Continue", self._walk, self.window))
+
+        def trace(low: float, high: float) -> None:
+            self._begin(jobs.traced, self.free.value, (low, high))
+
+        return self._card("Continue from here", fields, ("Continue", trace, self.window))
+
+    def _begin(self, job: Callable[..., jobs.Computation], *typed: Any, **more: Any) -> None:
+        self.explorer.begin(job(self.explorer.chosen, *typed, **more))
 
     def _usual_window(self, event: Any) -> None:
         for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
             field.input.value = f"{end:g}"
-
-    def _walk(self, low: float, high: float) -> None:
-        self.explorer.begin(jobs.traced(self.explorer.chosen, self.free.value, (low, high)))
 
     # --- special points ---------------------------------------------------------------------------
 
     def _special(self) -> Any:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
         self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
+
+        def trace() -> None:
+            self._begin(jobs.bounded, (self.first.value, self.second.value), REACH)
+
         return self._card(
             "From a special point",
-            ("Switch branch here", self._switch, {}),
+            ("Switch branch here", lambda: self._begin(jobs.switched), {}),
             pn.Row(self.first, self.second, margin=0),
-            ("Trace this boundary", self._trace, {}),
+            ("Trace this boundary", trace, {}),
         )
-
-    def _switch(self) -> None:
-        self.explorer.begin(jobs.switched(self.explorer.chosen))
-
-    def _trace(self) -> None:
-        pair = self.first.value, self.second.value
-        self.explorer.begin(jobs.bounded(self.explorer.chosen, pair, REACH))
 
     # --- simulation -------------------------------------------------------------------------------
 
@@ -304,12 +310,12 @@ class PageForms:
             "periods": Field("periods", "100", a_count("periods", 1, MANY)),
             "push": Field("push", "0.001", a_number("push", -10.0, 10.0, "a small velocity")),
         }
-        button = "Simulate from here", self._simulate, self.length
-        return self._card("Simulation", in_rows(self.length.values(), 3), button)
 
-    def _simulate(self, **typed: Any) -> None:
-        watched = self.explorer.state.sites
-        self.explorer.begin(jobs.simulated(self.explorer.chosen, **typed, watched=watched))
+        def simulate(**typed: Any) -> None:
+            self._begin(jobs.simulated, **typed, watched=self.explorer.state.sites)
+
+        button = "Simulate from here", simulate, self.length
+        return self._card("Simulation", in_rows(self.length.values(), 3), button)
 
     # --- what is kept -----------------------------------------------------------------------------
 
@@ -326,24 +332,19 @@ class PageForms:
             callback=lambda: StringIO(self.explorer.script()), filename="explored.py",
             label="Export Python code", **BUTTON,
         )  # fmt: skip
+
+        def renamed(_: object) -> None:
+            self.figure.filename = f"{self.what.value}{self.suffix.value}"
+
         for select in (self.what, self.suffix):
-            select.param.watch(self._renamed, "value")
+            select.param.watch(renamed, "value")
         which = pn.Row(self.what, self.suffix, margin=0)
         button = "Save all curves", self._save, {"path": self.file}
         return self._card("Keep", self.file.view, button, which, self.figure, self.script)
 
-    def _renamed(self, _: object) -> None:
-        self.figure.filename = f"{self.what.value}{self.suffix.value}"
-
     def _figure(self) -> BytesIO:
-        trouble = self.troubles["Keep"]
-        try:
-            drawn = BytesIO(self.explorer.figure(self.what.value, self.suffix.value))
-        except BadInput as error:
-            trouble.say(str(error))
-            raise
-        trouble.say("")
-        return drawn
+        with said(self.troubles["Keep"]):
+            return BytesIO(self.explorer.figure(self.what.value, self.suffix.value))
 
     def _save(self, path: str) -> None:
         if path not in ("", self.replaced) and Path(path).exists():

@@ -27,7 +27,7 @@ from contbreather.explorer.state import Chosen
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
 from contbreather.orbits.closed_form import symmetric
-from contbreather.progress import INTERVAL, Bar, Counter
+from contbreather.progress import INTERVAL, Counter
 from contbreather.simulation.classify import judge
 from contbreather.simulation.integrator import RunStop, Sample
 from contbreather.simulation.simulate import SimulationRun, simulate
@@ -38,55 +38,28 @@ MOMENTS = 32  # in a period, at which a simulation is seen
 JUDGED = 300  # sites at most of a run that is judged
 
 
-class Counted(Counter):
-    """Points of a walk, counted for `say`; a stop ends the walk."""
+class Progress(Counter):
+    """What work gets to tell `say` how far it is, by points of a walk or periods of a run; a stop
+    ends it there."""
 
-    def __init__(self, say: Say, stop: threading.Event) -> None:
+    def __init__(self, say: Say) -> None:
         super().__init__(True)
-        self.say, self.stop, self.after = say, stop, 0.0
+        self.say, self.stop, self.after = say, threading.Event(), 0.0
 
-    def advance(self, point: Point, count: int = 1) -> None:
-        """Count points, or stop the walk."""
+    def advance(self, done: Any, count: int = 1) -> None:
+        """Count points, say how many periods are done, or stop the work."""
         if self.stop.is_set():
             raise KeyboardInterrupt
-        super().advance(point, count)
+        if isinstance(done, Point):
+            super().advance(done, count)
+        else:
+            self.show(f"{done} of {self.total} {self.unit}")
 
     def show(self, text: str, done: int | None = None) -> None:
         """Say it, unless something was said a moment ago."""
         if self.due:
             self.after = time.monotonic() + INTERVAL
             self.say(text)
-
-
-class Periods(Bar):
-    """Periods of a simulation, counted for `say`; a stop ends the run."""
-
-    def __init__(self, say: Say, stop: threading.Event, total: int) -> None:
-        super().__init__(True, total)
-        self.say, self.stop, self.after = say, stop, 0.0
-
-    def advance(self, done: int) -> None:
-        """Say how many are done, unless that was said a moment ago, or stop the run."""
-        if self.stop.is_set():
-            raise KeyboardInterrupt
-        if self.due:
-            self.after = time.monotonic() + INTERVAL
-            self.say(f"{done} of {self.total} {self.unit}")
-
-
-class Progress:
-    """What work gets to say how far it is."""
-
-    def __init__(self, say: Say) -> None:
-        self.say, self.stop = say, threading.Event()
-
-    def points(self) -> Counted:
-        """For walks: `trace`, `switch`, `boundary`, `zones`."""
-        return Counted(self.say, self.stop)
-
-    def periods(self, total: int) -> Periods:
-        """For `simulate`."""
-        return Periods(self.say, self.stop, total)
 
 
 Job = Callable[[Progress], Any]
@@ -228,7 +201,7 @@ def traced(chosen: Chosen, free: str, window: Window) -> Computation:
     code = f'cb.trace({chosen.code}, "{free}", within={within})'
     return Computation(
         f"branch in {free}", "branch", code,
-        lambda progress: trace(start, free, within=within, progress=progress.points()),
+        lambda progress: trace(start, free, within=within, progress=progress),
     )  # fmt: skip
 
 
@@ -237,7 +210,7 @@ def switched(chosen: Chosen) -> Computation:
     point = _special(chosen, "to switch at")
     return Computation(
         f"arms of {point.label}", "arms", f"cb.switch({chosen.code})",
-        lambda progress: switch(point, progress=progress.points()),
+        lambda progress: switch(point, progress=progress),
     )  # fmt: skip
 
 
@@ -248,7 +221,7 @@ def bounded(chosen: Chosen, pair: tuple[str, str], within: Mapping[str, Window])
     return Computation(
         f"boundary of {point.label}", "line",
         f"cb.boundary({chosen.code}, {pair}, within={windows})",
-        lambda progress: boundary(point, pair, within=windows, progress=progress.points()),
+        lambda progress: boundary(point, pair, within=windows, progress=progress),
     )  # fmt: skip
 
 
@@ -274,10 +247,9 @@ def simulated(
     def job(progress: Progress) -> Any:
         u, v = (np.array(x) for x in orbit.state())
         v[site] += push
-        shown = progress.periods(periods)
-        run = simulate(
-            (u, v), **vars(orbit.conditions), periods=periods, sample=sample, progress=shown
-        )
+        progress.total = periods
+        how: dict[str, Any] = {"periods": periods, "sample": sample, "progress": progress}
+        run = simulate((u, v), **vars(orbit.conditions), **how)
         fate(run)  # here, not where pages are drawn
         return run
 

@@ -84,8 +84,7 @@ class Page:
         theme = DARK if pn.config.theme == "dark" else LIGHT
         self.zones, self.branches = ZonesView(theme), BranchView(theme)
         self.profile, self.multipliers = ProfileView(theme), MultipliersView(theme)
-        self.motion = MotionView(theme, "t/2π")
-        self.run = MotionView(theme, "t/2π")
+        self.motion, self.run = MotionView(theme), MotionView(theme)
         self.forms = PageForms(explorer)
         self.moved: list[Any] = []  # widgets that persons move
         self._moves = 0
@@ -121,6 +120,7 @@ class Page:
             self.zones.figure.on_event(tap, self._zones_tapped)
 
     def _branch_controls(self) -> None:
+        explorer = self.explorer
         self.x, self.y = (pn.widgets.Select(label=name, width=90) for name in "xy")
         self.curve = pn.widgets.Select(label="curve", width=230)
         self.label = pn.widgets.Select(
@@ -130,14 +130,17 @@ class Page:
         self.shown = pn.widgets.CheckBoxGroup(label="curves", inline=True)
         self.remove = pn.widgets.Button(label="Remove curve", width=120, stylesheets=[FOCUSED])
         self.undo = pn.widgets.Button(label="Undo", width=80, stylesheets=[FOCUSED])
-        self.remove.on_click(lambda _: self.explorer.remove(self.curve.value))
-        self.undo.on_click(lambda _: tried(self.explorer.undo, self._tell))
-        self._on(self.x, lambda x: self.explorer.change(axes=(x, self.y.value)))
-        self._on(self.y, lambda y: self.explorer.change(axes=(self.x.value, y)))
+        self.remove.on_click(lambda _: explorer.remove(self.curve.value))
+        self.undo.on_click(lambda _: tried(explorer.undo, self._tell))
+        self._on(self.x, lambda x: explorer.change(axes=(x, self.y.value)))
+        self._on(self.y, lambda y: explorer.change(axes=(self.x.value, y)))
         self._on(self.curve, lambda _: self._pick(0))
         self._on(self.point, self._pick)
         self._on(self.label, self._pick)
-        self._on(self.shown, self._hide)
+        self._on(
+            self.shown,
+            lambda shown: explorer.change(hidden=frozenset({*explorer.state.curves} - {*shown})),
+        )
         for tap in TAPS:
             self.branches.figure.on_event(tap, self._branch_tapped)
 
@@ -150,7 +153,7 @@ class Page:
             ),
         }
         for field in self.asked.values():
-            field.input.param.watch(lambda _: self._asked(), "value")
+            field.input.param.watch(self._asked, "value")
         self.words, self.status = Words(), Words()
         self.stop = pn.widgets.Button(
             label="Stop", color="danger", width=90, visible=False, stylesheets=[FOCUSED]
@@ -243,10 +246,7 @@ class Page:
         if self.curve.value and index != NOWHERE:
             self.explorer.choose_point(self.curve.value, index)
 
-    def _hide(self, shown: list[str]) -> None:
-        self.explorer.change(hidden=frozenset({*self.explorer.state.curves} - {*shown}))
-
-    def _asked(self) -> None:
+    def _asked(self, _: object) -> None:
         typed = read_all(self.asked)
         if typed is not None:
             self.explorer.watch(**typed)

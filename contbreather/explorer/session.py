@@ -23,8 +23,15 @@ from contbreather.explorer.jobs import (
     arguments,
     breather,
 )
-from contbreather.explorer.preview import LADDER, Preview, diagram_between, preview_of
-from contbreather.explorer.state import Chosen, PageState, point_of
+from contbreather.explorer.state import (
+    LADDER,
+    Chosen,
+    PageState,
+    Preview,
+    diagram_between,
+    point_of,
+    preview_of,
+)
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
@@ -157,7 +164,7 @@ class Session:
         def job(progress: Progress) -> Zones:
             if progress.stop.wait(after):
                 raise KeyboardInterrupt
-            plane: Zones = zones(**on, forcing=forcing or None, progress=progress.points())
+            plane: Zones = zones(**on, forcing=forcing or None, progress=progress)
             _ = plane.regions  # here, not where pages are drawn
             return plane
 

@@ -1,5 +1,5 @@
-"""What the explorer shows, as one frozen value, the script that makes the same, and what is said of
-it."""
+"""What the explorer shows, as one frozen value: the script that makes the same, the zone diagram as
+it is drawn, and what is said of it all."""
 
 from __future__ import annotations
 
@@ -10,18 +10,31 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
 from contbreather.continuation.switching import lift_of
 from contbreather.errors import BadInput, ContbreatherError
-from contbreather.explorer.preview import Preview, preview_of
 from contbreather.lattice.chain import Ring
+from contbreather.lattice.parse import as_typed
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.regions import Region, regions
+from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.parameters import OPTIONAL
+from contbreather.plotting.canvas import evenly
+from contbreather.plotting.zones import names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 
+Array = NDArray[np.float64]
+Meeting = tuple[float, float, str]
+
+STOPPED = ", stopped: curves may be missing"
+FINE = 80  # points of a curve between two others
+# Restitutions at which diagrams are computed ahead: halfway between two of them curves are
+# off by 2e-3 at most, about as wide as a line.
+LADDER = (0.02, 0.05, *(round(0.05 * i, 2) for i in range(2, 20)), 0.98)
 RING = 400  # sites of the ring that is judged besides, the paper's
 
 
@@ -135,23 +148,21 @@ class PageState:
         """With one more result, whatever `save` takes or several of that, and how it came."""
         parts = dict(result_leaves(name, value))
         curves = {code: part for code, part in parts.items() if isinstance(part, Branch)}
-        runs = [
-            (c, part)
-            for c, part in parts.items()
-            if isinstance(part, SimulationRun) and part.record
-        ]
-        planes = [part for part in parts.values() if isinstance(part, Zones)]
-        plane = planes[-1] if planes else self.plane
+        seen: dict[str, Any] = {}  # the last run, and the last zones
+        for code, part in parts.items():
+            if isinstance(part, SimulationRun) and part.record:
+                seen["run"] = code, part
+            elif isinstance(part, Zones):
+                seen |= {"plane": part, "fixed": part.fixed}
+        if "plane" in seen:
+            seen["preview"] = preview_of(seen["plane"])
         return replace(
             self,
             lines=(*self.lines, *lines),
             curves={**self.curves, **curves},
             listed=next(iter(curves), self.listed),
-            run=runs[-1] if runs else self.run,
-            plane=plane,
-            preview=preview_of(plane) if planes and plane is not None else self.preview,
-            fixed=plane.fixed if planes and plane is not None else self.fixed,
             axes=self._axes_for([*curves.values()]),
+            **seen,
         )
 
     def _axes_for(self, new: Sequence[Branch]) -> tuple[str, str]:
@@ -214,6 +225,112 @@ def result_leaves(code: str, value: Any) -> Iterator[tuple[str, Any]]:
             yield from result_leaves(f"{code}[{i}]", item)
     else:
         yield code, value
+
+
+# --- zones --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """What is drawn of a diagram."""
+
+    fixed: tuple[str, float]
+    about: str  # what its breathers are on, in words
+    exact: bool  # False for what is between two neighbours
+    curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
+    regions: tuple[Region, ...]  # with the verdicts of breathers in this plane in any case
+    meetings: tuple[Meeting, ...]
+    pair: tuple[str, str] = ("gamma", "a")
+
+
+def preview_of(zones: Zones) -> Preview:
+    """A diagram that is computed."""
+    curves = {kind: tuple(_line(zones, branch) for branch in zones[kind]) for kind in KINDS}
+    return Preview(
+        zones.fixed,
+        _about(zones),
+        True,
+        curves,
+        () if zones.interrupted else zones.regions,  # curves that are missing would bound them
+        tuple(names_of_meetings(zones)),
+        zones.pair,
+    )
+
+
+def diagram_between(left: Zones, right: Zones, k: float) -> Preview | None:
+    """The diagram at k by those at two values beside it; None where these have not the same curves
+    and meetings, for then something happens between them.
+
+    Examples
+    --------
+    >>> from contbreather.orbits import zones
+    >>> left, right = zones(k=[0.75, 0.8])
+    >>> between(left, right, 0.78).exact
+    False
+    """
+    if _shape(left) != _shape(right):
+        return None
+    share = (k - left.fixed[1]) / (right.fixed[1] - left.fixed[1])
+    curves = {
+        kind: tuple(
+            _mixed(_line(left, a), _line(right, b), share)
+            for a, b in zip(left[kind], right[kind], strict=True)
+        )
+        for kind in KINDS
+    }
+    meetings = tuple(
+        (x0 + share * (x1 - x0), y0 + share * (y1 - y0), name)
+        for (x0, y0, name), (x1, y1, _) in zip(_sorted(left), _sorted(right), strict=True)
+    )
+    at_k = replace(left, fixed=("k", k))
+    lines = [line for kind in KINDS for line in curves[kind]]
+    places = np.vstack(lines)
+    box: Any = tuple(zip(places.min(axis=0).tolist(), places.max(axis=0).tolist(), strict=True))
+    judged = regions(lines, box, at_k.unstable, at_k.lower)
+    return Preview(("k", k), _about(left), False, curves, judged, meetings)
+
+
+def _about(zones: Zones) -> str:
+    for _, branch in zones:
+        return model_in_words(branch[0].solution) + STOPPED * zones.interrupted
+    return "no curve"
+
+
+def is_of(drawn: Preview, orbit: Orbit) -> bool:
+    """Whether it is a diagram of such breathers."""
+    return model_in_words(orbit) == drawn.about.removesuffix(STOPPED)
+
+
+def model_in_words(orbit: Orbit) -> str:
+    """What a breather is on, in words; zones are of one such."""
+    on, site = orbit.conditions, orbit.section.hit[0]
+    words = [on.lattice.describe(), f"site {site}" if site else ""]
+    words += [f"{n} = {value:.10g}" for n in OPTIONAL if (value := getattr(on, n))]
+    words += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
+    return ", ".join(filter(None, words))
+
+
+def _line(zones: Zones, branch: Any) -> Array:
+    return np.column_stack([branch[name] for name in zones.pair])
+
+
+def _sorted(zones: Zones) -> list[Meeting]:
+    return sorted(names_of_meetings(zones), key=lambda met: (met[2], met[0]))
+
+
+def _shape(zones: Zones) -> Any:
+    """Which curves and meetings there are."""
+    return [len(zones[kind]) for kind in KINDS], [name for *_, name in _sorted(zones)]
+
+
+def _mixed(line: Array, other: Array, share: float) -> Array:
+    """Between two curves, point by point at the same part of their lengths."""
+    ends = line[[0, -1]]
+    straight, turned = (np.abs(ends - other[way]).sum() for way in ([0, -1], [-1, 0]))
+    if turned < straight:  # they were walked in opposite directions
+        other = other[::-1]
+    first, last = evenly(line, FINE), evenly(other, FINE)
+    return first + share * (last - first)
 
 
 # --- in words -------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import product
 from textwrap import wrap
 from typing import Any
 
@@ -14,8 +13,14 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
-from contbreather.explorer.preview import Preview, is_of, model_in_words
-from contbreather.explorer.state import Chosen, PageState, map_on_ring
+from contbreather.explorer.state import (
+    Chosen,
+    PageState,
+    Preview,
+    is_of,
+    map_on_ring,
+    model_in_words,
+)
 from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
@@ -48,9 +53,11 @@ BESIDE = 10  # sites on either side of the one that impacts
 MOMENTS = 401  # of a period
 
 
-def _source(*columns: str) -> ColumnDataSource:
-    """Empty columns, in an order that `_fill` keeps."""
-    return ColumnDataSource({name: [] for name in columns})
+def _drawn(fig: Any, glyph: str, *columns: str, also: Sequence[str] = (), **look: Any) -> Any:
+    """The source of a glyph that is drawn by it: empty columns, in an order that `_fill` keeps."""
+    source = ColumnDataSource({name: [] for name in dict.fromkeys((*columns, *also))})
+    getattr(fig, glyph)(*columns, source=source, **look)
+    return source
 
 
 def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
@@ -112,14 +119,16 @@ def _bounded(axis: Range1d, low: float, high: float) -> None:
     axis.update(start=low, end=high, reset_start=low, reset_end=high)
 
 
-def _named_marks(fig: Any, theme: Theme, source: ColumnDataSource, **look: Any) -> None:
+def _named_marks(fig: Any, theme: Theme, *also: str, **look: Any) -> ColumnDataSource:
     """Marks with words beside them, and more of it under the pointer."""
-    marks = fig.scatter("x", "y", source=source, size=9, **look)
-    fig.add_tools(HoverTool(renderers=[marks], tooltips=[("", "@what")]))
+    columns = ("text", *also, "what", "dx", "dy")
+    source: ColumnDataSource = _drawn(fig, "scatter", "x", "y", also=columns, size=9, **look)
+    fig.add_tools(HoverTool(renderers=fig.renderers[-1:], tooltips=[("", "@what")]))
     fig.text(
         "x", "y", "text", source=source, text_color=theme.text, x_offset="dx", y_offset="dy",
         text_font_size="12px",
     )  # fmt: skip
+    return source
 
 
 class ZonesView:
@@ -128,27 +137,25 @@ class ZonesView:
     def __init__(self, theme: Theme) -> None:
         self.figure = fig = _sheet(theme, "γ", "a", 470)
         self.shades = {"S": theme.stable, "US": theme.unstable}
-        self.regions = _source("xs", "ys", "colour")
-        fig.multi_polygons(
-            "xs", "ys", source=self.regions, fill_color="colour", line_color="colour"
-        )
+        self.regions = _drawn(
+            fig, "multi_polygons", "xs", "ys", also=["colour"], fill_color="colour",
+            line_color="colour",
+        )  # fmt: skip
         colours = {"LP": theme.line, "GR": theme.line, "PF": theme.vermillion, "NS": theme.blue}
-        self.curves = {kind: _source("xs", "ys") for kind in LIMITS}
-        for kind, source in self.curves.items():
-            fig.multi_line(
-                "xs", "ys", source=source, color=colours[kind], line_width=2,
-                line_dash=LIMITS[kind], legend_label=LINES[kind]["label"],
-            )  # fmt: skip
-        self.letters = _source("x", "y", "text")
-        fig.text(
-            "x", "y", "text", source=self.letters, text_color=theme.text, text_align="center",
+        self.curves = {
+            kind: _drawn(
+                fig, "multi_line", "xs", "ys", color=colours[kind], line_width=2,
+                line_dash=dash, legend_label=LINES[kind]["label"],
+            )
+            for kind, dash in LIMITS.items()
+        }  # fmt: skip
+        self.letters = _drawn(
+            fig, "text", "x", "y", "text", text_color=theme.text, text_align="center",
             text_baseline="middle", text_font_style="bold", text_font_size="16px",
         )  # fmt: skip
-        self.meetings = _source("x", "y", "text", "what", "dx", "dy")
         look = {"marker": "hex", "fill_color": theme.paper, "line_color": theme.line}
-        _named_marks(fig, theme, self.meetings, **look)
-        self.traced = _source("xs", "ys")
-        fig.multi_line("xs", "ys", source=self.traced, color=theme.cycle[2], line_width=1.5)
+        self.meetings = _named_marks(fig, theme, **look)
+        self.traced = _drawn(fig, "multi_line", "xs", "ys", color=theme.cycle[2], line_width=1.5)
         self.here = _here(fig, theme)
         _legend(fig, theme)
         fig.legend[0].update(ncols=2, spacing=12)
@@ -218,12 +225,9 @@ def _at(fixed: tuple[str, float]) -> str:
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
     """The mark of what is looked at; at the level of annotations Bokeh would leave grey rims of it
     behind."""
-    source = _source("x", "y")
-    for size, colour, width in ((15, theme.paper, 5), (15, theme.vermillion, 2.5)):
-        fig.scatter(
-            "x", "y", source=source, size=size, fill_color=None, line_color=colour,
-            line_width=width,
-        )  # fmt: skip
+    rim: dict[str, Any] = {"size": 15, "fill_color": None}
+    source = _drawn(fig, "scatter", "x", "y", line_color=theme.paper, line_width=5, **rim)
+    fig.scatter("x", "y", source=source, line_color=theme.vermillion, line_width=2.5, **rim)
     return source
 
 
@@ -239,15 +243,13 @@ class BranchView:
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
         self.figure = fig = _sheet(theme, "a", "p", 380, title="no branch yet")
-        self.lines = {}
-        for style, dash in DASHES.items():
-            self.lines[style] = _source("xs", "ys", "colour")
-            fig.multi_line(
-                "xs", "ys", source=self.lines[style], color="colour", line_dash=dash, line_width=2
-            )
-        self.special = _source("x", "y", "text", "colour", "mark", "what", "dx", "dy")
+        look: dict[str, Any] = {"also": ["colour"], "color": "colour", "line_width": 2}
+        self.lines = {
+            style: _drawn(fig, "multi_line", "xs", "ys", line_dash=dash, **look)
+            for style, dash in DASHES.items()
+        }
         look = {"marker": "mark", "fill_color": "colour", "line_color": "colour"}
-        _named_marks(fig, theme, self.special, **look)
+        self.special = _named_marks(fig, theme, "colour", "mark", **look)
         self.here = _here(fig, theme)
 
     def show(self, curves: Mapping[str, Branch], x: str, y: str) -> None:
@@ -310,10 +312,17 @@ def spread_words(
     the mark has to do, which says what it is under the pointer."""
     taken: list[tuple[str, float, float, float, float]] = []
     columns: dict[str, list[Any]] = {"text": [], "dx": [], "dy": []}
+
+    def fits(start: float, base: float, end: float) -> bool:
+        return end <= wide and not any(
+            start < left + LETTER * len(word) and left < end and abs(base - there) < LINE
+            for word, _, _, left, there in taken
+        )
+
     for at, word in enumerate(words):
         width = LETTER * len(word)
-        sides = product((-5.0, 17.0), (7.0, -7.0 - width))
-        free = ((dx, dy) for dy, dx in sides if _free(taken, x[at] + dx, y[at] + dy, width, wide))
+        sides = ((dx, dy) for dy in (-5.0, 17.0) for dx in (7.0, -7.0 - width))
+        free = (s for s in sides if fits(x[at] + s[0], y[at] + s[1], x[at] + s[0] + width))
         dx, dy = next(free, (0.0, 0.0))
         again = any(
             word == other and np.hypot(x[at] - u, y[at] - v) < LINE for other, u, v, *_ in taken
@@ -324,18 +333,6 @@ def spread_words(
         for name, value in (("text", shown), ("dx", dx), ("dy", dy)):
             columns[name].append(value)
     return columns
-
-
-def _free(
-    taken: Iterable[tuple[str, float, float, float, float]],
-    x: float, y: float, width: float, wide: float,
-) -> bool:  # fmt: skip
-    """Whether a word of that width is inside, and covers none that stands there, its left end at
-    (x, y)."""
-    return x + width <= wide and not any(
-        x < left + LETTER * len(word) and left < x + width and abs(y - base) < LINE
-        for word, _, _, left, base in taken
-    )
 
 
 def _value(point: Any, name: str) -> float:
@@ -373,13 +370,10 @@ class ProfileView(OrbitView):
 
     def __init__(self, theme: Theme) -> None:
         self.figure = fig = _sheet(theme, "site n", "u", 260)
-        self.walls = _source("x0", "x1", "y")
-        fig.segment("x0", "y", "x1", "y", source=self.walls, line_color=theme.faint, line_width=2)
-        self.sites = _source("n", "u", "low", "high")
-        fig.segment(
-            "n", "low", "n", "high", source=self.sites, line_color=theme.blue, line_alpha=0.35,
-            line_width=7,
-        )  # fmt: skip
+        look: dict[str, Any] = {"line_color": theme.faint, "line_width": 2}
+        self.walls = _drawn(fig, "segment", "x0", "y", "x1", "y", **look)
+        look = {"line_color": theme.blue, "line_alpha": 0.35, "line_width": 7}
+        self.sites = _drawn(fig, "segment", "n", "low", "n", "high", also=["u"], **look)
         fig.scatter("n", "u", source=self.sites, color=theme.vermillion, size=6)
 
     def show(self, orbit: Orbit) -> None:
@@ -412,19 +406,14 @@ def _moments(orbit: Orbit) -> Array:
 class MotionView(OrbitView):
     """Some sites over a period of an orbit, or over all of a simulation."""
 
-    def __init__(self, theme: Theme, x: str) -> None:
+    def __init__(self, theme: Theme) -> None:
         self.theme = theme
-        self.figure = fig = _sheet(theme, x, "u", 260)
-        self.walls = _source("xs", "ys")
-        fig.multi_line(
-            "xs", "ys", source=self.walls, color=theme.faint, line_dash="dashed", line_width=1.5
-        )
-        self.lines = _source("xs", "ys", "colour", "site")
-        fig.multi_line(
-            "xs", "ys", source=self.lines, color="colour", line_width=1.8, legend_field="site"
-        )
-        self.hits = _source("x", "y", "colour")
-        fig.scatter("x", "y", source=self.hits, color="colour", size=8)
+        self.figure = fig = _sheet(theme, "t/2π", "u", 260)
+        look: dict[str, Any] = {"color": theme.faint, "line_dash": "dashed", "line_width": 1.5}
+        self.walls = _drawn(fig, "multi_line", "xs", "ys", **look)
+        look = {"color": "colour", "line_width": 1.8, "legend_field": "site"}
+        self.lines = _drawn(fig, "multi_line", "xs", "ys", also=["colour", "site"], **look)
+        self.hits = _drawn(fig, "scatter", "x", "y", also=["colour"], color="colour", size=8)
         _legend(fig, theme)
         fig.legend[0].orientation, fig.legend[0].spacing = "horizontal", 12
         fig.add_layout(fig.legend[0], "above")
@@ -492,12 +481,11 @@ class MultipliersView(OrbitView):
         fig.update(sizing_mode="fixed", align="center", width=340, height=340)
         # what the axes and the title need, so that the frame is a square and a circle one
         fig.update(min_border_left=65, min_border_right=35, min_border_top=40, min_border_bottom=60)
-        self.band = _source("xs", "ys")
-        fig.multi_line("xs", "ys", source=self.band, color=theme.band, line_width=11)
+        self.band = _drawn(fig, "multi_line", "xs", "ys", color=theme.band, line_width=11)
         angle = np.linspace(-np.pi, np.pi, 361)
         fig.line(np.cos(angle), np.sin(angle), color=theme.faint, line_width=1)
-        self.dots = _source("x", "y", "colour", "size")
-        fig.scatter("x", "y", source=self.dots, color="colour", size="size")
+        look = {"color": "colour", "size": "size"}
+        self.dots = _drawn(fig, "scatter", "x", "y", also=["colour", "size"], **look)
 
     def show(self, orbit: Orbit, ring: int) -> None:
         """Those over a section, half a period of a symmetric orbit: on its own lattice if that is

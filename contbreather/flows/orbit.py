@@ -20,9 +20,8 @@ from ..continuation.problem import Problem
 from ..continuation.sparse import Matrix
 from ..continuation.switching import SwitchingProblem
 from ..continuation.trace import trace
-from ..display import HtmlRepr
 from ..errors import BadInput, NotConverged
-from ..tables import Sheet
+from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
 from .equations import Equations
 from .flow import Params

@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import kind_of, whole
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.margins import (
     FOUND,
@@ -29,9 +28,7 @@ from contbreather.orbits.margins import (
     WHEN,
 )
 from contbreather.orbits.site_motion import IMPULSE, TIME, USUAL, SiteMotion, points_of
-
-if TYPE_CHECKING:
-    from contbreather.tables import Sheet
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
 Place = tuple[int | None, float]  # a site, None for the far field, and a time
@@ -82,8 +79,6 @@ class Admissibility(HtmlRepr):
 
     def table(self) -> Sheet:
         """How far sites keep from their walls, and where they are closest."""
-        from contbreather.tables import Column, Sheet
-
         names, margins = list(self.places), [float(getattr(self, name)) for name in self.places]
         sites = ["far field" if site is None else str(site) for site, _ in self.places.values()]
         times = [time for _, time in self.places.values()]

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, flag, number, numbers, row
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import Conditions
@@ -29,12 +28,12 @@ from contbreather.orbits.representation import suitable
 from contbreather.orbits.section import Section, check_order
 from contbreather.orbits.site_motion import SiteMotion
 from contbreather.parameters import OPTIONAL
+from contbreather.tables import HtmlRepr, Sheet
 
 if TYPE_CHECKING:
     from contbreather.certified import Certificate
     from contbreather.continuation.problem import Problem
     from contbreather.stability.verdict import Verdict
-    from contbreather.tables import Sheet
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -310,8 +309,6 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def table(self) -> Sheet:
         """Its parameters, and what there is of p, phi, times, impulses."""
-        from contbreather.tables import Sheet
-
         rows = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
         if self.symmetric and self.section.count == 1:  # p and phi of (11), |u_1| of (15)
             rows |= {"p": self.p, "phi": self.phi, "chi": self.chi}

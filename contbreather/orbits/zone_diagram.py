@@ -15,7 +15,6 @@ from contbreather.columns import Columns, stacked
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import CodimensionTwo, Point
 from contbreather.continuation.settings import windows
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NoSolution
 from contbreather.orbits.clearance import least_margin
 from contbreather.orbits.closed_form import symmetric_roots
@@ -25,7 +24,7 @@ from contbreather.orbits.regions import PROBES, Box, Region, regions
 from contbreather.parameters import window_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.serialise import serialised
-from contbreather.tables import Column, Sheet
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[np.float64]
 

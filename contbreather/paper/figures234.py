@@ -19,8 +19,7 @@ from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.paper import threshold as rule
 from contbreather.paper.threshold import SITES, ThresholdLine
-from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, style
-from contbreather.plotting.labels import place_words
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, new_figure, place_words, style
 from contbreather.plotting.multipliers import plot_multipliers
 from contbreather.plotting.zones import LINES, draw_panels, explain, names_of_meetings
 from contbreather.stability.verdict import THRESHOLD

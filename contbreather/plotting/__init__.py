@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from .canvas import new_figure as new_figure
     from .canvas import save_figure as save_figure
     from .canvas import style as style
-    from .fields import plot_profile as plot_profile
-    from .fields import plot_space_time as plot_space_time
     from .multipliers import plot_multipliers as plot_multipliers
     from .multipliers import plot_spectrum as plot_spectrum
     from .orbits import plot_orbit as plot_orbit
+    from .orbits import plot_profile as plot_profile
+    from .orbits import plot_space_time as plot_space_time
     from .pictures import plot as plot
     from .runs import plot_basin as plot_basin
     from .runs import plot_localisation as plot_localisation

@@ -18,8 +18,7 @@ from contbreather.continuation.resume import refined, with_columns
 from contbreather.continuation.segment import between
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, drawing, marker, size, symbol
-from contbreather.plotting.labels import Labels
+from contbreather.plotting.canvas import CYCLE, GREY, Drawn, Labels, drawing, marker, size, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +91,8 @@ def plot_branches(
         if named:
             if large:
                 paper.lay_out()
-            _write(paper, words, x)
+            words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
+            paper.write((value_of(p, x), y, text, _styled(p, shade)) for p, y, text, shade in words)
     return drawn
 
 
@@ -367,18 +367,10 @@ def _text(group: Sequence[tuple[Point, int]]) -> str:
     return (point.label if point.located else f"{point.label}?") + several
 
 
-def _write(labels: Labels, words: Sequence[Word], x: str) -> None:
-    """Labels come last, when the limits of the axes are known; what is special comes first."""
-    labels.keep_off([labels.ax.get_legend()])
-    for line in labels.ax.get_lines():
-        labels.avoid(line.get_xdata(), line.get_ydata())
-    for point, y, _, _ in words:
-        labels.announce(value_of(point, x), y)
-    for point, y, text, colour in sorted(words, key=lambda word: word[0].kind == "EP"):
-        style: dict[str, Any] = {"fontsize": "small", "color": colour}
-        if point.kind == "EP":
-            style = {"fontsize": "x-small", "color": GREY}
-        labels.place(value_of(point, x), y, text, **style)
+def _styled(point: Point, colour: str) -> dict[str, Any]:
+    if point.kind == "EP":
+        return {"fontsize": "x-small", "color": GREY}
+    return {"fontsize": "small", "color": colour}
 
 
 # --- arms and whole diagrams ----------------------------------------------------------------------

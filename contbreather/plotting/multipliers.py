@@ -17,8 +17,7 @@ from contbreather.flows.orbit import Cycle
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.branches import value_of
-from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, drawing, symbol
-from contbreather.plotting.labels import Labels
+from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, Labels, drawing, symbol
 from contbreather.plotting.orbits import no_orbit, solution_of
 from contbreather.simulation.periodic import PeriodicMotion
 

@@ -29,11 +29,12 @@ from contbreather.plotting.canvas import (
     VERMILLION,
     Drawn,
     drawing,
+    evenly,
     new_figure,
+    place_words,
     style,
     symbol,
 )
-from contbreather.plotting.labels import evenly, place_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
 from contbreather.simulation.integrator import RunStop, check_sites
@@ -30,7 +29,7 @@ from contbreather.simulation.states import (
     wall_rows,
     within,
 )
-from contbreather.tables import Sheet
+from contbreather.tables import HtmlRepr, Sheet
 from contbreather.workers import Failed, each
 
 Array = NDArray[Any]

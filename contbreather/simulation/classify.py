@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import check_kind, whole
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
 from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go
 from contbreather.simulation.states import ModelParameters, State, check_state, conditions_of
-from contbreather.tables import Sheet
+from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
 Finding = tuple["Kind", str]

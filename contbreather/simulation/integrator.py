@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from contbreather.checks import whole
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, drive_of, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.progress import Bar
-from contbreather.signals import deferred
 from contbreather.simulation.event_loop import (
     ASTRAY,
     BEGINS_REST,

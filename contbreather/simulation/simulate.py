@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from contbreather.checks import MOST, number, one_of, whole
 from contbreather.columns import Columns, Variable
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.parameters import NEEDED, parameter
@@ -50,7 +49,7 @@ from contbreather.simulation.states import (
 )
 from contbreather.storage.netcdf import check_lengths
 from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
-from contbreather.tables import Sheet
+from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
 

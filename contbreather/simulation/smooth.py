@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import number
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.finite import drive_of, stiffness_of
-from contbreather.signals import deferred
 from contbreather.simulation.integrator import Chunk, Sample, forced_motion
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
 from contbreather.simulation.states import OWN, PERIOD, SmoothConditions, State

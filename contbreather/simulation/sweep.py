@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import MOST, check_kind, number, row, whole
 from contbreather.columns import Columns
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import RunStop
@@ -30,7 +29,7 @@ from contbreather.simulation.states import (
     conditions_of,
     ranged,
 )
-from contbreather.tables import Column, Sheet
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import check_kind, numbers
-from contbreather.errors import BadInput, NotConverged
+from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.conditions import Conditions
-from contbreather.signals import deferred
 from contbreather.simulation.event_loop import TANGENT_FLOW, begin_period
 from contbreather.simulation.integrator import EventDriven, in_chunks, parameters_of, workspace_of
 from contbreather.simulation.simulate import SimulationRun, SmoothRun

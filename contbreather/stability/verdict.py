@@ -19,13 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.checks import real, shown
-from contbreather.display import HtmlRepr
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import OverReflection
 from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
-from contbreather.tables import Sheet
+from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
 

@@ -135,9 +135,9 @@ def run(
         raise BadInput(
             f"cannot write to {report.folder}: {error.strerror}; name a folder"
         ) from error
-    for task in asked.tasks:
-        if not asked.wants(task):
-            report.enter(task.name, *task.outcome(report.folder))
+    for name, (outcome, why) in asked.outcomes.items():
+        if outcome:
+            report.enter(name, outcome, why)
     with partial_result(report.so_far):
         for level in sorted({task.level for task in todo}):
             work = [task for task in todo if task.level == level and _begun(task, report, ended)]

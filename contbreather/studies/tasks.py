@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from contbreather.orbits.atlas import Slice, drawn_in_plane
 from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
-from contbreather.studies.schema import Chain, FromPoint, Study, part
+from contbreather.studies.schema import Chain, FromPoint, GridTask, Study, part
 from contbreather.studies.validation import read
 from contbreather.tables import Column, Sheet
 
@@ -109,28 +109,22 @@ class Task:
 def tasks_of(study: Study) -> list[Task]:
     """All tasks, those that others start from first."""
     chain = study.chain.entries
-    families: dict[str, list[Task]] = {}
-    for name, branch in study.branch.items():
-        families[name] = _over(name, "branch", branch.grid, {**branch.entries, "chain": chain})
-    for name, zones in {**study.zones, **study.atlas}.items():
-        families[name] = _over(name, "zones", zones.grid, {**zones.entries, "chain": chain})
-    pending: dict[str, FromPoint] = {**study.arms, **study.boundary}
-    while pending:
-        for name, table in list(pending.items()):
-            source = part(table.of)
-            if source.family in families:
-                kind = "arms" if name in study.arms else "boundary"
-                # a result is the same, be it asked for alone or with the others of its family
-                asked = table.entries | {"of": "/".join(filter(None, (source.family, source.arm)))}
-                families[name] = [
-                    _task(name, start.label, kind, asked, start)
-                    for start in families[source.family]
-                    if source.has(start.values)
-                ]
-                del pending[name]
-    return sorted(
-        (task for family in families.values() for task in family), key=lambda task: task.level
-    )
+
+    @cache
+    def family(name: str) -> list[Task]:
+        table = study.results[name]
+        if isinstance(table, GridTask):
+            kind = "branch" if name in study.branch else "zones"
+            return _over(name, kind, table.grid, {**table.entries, "chain": chain})
+        assert isinstance(table, FromPoint)
+        source, kind = part(table.of), "arms" if name in study.arms else "boundary"
+        # a result is the same, be it asked for alone or with the others of its family
+        asked = table.entries | {"of": "/".join(filter(None, (source.family, source.arm)))}
+        starts = (start for start in family(source.family) if source.has(start.values))
+        return [_task(name, start.label, kind, asked, start) for start in starts]
+
+    tasks = (task for name in study.results for task in family(name))
+    return sorted(tasks, key=lambda task: task.level)
 
 
 def _over(
@@ -174,7 +168,7 @@ class Worker:
             Where there is none; the folder knows why, so that it is not tried again.
         """
         try:
-            result = _COMPUTED[task.kind](task, self.folder)
+            result = computed(task, self.folder)
         except NoStart as error:
             task.mark(self.folder, absent=str(error))
             if task.optional:
@@ -196,19 +190,33 @@ class Worker:
 # --- what is computed -------------------------------------------------------------------------
 
 
-def _chain(asked: Mapping[str, Any]) -> tuple[Chain, Any]:
-    """What it lives on, and the forcing with the values of this part."""
+def computed(task: Task, folder: Path) -> Any:
+    """The result of a task.
+
+    Raises
+    ------
+    NoStart
+        Where what it starts from is not there.
+    """
+    asked = task.asked
+    steps = Steps(largest=asked["largest"]) if "largest" in asked else None
+    within = {name: (low, high) for name, (low, high) in asked.get("within", {}).items()}
+    if task.needs is not None:
+        point = _source(task, folder)
+        if task.kind == "arms":
+            return switch(point, within=within, progress=False)
+        return boundary(point, tuple(asked["pair"]), within=within, steps=steps, progress=False)
     chain = Chain.model_validate(asked["chain"])
     drive = chain.drive
-    params = {name: value for name, value in asked["at"].items() if name in drive.params}
-    return chain, drive.at(**params) if params else drive
-
-
-def _branch(task: Task, folder: Path) -> Branch:
-    asked, free = task.asked, task.asked["free"]
-    chain, drive = _chain(asked)
+    letters = {name: value for name, value in asked["at"].items() if name in drive.params}
+    at = {name: value for name, value in asked["at"].items() if name not in letters}
+    drive = drive.at(**letters) if letters else drive
+    if task.kind == "zones":
+        ((name, value),) = at.items()
+        how = {"past_folds": asked["past_folds"], "threshold": chain.threshold}
+        return drawn_in_plane(Slice(name, value, drive), **chain.on, **how, within=within)
+    free = asked["free"]
     span = tuple(asked.get("window") or window_of(free))
-    at = {name: value for name, value in asked["at"].items() if name in ("a", "gamma", "k")}
     near = (at[free], at[free]) if free in at else span
     chosen = {**at, **chain.on, "forcing": drive}
     try:
@@ -216,40 +224,7 @@ def _branch(task: Task, folder: Path) -> Branch:
     except NoSolution as error:
         raise NoStart(str(error)) from error
     problem = problem_with(start, free, threshold=chain.verge)
-    return trace(problem, free, within={free: span}, steps=_steps(asked), progress=False)
-
-
-def _boundary(task: Task, folder: Path) -> Branch:
-    first, second = task.asked["pair"]
-    steps, point = _steps(task.asked), _source(task, folder)
-    return boundary(point, (first, second), within=_within(task), steps=steps, progress=False)
-
-
-def _zones(task: Task, folder: Path) -> Any:
-    asked = task.asked
-    chain, drive = _chain(asked)
-    name = next(name for name in asked["at"] if name not in drive.params)
-    how = {"within": _within(task), "past_folds": asked["past_folds"]}
-    plane = Slice(name, asked["at"][name], drive)
-    return drawn_in_plane(plane, **chain.on, **how, threshold=chain.threshold)
-
-
-_COMPUTED: Mapping[str, Callable[[Task, Path], Any]] = {
-    "branch": _branch,
-    "arms": lambda task, folder: switch(
-        _source(task, folder), within=_within(task), progress=False
-    ),
-    "boundary": _boundary,
-    "zones": _zones,
-}
-
-
-def _steps(asked: Mapping[str, Any]) -> Steps | None:
-    return Steps(largest=asked["largest"]) if "largest" in asked else None
-
-
-def _within(task: Task) -> dict[str, tuple[float, float]]:
-    return {name: (low, high) for name, (low, high) in task.asked.get("within", {}).items()}
+    return trace(problem, free, within={free: span}, steps=steps, progress=False)
 
 
 def _source(task: Task, folder: Path) -> Point:
@@ -281,24 +256,22 @@ class Plan:
     study : Study
     tasks : sequence of Task
         All parts, those that others start from first.
-    left : sequence of Task
-        Those that are not there yet.
     folder : Path
         Where results go.
+    outcomes : dict
+        By the name of a part what there is of it, "kept", "failed" or "absent", and why; nothing of
+        those that are to be computed.
     """
 
     study: Study
     tasks: Sequence[Task]
-    left: Sequence[Task]
     folder: Path
+    outcomes: Mapping[str, tuple[str, str]]
 
-    @cached_property
-    def _names(self) -> set[str]:
-        return {task.name for task in self.left}
-
-    def wants(self, task: Task) -> bool:
-        """Whether a part is to be computed."""
-        return task.name in self._names
+    @property
+    def left(self) -> list[Task]:
+        """Those that are not there yet."""
+        return [task for task in self.tasks if not self.outcomes[task.name][0]]
 
     def parts(self) -> list[dict[str, Any]]:
         """Name, kind, conditions and state of each part."""
@@ -307,7 +280,7 @@ class Plan:
                 "name": task.name,
                 "kind": task.kind,
                 "conditions": task_conditions(task),
-                "state": WORDS["" if self.wants(task) else task.outcome(self.folder)[0]],
+                "state": WORDS[self.outcomes[task.name][0]],
             }
             for task in self.tasks
         ]
@@ -368,8 +341,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
             f"{place} has results of other settings: {', '.join(other)}. Name another folder, or "
             "have them replaced (again, --again)"
         )
-    left = [task for task in tasks if not task.outcome(place, again)[0]]
-    return Plan(study, tasks, left, place)
+    return Plan(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
 
 
 def task_conditions(task: Task) -> str:

@@ -200,21 +200,26 @@ def faults(study: Study, unread: Collection[str] = ()) -> Iterator[Fault]:
     yield from _references(study, unread)
     if "chain" not in unread:
         yield from _of_the_chain(study, unread)
-        yield from _of_the_forcing(study)
-        yield from _parameters(study)
+        yield from _of_the_model(study)
     for name, figure in study.figure.items():
         yield from _drawn(study, name, figure, unread)
 
 
+def _tables(study: Study, *kinds: str) -> Iterator[tuple[str, str, Any]]:
+    """Kind, name and table of all that are of these kinds."""
+    for kind in kinds:
+        for name, table in getattr(study, kind).items():
+            yield kind, name, table
+
+
 def _names(study: Study) -> Iterator[Fault]:
     taken: dict[str, str] = {}
-    for kind in KINDS:
-        for name in getattr(study, kind):
-            if not name.replace("-", "").replace("_", "").isalnum():
-                yield (kind, name), "a name of letters, digits, - and _ was expected"
-            if name in taken:
-                yield (kind, name), f"{name!r} is there already, as {taken[name]}"
-            taken[name] = kind
+    for kind, name, _ in _tables(study, *KINDS):
+        if not name.replace("-", "").replace("_", "").isalnum():
+            yield (kind, name), "a name of letters, digits, - and _ was expected"
+        if name in taken:
+            yield (kind, name), f"{name!r} is there already, as {taken[name]}"
+        taken[name] = kind
     written: dict[str, str] = {}
     for name, figure in study.figure.items():
         first = written.setdefault(figure.file or f"{name}.png", name)
@@ -224,25 +229,22 @@ def _names(study: Study) -> Iterator[Fault]:
 
 def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
     sources = {**study.branch, **study.arms, **study.boundary}
-    for kind in ("arms", "boundary"):
-        for name, table in getattr(study, kind).items():
-            source, _, arm = part(table.of)
-            if source in unread:
-                continue
-            if source not in sources:
-                have = _names_there(sources, unread)
-                yield (
-                    (kind, name, "of"),
-                    f"no branch, arms or boundary {source!r}; there are {have}",
-                )
-            elif (source in study.arms) != bool(arm):
-                wanted = f"{source}/arm1" if source in study.arms else source
-                yield (kind, name, "of"), f"{wanted!r} was expected, got {table.of!r}"
-            elif name in _origins(study, source):
-                yield (kind, name, "of"), f"it comes from itself, by way of {source!r}"
-            else:
-                yield from _no_member(study, (kind, name, "of"), table.of, unread)
-                yield from _no_event(study, kind, name)
+    for kind, name, table in _tables(study, "arms", "boundary"):
+        source, _, arm = part(table.of)
+        place = (kind, name, "of")
+        if source in unread:
+            continue
+        if source not in sources:
+            have = _names_there(sources, unread)
+            yield place, f"no branch, arms or boundary {source!r}; there are {have}"
+        elif (source in study.arms) != bool(arm):
+            wanted = f"{source}/arm1" if source in study.arms else source
+            yield place, f"{wanted!r} was expected, got {table.of!r}"
+        elif name in _origins(study, source):
+            yield place, f"it comes from itself, by way of {source!r}"
+        else:
+            yield from _no_member(study, place, table.of, unread)
+            yield from _no_event(study, kind, name)
 
 
 def _no_member(study: Study, place: Place, named: str, unread: Collection[str]) -> Iterator[Fault]:
@@ -294,10 +296,9 @@ def _origins(study: Study, name: str) -> list[str]:
 
 def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
     """What the library cannot do with its keys: nothing that is said there is passed over."""
-    chain = study.chain
-    motion = [name for name in ("damping", "spring", "site", "walls") if getattr(chain, name)]
-    if chain.place.sites is None:
-        for name in {*motion} - {"spring"}:
+    chain, infinite = study.chain, study.chain.place.sites is None
+    if infinite:
+        for name in [name for name in ("damping", "site", "walls") if getattr(chain, name)]:
             yield (
                 ("chain", name),
                 "on the infinite chain site 0 impacts, between walls at -1 and 1, without "
@@ -305,23 +306,17 @@ def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
             )
     else:
         yield from _impacting(chain)
-        yield from _of_lower_breathers(study)
-    asked = [kind for kind in ("zones", "atlas") if getattr(study, kind) or kind in unread]
-    if asked and chain.place.sites is None and chain.spring:
-        yield (
-            ("chain", "spring"),
-            f"{' and '.join(asked)}: diagrams on the infinite chain are without springs; leave "
-            "spring out, or name a lattice, 'ring:20'",
-        )
-    if not (study.arms or "arms" in unread):
-        return
-    if chain.place.sites is None and chain.spring:
-        yield (
-            ("chain", "spring"),
-            "arms on the infinite chain are without springs; leave spring out, or name a lattice, "
-            "'ring:200'",
-        )
-    if chain.verge != THRESHOLD:
+    drawn = [kind for kind in ("zones", "atlas") if getattr(study, kind) or kind in unread]
+    arms = bool(study.arms) or "arms" in unread
+    without = {f"{' and '.join(drawn)}: diagrams": ("20", drawn), "arms": ("200", arms)}
+    for what, (ring, asked) in without.items():
+        if infinite and chain.spring and asked:
+            yield (
+                ("chain", "spring"),
+                f"{what} on the infinite chain are without springs; leave spring out, or name a "
+                f"lattice, 'ring:{ring}'",
+            )
+    if arms and chain.verge != THRESHOLD:
         yield (
             ("chain", "threshold"),
             f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms "
@@ -343,49 +338,31 @@ def _impacting(chain: Chain) -> Iterator[Fault]:
         yield ("chain", "walls"), str(error)
 
 
-def _of_lower_breathers(study: Study) -> Iterator[Fault]:
-    """Zone diagrams past the folds of what is evaluated by exact modes."""
-    for kind in ("zones", "atlas"):
-        for name, table in getattr(study, kind).items():
-            if table.past_folds:
-                try:
-                    model_of(**study.chain.on, past_folds=True)
-                except BadInput as error:
-                    yield (kind, name, "past_folds"), str(error).removeprefix("past_folds: ")
-
-
-def _of_the_forcing(study: Study) -> Iterator[Fault]:
-    params = study.chain.drive.params
-    for kind in ("branch", "zones", "atlas"):
-        for name, table in getattr(study, kind).items():
-            for parameter in set(table.over) - set(params):
-                have = ", ".join(params) or "none"
-                yield (kind, name, "over"), f"the forcing has no {parameter!r}; it has {have}"
-
-
-def _parameters(study: Study) -> Iterator[Fault]:
-    extra = {"spring"} if study.chain.place.sites is None else {"damping", "spring"}
-    names = sorted({*PAIRS, *extra, *study.chain.drive.params})
-    for name, branch in study.branch.items():
-        if branch.free not in names:
-            yield (
-                ("branch", name, "free"),
-                f"one of {', '.join(names)} was expected, {branch.free!r} is none",
-            )
-    for name, line in study.boundary.items():
-        if len({*line.pair} & {*names}) < 2:
-            yield (
-                ("boundary", name, "pair"),
-                f"two of {', '.join(names)} were expected, got {line.pair}",
-            )
+def _of_the_model(study: Study) -> Iterator[Fault]:
+    """Parameters that there are not, and zone diagrams past the folds of what is evaluated by exact
+    modes."""
+    infinite, params = study.chain.place.sites is None, study.chain.drive.params
+    names = sorted({*PAIRS, *params, "spring"} | ({"damping"} if not infinite else set()))
+    there = f"of {', '.join(names)}"
+    for kind, name, table in _tables(study, "branch", "zones", "atlas", "boundary"):
+        for parameter in set(getattr(table, "over", ())) - set(params):
+            have = ", ".join(params) or "none"
+            yield (kind, name, "over"), f"the forcing has no {parameter!r}; it has {have}"
+        if kind == "branch" and table.free not in names:
+            yield (kind, name, "free"), f"one {there} was expected, {table.free!r} is none"
+        if kind == "boundary" and len({*table.pair} & {*names}) < 2:
+            yield (kind, name, "pair"), f"two {there} were expected, got {table.pair}"
+        if not infinite and getattr(table, "past_folds", False):
+            try:
+                model_of(**study.chain.on, past_folds=True)
+            except BadInput as error:
+                yield (kind, name, "past_folds"), str(error).removeprefix("past_folds: ")
 
 
 def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> Iterator[Fault]:
     if figure.file is not None and not figure.file.lower().endswith(FIGURES):
-        yield (
-            ("figure", name, "file"),
-            f"one of {', '.join(FIGURES)} was expected, got {figure.file!r}",
-        )
+        wanted = f"one of {', '.join(FIGURES)} was expected"
+        yield ("figure", name, "file"), f"{wanted}, got {figure.file!r}"
     draws = [part(drawing).family for drawing in figure.draws]
     if set(draws) & set(unread):
         return
@@ -405,17 +382,17 @@ def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> 
         for drawing in figure.draws:
             yield from _no_member(study, ("figure", name, "draws"), drawing, unread)
     columns = {*MEASURES, *PAIRS, "damping", "spring", *study.chain.drive.params}
-    for key in sorted({"x", "y"} & fit & figure.model_fields_set):
+    for key in sorted({"x", "y", "over", "at"} & figure.model_fields_set):
         column = getattr(figure, key)
-        if column not in columns and not NUMBERED.fullmatch(column):
+        if key not in fit:
+            yield (
+                ("figure", name, key),
+                "x and y are columns of branches, over and at choose surfaces of an atlas; leave "
+                f"{key} out of a figure of {' and '.join(sorted(kinds)).lower()}",
+            )
+        elif not alone and column not in columns and not NUMBERED.fullmatch(column):
             yield (
                 ("figure", name, key),
                 f"no branch of a study has a column {column!r}; there are "
                 f"{', '.join(sorted(columns))}, and of each impact t1, p1",
             )
-    for key in sorted({"x", "y", "over", "at"} & figure.model_fields_set - fit):
-        yield (
-            ("figure", name, key),
-            "x and y are columns of branches, over and at choose surfaces of an atlas; leave "
-            f"{key} out of a figure of {' and '.join(sorted(kinds)).lower()}",
-        )

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from contbreather.errors import BadInput
-from contbreather.explorer.server import server_for
+from contbreather.explorer import server_for
 
 from ..apart import HUNG, begun
 

@@ -15,8 +15,7 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 
 import contbreather as cb
 from contbreather.explorer import views
-from contbreather.explorer.preview import Preview, preview_of
-from contbreather.explorer.state import Chosen, PageState
+from contbreather.explorer.state import Chosen, PageState, Preview, preview_of
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.regions import Region
 from contbreather.plotting import plot
@@ -49,7 +48,7 @@ def around(axis: Any, low: float, high: float) -> None:
 
 def every(theme: Any) -> list[Any]:
     kinds = views.ZonesView, views.BranchView, views.ProfileView, views.MultipliersView
-    return [*(kind(theme) for kind in kinds), views.MotionView(theme, "t")]
+    return [*(kind(theme) for kind in kinds), views.MotionView(theme)]
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
@@ -271,7 +270,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
 
 
 def test_the_motion_shows_each_site_between_its_walls() -> None:
-    view = views.MotionView(LIGHT, "t/2π")
+    view = views.MotionView(LIGHT)
     run = cb.simulate(B.state(12), a=0.5, gamma=0.08, k=0.8, periods=2, t0=2 * np.pi,
                       sample=cb.simulation.Sample((0, 3), 32))  # fmt: skip
     view.show(B, (1, 0), "stable")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from contbreather.cli import INTERRUPTED, main
+from contbreather.errors import deferred
 from contbreather.orbits import symmetric
 from contbreather.paper import figure6, figure7, figure8
 from contbreather.paper.lifetimes import growth
-from contbreather.signals import deferred
 from contbreather.simulation import (
     Axis,
     Outcome,
