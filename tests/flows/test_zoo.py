@@ -95,7 +95,7 @@ def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
     limit = cb.trace(problem, "F", within={"F": (0.3, 4)}, events=()).first(kind)
     before = asked
     line = cb.boundary(limit, ("g", "F"), steps=cb.Steps(most=10), events=())
-    assert asked - before < 45 * len(line)
+    assert asked - before < 50 * len(line)  # each derivative looks twice
     np.testing.assert_allclose(line["F"] / line["g"], limit["F"], rtol=1e-8)  # all lengths scale
 
 

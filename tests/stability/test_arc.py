@@ -143,3 +143,18 @@ def test_on_the_band_a_half_map_is_asked_by_its_equations(b: float) -> None:
         assert half.on_circle(nu) == complex(real, imag)
         assert half.on_circle(nu) != half.on_circle(nu, 1.1)
         assert half.on_circle(nu, 1.1) == D(0.1, nu - 1j * math.log(1.1) / math.pi, 0.8, b)
+
+
+def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():
+    rng = np.random.default_rng(0)
+    found = 0
+    for _ in range(150):
+        gamma, k = rng.uniform(1e-4, 0.2499), rng.uniform()
+        points = neimark_sacker(gamma, k)
+        assert len(points) in (0, 2)
+        for nu, b in points:
+            F = on_arc(gamma, nu, k, b)
+            rounding = 1e-13 * (1 + abs(b)) + 4e-16 * np.abs(F.d_nu).max()
+            assert np.abs(F.value).max() < rounding
+        found += len(points)
+    assert found > 50

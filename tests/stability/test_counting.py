@@ -16,6 +16,7 @@ from contbreather.stability import (
     dense_half_map,
     half_multipliers,
     neimark_sacker,
+    over_reflection,
     unstable_count,
     unstable_multipliers,
 )
@@ -202,3 +203,20 @@ def test_the_closest_approach_points_at_the_neimark_sacker_angle(gamma, k):
         near = closest_approach(gamma, k, point.b + 1e-3)
         assert near.nu == pytest.approx(point.nu, abs=0.02)
         assert near.distance < 0.01
+
+
+def test_a_long_dense_ring_has_as_many_unstable_multipliers_where_its_band_is_clear():
+    rng = np.random.default_rng(3)
+    counts = []
+    while len(counts) < 24:
+        gamma, k, b = rng.uniform(0.01, 0.2), rng.uniform(0.3, 1.0), rng.normal()
+        mu = unstable_multipliers(gamma, k, b)
+        band = over_reflection(gamma, k, b).growth / 60
+        if np.any(np.abs(mu) < 1.15) or band > 0.04:
+            continue
+        dense = np.linalg.eigvals(dense_half_map(60, gamma, k, b))
+        counts.append(unstable_count(gamma, k, b).count)
+        assert np.sum(np.abs(dense) > 1.1) == counts[-1]
+        for one in mu[np.abs(mu) > 1.6]:  # 1.6^-60 < 1e-12
+            assert np.abs(dense - one).min() < 1e-10 * abs(one)
+    assert {0, 1, 2} <= set(counts)
