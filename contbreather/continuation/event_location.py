@@ -148,11 +148,18 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     point = segment.at(u)
     if value_of_test(event, point) != 0:
         return point
-    least = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
-    for aside in (least, 1e3 * least):  # a test is zero where it is smaller than its error, too
-        beside = [v for v in (u - aside, u + aside) if left < v < right]
-        if all(value_of_test(event, segment.at(v)) != 0 for v in beside):
-            return point
+    aside = ASIDE + 1e-12 * (1 + segment.curve.length(point.z)) / segment.length
+
+    def beside(aside: float) -> list[float]:
+        return [
+            value_of_test(event, segment.at(v)) for v in (u - aside, u + aside) if left < v < right
+        ]
+
+    if all(value != 0 for value in beside(aside)):
+        return point
+    wider = beside(1e3 * aside)  # a test that goes through is zero where its error is larger, too
+    if len(wider) == 2 and wider[0] * wider[1] < 0:
+        return point
     reason = f"the test of {event.kind} is zero along a piece of the curve, which is not a place"
     return replace(point, detail={"reason": reason})
 
