@@ -24,7 +24,7 @@ _HALVINGS = 8
 _SHIFTED = 1.0 + 1e-6  # a state times this is another one
 _LATE = 10  # places within a step, from its 500th part on, where a guard that is smooth changes
 _EDGE = 1e-12  # a guard this small, relative to what it is made of, is zero
-_PATIENT = 10_000
+_PATIENT = 10_000  # steps to a zero that may be a multiple one
 _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between two nodes
 
 Guard = Callable[[Array], Array]  # over times

@@ -224,45 +224,44 @@ def sliding(system: Filippov) -> Event:
 # --- where a flow shrinks to nothing --------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Shortest:
-    """The share of the orbit of its shortest flow among those that begin where a condition without
-    a reset is all but touched: where two flows meet at a tangency one of them comes into being, and
-    is as short as the root of how far the parameter is beyond."""
+def _shortest(point: Point) -> tuple[float, int]:
+    """The share of the orbit, beyond what counts as none, of its shortest flow among those that
+    begin where a condition without a reset is all but touched, and which: where two flows meet at a
+    tangency one comes into being, as short as the root of how far the parameter is beyond."""
+    orbit: Cycle = point.base_point.solution
+    flows, whole = orbit.equations.flows, orbit.period
+    slow = relative_paces(orbit.equations, orbit.x, orbit.params)
+    before = [(i - 1) % len(flows) for i in range(len(flows))]
+    shares = [
+        (flight.duration / whole - _SHRUNK, i)
+        for i, (j, flight) in enumerate(zip(before, orbit.flights, strict=True))
+        if flows[j].until and not flows[j].reset and slow[j] < _SLOW
+    ]
+    return min(shares, default=(math.nan, 0))
 
-    kind: str
 
-    def __call__(self, point: Point) -> float:
-        return self._least(point)[0]
+def _least_share(point: Point) -> float:
+    return _shortest(point)[0]
 
-    def locus(self, point: Point) -> DefiningSystem:
-        i, layout = self._least(point)[1], equations_of(point.base_point).layout
-        row = np.zeros(point.base_point.z.size)
-        row[layout.lengths] = -_SHRUNK
-        row[layout.lengths[i]] += 1.0
 
-        def conditions(curve: Curve, z: Array, extra: Array) -> Array:
-            return np.array([row @ z])
+def _shortest_locus(point: Point) -> DefiningSystem:
+    i, lengths = _shortest(point)[1], equations_of(point.base_point).layout.lengths
 
-        return DefiningSystem({}, conditions, lambda curve, z, extra: row[None, :])
+    def conditions(curve: Curve, z: Array, extra: Array) -> Array:
+        return z[lengths[i], None] - _SHRUNK * z[lengths].sum()
 
-    def _least(self, point: Point) -> tuple[float, int]:
-        orbit: Cycle = point.base_point.solution
-        flows, whole = orbit.equations.flows, orbit.period
-        touched = [i for i, flow in enumerate(flows) if flow.until and not flow.reset]
-        slow = relative_paces(orbit.equations, orbit.x, orbit.params)
-        shares = [
-            (flight.duration / whole - _SHRUNK, i)
-            for i, flight in enumerate(orbit.flights)
-            if (before := (i - 1) % len(flows)) in touched and slow[before] < _SLOW
-        ]
-        return min(shares, default=(math.nan, 0))
+    def derivative(curve: Curve, z: Array, extra: Array) -> Array:
+        row = np.zeros((1, z.size))
+        row[0, lengths] = -_SHRUNK
+        row[0, lengths[i]] += 1.0
+        return row
+
+    return DefiningSystem({}, conditions, derivative)
 
 
 def shrinking(kind: str) -> Event:
     """GR, or SL of a Filippov system, of cycles whose flows follow each other without a reset."""
-    shortest = _Shortest(kind)
-    return Event(kind, shortest, locus=shortest.locus, ends="domain")
+    return Event(kind, _least_share, locus=_shortest_locus, ends="domain")
 
 
 IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
