@@ -28,7 +28,6 @@ from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.orbits.closure import forcing_at
-from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_without_losses
 from contbreather.orbits.orbit_problem import OrbitProblem, ring_label, unstable_by
@@ -257,7 +256,7 @@ def pitchfork_of_arms() -> Event:
 
 
 def _unequal(point: Point) -> float:
-    return solution_at(point).asymmetry
+    return point.solution.asymmetry
 
 
 def _equal_flights(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
@@ -272,7 +271,7 @@ def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> Floa
 
 def symmetric_again(point: Point) -> SwitchingProblem:
     """The branch of symmetric breathers, in its own problem."""
-    breather = simpler_than(solution_at(point))
+    breather = simpler_than(point.solution)
     if breather is None:
         raise Undefined("the flights are not equal here")
     return SwitchingProblem(breather.problem, point.curve.free[-1])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -72,12 +72,12 @@ class GrazingSite:
         return DefiningSystem({"t": t}, conditions, self._derivative, loops=loops, **more)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
-        orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        orbit, t = Point(curve, z).solution, float(extra[0])
         u, v, _ = self.motion(orbit, t) if self.motion else orbit.motion.at(self.site, t)
         return np.array([u - wall, v])
 
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        slopes: Array = self.slopes(curve, solution_at(Point(curve, z)), float(extra[0]))
+        slopes: Array = self.slopes(curve, Point(curve, z).solution, float(extra[0]))
         return slopes
 
 
@@ -87,7 +87,7 @@ def grazing() -> Event:
 
 
 def _margin(point: Point) -> float:
-    return least_margin(solution_at(point).motion)
+    return least_margin(point.solution.motion)
 
 
 def _margins(points: Points) -> Many | None:
@@ -96,7 +96,7 @@ def _margins(points: Points) -> Many | None:
 
 
 def _locus(point: Point) -> DefiningSystem:
-    orbit = solution_at(point)
+    orbit = point.solution
     if _vanishing(point):  # with it may be others, that move alike
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
@@ -118,13 +118,6 @@ def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
 
 
-@lru_cache(maxsize=4)
-def solution_at(point: Point) -> Orbit:
-    """The orbit of a point; kept, for all events ask about the same one in turn."""
-    orbit: Orbit = point.solution
-    return orbit
-
-
 def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
     near = AT_IMPACT * orbit.period
     return site in orbit.section.hit and any(
@@ -134,7 +127,7 @@ def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
 
 
 def _vanishing(point: Point) -> dict[str, Any]:
-    orbit = solution_at(point.base_point)
+    orbit = point.solution
     j = orbit.vanishing
     return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
@@ -161,7 +154,7 @@ class _OtherContact:
         return CodimensionTwo("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
     def closest(self, point: Point) -> Clearance:
-        motion = solution_at(point).motion
+        motion = point.solution.motion
         return smallest_margins(
             other_contacts(motion, self.site, point["t"], mirrored=self.mirrored)
         )
@@ -178,7 +171,7 @@ class _OtherContact:
 
     def locus(self, point: Point) -> DefiningSystem:
         where = point.detail
-        return _follow(solution_at(point), where["site"], where["time"])
+        return _follow(point.solution, where["site"], where["time"])
 
 
 # --- what else may touch a wall there -------------------------------------------------------------
@@ -260,7 +253,7 @@ def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
 
 def _others_last(j: int, point: Point) -> float:
     """Where one impact vanishes, the least velocity of another."""
-    orbit: Orbit = point.base_point.solution
+    orbit: Orbit = point.solution
     walls = [wall for _, wall in orbit.section.impacts]
     # positive towards the wall
     return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
@@ -284,18 +277,18 @@ def _closest(orbit: Orbit) -> tuple[float, int, int]:
 
 
 def _apart(point: Point) -> float:
-    return _closest(solution_at(point.base_point))[0] - ONE
+    return _closest(point.solution)[0] - ONE
 
 
 def _which(point: Point) -> dict[str, str]:
-    orbit = solution_at(point.base_point)
+    orbit = point.solution
     _, i, j = _closest(orbit)
     site, wall = orbit.section.impacts[i]
     return {"impacts": f"{i + 1} and {j + 1}, of site {site} at its wall {wall:+d}, become one"}
 
 
 def _together(point: Point) -> DefiningSystem:
-    _, *pair = _closest(solution_at(point.base_point))
+    _, *pair = _closest(point.solution)
     names = [f"t{j + 1}" for j in pair]
     return DefiningSystem({}, partial(_gap, names), partial(_gap_slope, names))
 

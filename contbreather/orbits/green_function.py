@@ -27,7 +27,7 @@ from contbreather.orbits.asymmetric_breather import (
     params_of,
     pitchfork_of_arms,
 )
-from contbreather.orbits.grazing import GrazingSite, solution_at
+from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.green_equations import OrbitEquations, Params, green_equations_of
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_without_losses, from_arms
@@ -342,7 +342,7 @@ def _motion_slopes(
 
 
 def _towards(side: float, point: Point) -> float:
-    return side * solution_at(point.base_point).asymmetry
+    return side * point.solution.asymmetry
 
 
 def _while_asymmetric(side: float, point: Point) -> float:

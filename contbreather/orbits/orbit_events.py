@@ -42,7 +42,7 @@ from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.orbits.grazing import grazing as grazed
-from contbreather.orbits.grazing import merging, solution_at
+from contbreather.orbits.grazing import merging
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
@@ -74,7 +74,7 @@ def events_without_losses(section: Section, lattice: Any, threshold: float) -> t
 
 
 def _certain_count(point: Point) -> float | int:
-    count = solution_at(point).map.count()
+    count = point.solution.map.count()
     return count.count if count.certain else math.nan
 
 
@@ -102,7 +102,7 @@ def real_multiplier(kind: str, mu: float) -> Event:
 
 def _crosses(mu: float, point: Point) -> float:
     """Each impact brings a pole where its velocity vanishes, which is divided out."""
-    orbit = solution_at(point)
+    orbit = point.solution
     if is_blurred(orbit.map):
         return math.nan
     # J points away from the wall: each is positive as long as the site comes to it from inside
@@ -120,12 +120,12 @@ def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
 
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
-    map = solution_at(point).map
+    map = point.solution.map
     return math.nan if is_blurred(map) else int(map.beyond(mu))
 
 
 def _real_locus(mu: float, point: Point) -> DefiningSystem:
-    orbit = solution_at(point)
+    orbit = point.solution
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
     # idle sites held by their neighbours alone have this multiplier without coupling, wherever
@@ -135,7 +135,7 @@ def _real_locus(mu: float, point: Point) -> DefiningSystem:
 
 
 def _examine_real(mu: float, point: Point) -> Examined:
-    orbit = solution_at(point)
+    orbit = point.solution
     size = np.prod(1.0 + np.abs(orbit.entries))  # D is linear in each entry b of (19)
     value = orbit.map.on_circle(0.5 * (1.0 - mu))  # D(mu) = det(1 + (S - 1) G(mu))
     if not abs(value) < _ZERO * size:
@@ -158,13 +158,13 @@ def branching() -> Event:
 def _branching_test(point: Point) -> float:
     if point.tangent is None:
         return math.nan
-    orbit = solution_at(point)
+    orbit = point.solution
     whole = np.vstack([point.curve.jacobian(point.z), point.curve.metric * point.tangent])
     return float(orbit.map.in_units_of_flight(whole, orbit.section.sign))
 
 
 def _beyond_closing(point: Point) -> float:
-    return _beyond(solution_at(point).section.sign, point)
+    return _beyond(point.solution.section.sign, point)
 
 
 def from_arms(event: Event) -> Event:
