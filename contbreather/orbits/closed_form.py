@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import UniformLattice
+from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import (
     Conditions,
@@ -33,7 +33,6 @@ from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import LIMIT
 from contbreather.orbits.closure import (
-    ClosureTerms,
     closure_equations,
     fold_scalar,
     forcing_at,
@@ -90,8 +89,8 @@ class ClosedForm:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
-        self.lattice.check(self.gamma)
-        restitution_ratio(self.k)  # refuses what is not in [0, 1]
+        check_gamma(self.gamma, self.lattice.spring)
+        parameter("k", self.k)
         parameter("a", self.a)
         if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
             raise BadInput(
@@ -126,14 +125,14 @@ class ClosedForm:
 
     # ------------------------------------------------------------------------ as any motion
 
-    @property
+    @cached_property
     def conditions(self) -> Conditions:
         on, f = (self.a, self.gamma, self.k), self.forcing
         if isinstance(f, SpringResponse):
             return Conditions(*on, spring=f.spring, forcing=f.of, lattice=InfiniteChain())
         return Conditions(*on, forcing=f, lattice=self.lattice)
 
-    @property
+    @cached_property
     def impacts(self) -> tuple[Impact, ...]:
         return (Impact(0, 1, self.phi, -2.0 * self.p),)  # the other one is its mirror image
 
@@ -150,7 +149,7 @@ class ClosedForm:
 
     @property
     def chi(self) -> float:
-        return self.lattice.chi(self.gamma)
+        return self.lattice.mean(self.gamma, "chi")
 
     @property
     def family(self) -> str:
@@ -174,8 +173,7 @@ class ClosedForm:
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19)."""
-        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.eta(self.gamma)
-        return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
+        return float(saltation_of(terms_at(self, "eta")))
 
     @property
     def motion(self) -> ChainMotion:
@@ -248,7 +246,7 @@ def closed_forms(
     a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p."""
-    gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
+    gamma, a = check_gamma(gamma, sprung(chain, drive).spring), parameter("a", a)
     restitution_ratio(k)
     pairs = roots(a, gamma, float(k), drive, chain)
     if not all(math.isfinite(p) for p, _ in pairs):

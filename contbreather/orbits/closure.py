@@ -92,7 +92,7 @@ def saltation_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
 def terms_at(at: Any, mean: str) -> ClosureTerms:
     """Of a place or a breather, with one of the means of its lattice."""
     drive = [at.a * value for value in at.forcing.motion(at.phi)]
-    return ClosureTerms(at.p, at.k, getattr(at.lattice, mean)(at.gamma), *drive)
+    return ClosureTerms(at.p, at.k, at.lattice.mean(at.gamma, mean), *drive)
 
 
 def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureTerms:
@@ -102,7 +102,7 @@ def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureT
     if name == "phi":
         return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * at.forcing.d3f(at.phi))
     if name == "gamma":
-        return ClosureTerms(mean=getattr(at.lattice, f"d{mean}")(at.gamma))
+        return ClosureTerms(mean=at.lattice.slope(at.gamma, mean))
     by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
     return ClosureTerms(0.0, 0.0, by_spring, *driven(at, at.phi, name))
 
@@ -150,7 +150,7 @@ def roots(
         Below the fold; the sentence names the smallest a.
     """
     a, q = parameter("a", a), restitution_ratio(k)
-    chi = sprung(lattice, forcing).chi(gamma)
+    chi = sprung(lattice, forcing).mean(gamma, "chi")
     if isinstance(forcing, Harmonic):
         solutions = _harmonic_roots(a, chi, q)
     else:
@@ -182,7 +182,7 @@ def smallest_amplitude(
 
 def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> list[float]:
     """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
-    chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
+    chi, q = sprung(lattice, forcing).mean(gamma, "chi"), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]

@@ -33,7 +33,6 @@ from contbreather.orbits.clearance import (
 from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
-from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion, Terms
 
 Array = NDArray[np.float64]
@@ -81,11 +80,6 @@ class GrazingSite:
         return slopes
 
 
-def grazing() -> Event:
-    """GR, and VI where an impact itself loses its velocity."""
-    return Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
-
-
 def _margin(point: Point) -> float:
     return least_margin(point.solution.motion)
 
@@ -109,21 +103,18 @@ def _locus(point: Point) -> DefiningSystem:
 
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
-    if _is_impact(orbit, site, t):
+    section, motion, period = orbit.section, orbit.motion, orbit.section.period
+    own = [hit for hit in orbit.hits if hit.site == site] if site in section.hit else []
+    if any(abs(math.remainder(t - hit.time, period)) < AT_IMPACT * period for hit in own):
         return shallow_impact(orbit)
-    displacement = orbit.motion.at(site, t)[0]
-    place = min(orbit.walls.at(site), key=lambda wall: abs(displacement - wall))
+    displacement = motion.at(site, t)[0]
+    place = min(motion.walls(site), key=lambda wall: abs(displacement - wall))
+    # of a symmetric orbit by its whole period the crest comes again at the other wall
+    whole = not section.symmetric and section.turns % 2 == 1
+    mirrored = whole and abs(displacement + motion.at(site, t + 0.5 * period)[0]) < SAME
     followed = orbit.representation.grazing_site(site)
-    other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
+    other = _OtherContact(site, mirrored, followed.scale)
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
-
-
-def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
-    near = AT_IMPACT * orbit.period
-    return site in orbit.section.hit and any(
-        hit.site == site and abs(math.remainder(t - hit.time, orbit.period)) < near
-        for hit in orbit.hits
-    )
 
 
 def _vanishing(point: Point) -> dict[str, Any]:
@@ -132,12 +123,8 @@ def _vanishing(point: Point) -> dict[str, Any]:
     return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
 
-def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
-    if orbit.symmetric or orbit.section.turns % 2 == 0:
-        return False
-    displacements = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
-    return abs(sum(displacements)) < SAME
+# and VI where an impact itself loses its velocity
+GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
 
 
 @dataclass(frozen=True)
@@ -262,14 +249,6 @@ def _others_last(j: int, point: Point) -> float:
 # --- two impacts that become one ----------------------------------------------------------------
 
 
-def merging(section: Section) -> tuple[Event, ...]:
-    """VI where two impacts of one site at one wall become one, whether walls are lifted or not:
-    with them come to an end the equations, too."""
-    if not section.repeats:
-        return ()
-    return (Event("VI", _apart, ends="branch", locus=_together, examine=_which),)
-
-
 def _closest(orbit: Orbit) -> tuple[float, int, int]:
     """How far apart the closest impacts of one site at one wall are, and which these are."""
     times = orbit.times.tolist()
@@ -302,3 +281,7 @@ def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Ar
     row = np.zeros((1, z.size))
     row[0, [curve.slots[name] for name in names]] = -1.0, 1.0
     return row
+
+
+# where walls are lifted, too: with two impacts come to an end the equations
+MERGING = Event("VI", _apart, ends="branch", locus=_together, examine=_which)

@@ -44,7 +44,7 @@ class ImpactSequence:
 
     # ------------------------------------------------------------------------------ what it is
 
-    @cached_property
+    @property
     def conditions(self) -> Conditions:
         return self.representation.conditions
 
@@ -52,7 +52,7 @@ class ImpactSequence:
     def section(self) -> Section:
         return self.representation.section
 
-    @cached_property
+    @property
     def impacts(self) -> tuple[Impact, ...]:
         return self.representation.impacts
 

@@ -30,7 +30,7 @@ from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
-from contbreather.orbits.grazing import grazing
+from contbreather.orbits.grazing import GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
@@ -220,7 +220,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
         curve = Curve(start, ("gamma",))
         return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
     # behind a fold the coupling falls again
-    ends = (replace(fold(), ends="branch"), grazing())
+    ends = (replace(fold(), ends="branch"), GRAZING)
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
 

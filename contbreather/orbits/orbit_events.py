@@ -41,8 +41,7 @@ from contbreather.continuation.point import (
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.orbits.grazing import grazing as grazed
-from contbreather.orbits.grazing import merging
+from contbreather.orbits.grazing import GRAZING, MERGING
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
@@ -63,7 +62,8 @@ def events_of(section: Section, lattice: Any, threshold: float) -> tuple[Event, 
     endless = lattice.sites is None
     breaking = real_multiplier("PF", 1.0) if section.symmetric else real_multiplier("PD", -1.0)
     mixed = (Event("MX", None, count=_certain_count),) if endless and not section.symmetric else ()
-    return (breaking, pair_leaves(lattice, threshold), grazed(), *mixed, *merging(section))
+    merging = (MERGING,) if section.repeats else ()
+    return (breaking, pair_leaves(lattice, threshold), GRAZING, *mixed, *merging)
 
 
 def events_without_losses(section: Section, lattice: Any, threshold: float) -> tuple[Event, ...]:
@@ -103,11 +103,12 @@ def real_multiplier(kind: str, mu: float) -> Event:
 def _crosses(mu: float, point: Point) -> float:
     """Each impact brings a pole where its velocity vanishes, which is divided out."""
     orbit = point.solution
-    if is_blurred(orbit.map):
+    map = orbit.map
+    if is_blurred(map):
         return math.nan
     # J points away from the wall: each is positive as long as the site comes to it from inside
     pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
-    return float(orbit.map.crosses(mu) * math.prod(pushes))
+    return float(map.crosses(mu) * math.prod(pushes))
 
 
 def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:

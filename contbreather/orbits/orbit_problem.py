@@ -201,10 +201,8 @@ class BreathersAlong:
     def map(self) -> HalfMap:
         """Theirs, with an array for b; all events ask."""
         on = self.first.representation
-        terms = ClosureTerms(
-            self.p, on.k, on.lattice.eta(on.gamma), w=self.a * on.forcing.d2f(self.phi)
-        )
-        return replace(self.first.map, b=saltation_of(terms))
+        eta, w = on.lattice.mean(on.gamma, "eta"), self.a * on.forcing.d2f(self.phi)
+        return replace(self.first.map, b=saltation_of(ClosureTerms(self.p, on.k, eta, w=w)))
 
     def margins(self) -> FloatArray:
         """The least margin of each, as `clearance.least_margin` has it of one."""

@@ -207,7 +207,7 @@ class SiteMotion:
         self.impacts = self.section.course(representation.impacts, sections)
         self.start = float(self.impacts[0].time)  # of a section
 
-    @cached_property
+    @property
     def idle(self) -> Sequence[int]:
         """Sites that never hit a wall, all that may come closest to one."""
         raise NotImplementedError
@@ -372,7 +372,7 @@ class ChainMotion(SiteMotion):
             return np.asarray(np.interp(sites, places, values))
         return np.asarray(np.interp(sites % ring, places, values, period=ring))
 
-    @cached_property
+    @property
     def idle(self) -> Sequence[int]:
         # of a ring with modes at or above the lowest harmonic of the orbit all
         resonant = not self.endless and 4.0 * self.section.turns**2 * self.on.gamma >= 1.0
