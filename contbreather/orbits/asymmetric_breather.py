@@ -189,35 +189,29 @@ def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float
 # --- as a problem to trace ------------------------------------------------------------------------
 
 
-def params_of(orbit: Orbit) -> dict[str, float]:
-    """a, gamma, k and the parameters of the forcing."""
-    held = ("damping", "spring")
-    return {name: v for name, v in orbit.conditions.params.items() if name not in held}
-
-
 def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The four equations with an orbit of two impacts as their start, and all its events.
 
     Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
     t2 - t1 - pi, ``unstable`` the number of multipliers outside.
     """
-    first = orbit.impacts[0].time
+    on, first = orbit.conditions, orbit.impacts[0].time
     times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
-    equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
+    equations = AsymmetricEquations(on.forcing, on.lattice)
     return _Asymmetric.of(
         "asymmetric breather",
-        partial(type(orbit.representation).arm, orbit.conditions, orbit.section),
+        partial(type(orbit.representation).arm, on, orbit.section),
         orbit,
         threshold,
         residual=equations.residual,
         start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
-        params=params_of(orbit),
+        params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
         events=(
             pitchfork_of_arms(),
             fold_of_arms(),
-            *events_without_losses(orbit.section, orbit.lattice, threshold),
+            *events_without_losses(orbit.section, on.lattice, threshold),
         ),
         record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
         domain={
@@ -226,7 +220,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        label=f"asymmetric breather{ring_label(orbit.lattice, threshold)}",
+        label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
     )
 
 

@@ -97,25 +97,18 @@ def terms_at(at: Any, mean: str) -> ClosureTerms:
 
 def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureTerms:
     """The derivative of `terms_at`, which are t, in p, phi, or a parameter."""
+    f, phi = at.forcing, at.phi
     if name in ("p", "k"):
         return ClosureTerms(**{name: 1.0})
     if name == "phi":
-        return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * at.forcing.d3f(at.phi))
+        return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * f.d3f(phi))
     if name == "gamma":
         return ClosureTerms(mean=at.lattice.slope(at.gamma, mean))
-    by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
-    return ClosureTerms(0.0, 0.0, by_spring, *driven(at, at.phi, name))
-
-
-def driven(at: Any, t: float, name: str) -> tuple[float, ...]:
-    """Derivatives of ``a f``, ``a f'`` and ``a f''`` at a fixed time in a parameter."""
-    f = at.forcing
     if name == "a":
-        motion: tuple[float, ...] = f.motion(t)
-        return motion
-    if name not in f.params:
-        return 0.0, 0.0, 0.0
-    return tuple(at.a * f.f_param(name, t, order) for order in range(3))
+        return ClosureTerms(0.0, 0.0, 0.0, *f.motion(phi))
+    by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
+    driven = (at.a * f.f_param(name, phi, order) for order in range(3))
+    return ClosureTerms(0.0, 0.0, by_spring, *driven)
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:

@@ -301,17 +301,16 @@ class ChainMotion(SiteMotion):
         for first in range(0, t.size, MANY):
             part = slice(first, first + MANY)
             those, which = np.unique(sites[part], return_inverse=True)
-            out[:, part] = self._states(tuple(those.tolist()), which, times[part])
+            block = np.empty((3, which.size))
+            STATES(self._of(tuple(those.tolist())), which, times[part], block)
+            out[:, part] = block
         return out.reshape(3, *t.shape)
 
     def at(self, site: int, t: float) -> Terms:  # the same, sooner
-        (u,), (v,), (w,) = self._states((site,), _FIRST, np.array([t])).tolist()
+        out = np.empty((3, 1))
+        STATES(self._of((site,)), _FIRST, np.array([t]), out)
+        (u,), (v,), (w,) = out.tolist()
         return u, v, w
-
-    def _states(self, sites: tuple[int, ...], which: Any, times: FloatArray) -> FloatArray:
-        out = np.empty((3, times.size))
-        STATES(self._of(sites), which, times, out)
-        return out
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None

@@ -34,7 +34,7 @@ from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
-from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots, is_meeting
+from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -109,7 +109,8 @@ class Search:
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
         ends = [p for branches in self.curves.values() for b in branches for p in b.special]
-        met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._passes(_followed(p), p)]
+        meetings = [p for p in ends if isinstance(p.event, CodimensionTwo)]
+        met = [p[self.pair[0]] for p in meetings if not self._passes(_followed(p), p)]
         beside = [x + step for x in met for step in BESIDE]
         between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
@@ -243,7 +244,8 @@ class Search:
             waiting += [
                 (end, branch)
                 for end in branch.special
-                if is_meeting(end) and (end.kind in ("GR-GR", JOINT) or _followed(end) == "LP")
+                if isinstance(end.event, CodimensionTwo)
+                and (end.kind in ("GR-GR", JOINT) or _followed(end) == "LP")
             ]
 
 
