@@ -246,9 +246,9 @@ def closed_forms(
     a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p."""
-    gamma, a = check_gamma(gamma, sprung(chain, drive).spring), parameter("a", a)
-    restitution_ratio(k)
-    pairs = roots(a, gamma, float(k), drive, chain)
+    gamma = check_gamma(gamma, sprung(chain, drive).spring)
+    a, k = parameter("a", a), parameter("k", k)
+    pairs = roots(a, gamma, k, drive, chain)
     if not all(math.isfinite(p) for p, _ in pairs):
         # the far field follows a f
         reach = 1.0 / drive.peak()
@@ -256,7 +256,7 @@ def closed_forms(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in pairs)
+    return tuple(Orbit(ClosedForm(a, gamma, k, p, phi, drive, chain)) for p, phi in pairs)
 
 
 @serialised("symmetric breather")

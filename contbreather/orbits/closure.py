@@ -26,7 +26,6 @@ from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
 from contbreather.lattice.formula import forcing_of
-from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
@@ -142,8 +141,7 @@ def roots(
     NoSolution
         Below the fold; the sentence names the smallest a.
     """
-    a, q = parameter("a", a), restitution_ratio(k)
-    chi = sprung(lattice, forcing).mean(gamma, "chi")
+    chi, q = sprung(lattice, forcing).mean(gamma, "chi"), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         solutions = _harmonic_roots(a, chi, q)
     else:

@@ -95,7 +95,7 @@ def _locus(point: Point) -> DefiningSystem:
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    alike = worst.flight < 0 and orbit.gamma < ALIKE
+    alike = worst.flight < 0 and orbit.conditions.gamma < ALIKE
     weakly = orbit.representation.weakly(ALIKE) if alike else None
     if weakly is not None:
         worst = closest_idle(weakly)
@@ -103,6 +103,7 @@ def _locus(point: Point) -> DefiningSystem:
 
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
+    """Of a site that touches a wall at a time."""
     section, motion, period = orbit.section, orbit.motion, orbit.section.period
     own = [hit for hit in orbit.hits if hit.site == site] if site in section.hit else []
     if any(abs(math.remainder(t - hit.time, period)) < AT_IMPACT * period for hit in own):
@@ -123,7 +124,7 @@ def _vanishing(point: Point) -> dict[str, Any]:
     return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
 
-# and VI where an impact itself loses its velocity
+# VI where an impact itself loses its velocity
 GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
 
 

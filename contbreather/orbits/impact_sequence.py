@@ -128,7 +128,7 @@ class ImpactSequence:
     @property
     def incoming(self) -> FloatArray:
         """Velocity of the site just before each impact, ``-J/(1 + k)``."""
-        return -self.impulses / (1.0 + self.k)  # u' -> -k u'
+        return -self.impulses / (1.0 + self.conditions.k)  # u' -> -k u'
 
     @property
     def accelerations(self) -> FloatArray:
@@ -138,9 +138,10 @@ class ImpactSequence:
     @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact of a section."""
-        c = 1.0 + self.k  # b = (1 + k) u''/u' of (19), with losses
+        on, accelerations = self.conditions, self.representation.accelerations
+        c = 1.0 + on.k  # b = (1 + k) u''/u' of (19), with losses
         # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
+        b: FloatArray = c * accelerations / self.incoming + c * on.damping
         b.setflags(write=False)
         return b
 
@@ -202,7 +203,7 @@ class ImpactSequence:
             raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
         first, second = self.times.reshape(2, -1)
         # equal flights: the mirror image of an impact comes half a period after it
-        late = (second - first) % self.period - 0.5 * self.period
+        late = (second - first) % self.section.period - 0.5 * self.section.period
         return float(late[abs(late).argmax()])
 
     def _need_one(self, name: str) -> None:

@@ -141,7 +141,7 @@ def _examine_real(mu: float, point: Point) -> Examined:
     value = orbit.map.on_circle(0.5 * (1.0 - mu))  # D(mu) = det(1 + (S - 1) G(mu))
     if not abs(value) < _ZERO * size:
         return f"D({mu:g}) = {value.real:.2g} is not zero"
-    if not orbit.symmetric:
+    if not orbit.section.symmetric:
         return ""
     # at the fold (14) the half map QS has the multiplier -1
     if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
