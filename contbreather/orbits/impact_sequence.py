@@ -148,17 +148,16 @@ class ImpactSequence:
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
         """All impacts of a period in order of time."""
+        on, w = self.conditions, self.representation.accelerations
+        w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
         hits = []
-        for half in range(2 if self.symmetric else 1):
-            side = 1 - 2 * half  # u(t + T/2) = -u(t)
-            for impact, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
-                before = -side * impact.impulse / (1.0 + self.k)
-                # just after the impact a damped site is braked the other way
-                after = side * w + self.damping * (1.0 + self.k) * before
-                time = impact.time + half * self.section.length
-                hits.append(
-                    Hit(impact.site, side * impact.wall, time, before, -self.k * before, after)
-                )
+        for (site, wall, time, J), bend in zip(
+            self.section.course(self.impacts), w.tolist(), strict=True
+        ):
+            before = -J / (1.0 + on.k)
+            # just after the impact a damped site is braked the other way
+            after = bend + on.damping * (1.0 + on.k) * before
+            hits.append(Hit(site, wall, time, before, -on.k * before, after))
         return tuple(sorted(hits, key=lambda hit: hit.time))
 
     @property

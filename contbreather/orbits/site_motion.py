@@ -202,9 +202,7 @@ class SiteMotion:
         self.length, self.period = self.section.length, self.section.period
         self.endless = self.lattice.sites is None  # with a far field
         self.fine = max(FINE, 16 * int(self.forcing.highest))  # points to half a period of it
-        # of a period, those of a section first
-        sections = 1 if self.sign > 0 else 2
-        self.impacts = self.section.course(representation.impacts, sections)
+        self.impacts = self.section.course(representation.impacts)  # those of a section first
         self.start = float(self.impacts[0].time)  # of a section
 
     @property
