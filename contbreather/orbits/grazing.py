@@ -104,18 +104,31 @@ def _locus(point: Point) -> DefiningSystem:
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     """Of a site that touches a wall at a time."""
-    section, motion, period = orbit.section, orbit.motion, orbit.section.period
-    own = [hit for hit in orbit.hits if hit.site == site] if site in section.hit else []
-    if any(abs(math.remainder(t - hit.time, period)) < AT_IMPACT * period for hit in own):
+    if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
+    motion = orbit.motion
     displacement = motion.at(site, t)[0]
     place = min(motion.walls(site), key=lambda wall: abs(displacement - wall))
-    # of a symmetric orbit by its whole period the crest comes again at the other wall
-    whole = not section.symmetric and section.turns % 2 == 1
-    mirrored = whole and abs(displacement + motion.at(site, t + 0.5 * period)[0]) < SAME
     followed = orbit.representation.grazing_site(site)
-    other = _OtherContact(site, mirrored, followed.scale)
+    other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
+
+
+def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
+    period = orbit.section.period
+    return site in orbit.section.hit and any(
+        hit.site == site and abs(math.remainder(t - hit.time, period)) < AT_IMPACT * period
+        for hit in orbit.hits
+    )
+
+
+def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
+    """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
+    section, motion = orbit.section, orbit.motion
+    if section.symmetric or section.turns % 2 == 0:
+        return False
+    displacements = [motion.at(site, time)[0] for time in (t, t + 0.5 * section.period)]
+    return abs(sum(displacements)) < SAME
 
 
 def _vanishing(point: Point) -> dict[str, Any]:
