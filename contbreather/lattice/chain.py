@@ -147,6 +147,8 @@ class Ring(UniformLattice):
     def masses(self) -> FloatArray:
         return np.ones(self.sites)
 
+    drive = masses
+
     @property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The drive moves the ring as a whole."""

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.finite import Finite, drive_of, mode_solutions, stiffness_of
+from contbreather.lattice.finite import Finite, mode_solutions, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.periodic_green import (
     LATE,
@@ -513,7 +513,7 @@ def _walks(lattice: Finite, hit: tuple[int, ...]) -> FloatArray:
     """What each power of the coupling matrix makes of the drive and of each impact at each site,
     the largest being 1."""
     coupling = stiffness_of(lattice) / lattice.masses[:, None]
-    walks = [np.column_stack([drive_of(lattice), *np.eye(lattice.sites)[list(hit)]])]
+    walks = [np.column_stack([lattice.drive, *np.eye(lattice.sites)[list(hit)]])]
     for _ in range(_ORDERS):
         there = coupling @ walks[-1]
         walks.append(there / (abs(there).max() or 1.0))
