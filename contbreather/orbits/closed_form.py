@@ -33,6 +33,7 @@ from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import LIMIT
 from contbreather.orbits.closure import (
+    ClosureTerms,
     closure_equations,
     fold_scalar,
     forcing_at,
@@ -132,7 +133,7 @@ class ClosedForm:
             return Conditions(*on, spring=f.spring, forcing=f.of, lattice=InfiniteChain())
         return Conditions(*on, forcing=f, lattice=self.lattice)
 
-    @cached_property
+    @property
     def impacts(self) -> tuple[Impact, ...]:
         return (Impact(0, 1, self.phi, -2.0 * self.p),)  # the other one is its mirror image
 
@@ -173,7 +174,8 @@ class ClosedForm:
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19)."""
-        return float(saltation_of(terms_at(self, "eta")))
+        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.mean(self.gamma, "eta")
+        return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
 
     @property
     def motion(self) -> ChainMotion:
