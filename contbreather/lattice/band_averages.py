@@ -157,7 +157,7 @@ class UniformLattice:
         def nodes(self, gamma: float) -> tuple[FloatArray, ...]: ...
 
     def mean(self, gamma: float, name: str) -> float:
-        """`chi`, `eta`, `sigma` or `psi`."""
+        """`chi`, `eta`, `sigma` or `psi` at one coupling."""
         series = self._expansions[name]
         x = 4.0 * check_gamma(gamma, self.spring)
         total = 0.0

@@ -137,7 +137,7 @@ def _vanishing(point: Point) -> dict[str, Any]:
     return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
 
-# VI where an impact itself loses its velocity
+# GR, and VI where an impact itself loses its velocity
 GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
 
 
@@ -297,5 +297,6 @@ def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Ar
     return row
 
 
-# where walls are lifted, too: with two impacts come to an end the equations
+# VI where two impacts of one site at one wall become one, whether walls are lifted or not: with
+# them come to an end the equations, too
 MERGING = Event("VI", _apart, ends="branch", locus=_together, examine=_which)
