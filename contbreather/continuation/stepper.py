@@ -19,7 +19,18 @@ from .newton import Array, Solution, Undefined, correction, newton
 from .point import Point
 from .segment import StepInterpolant
 from .settings import Steps
-from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
+from .step import (
+    ITERATIONS,
+    LEFT,
+    STRAYS,
+    TAKEN,
+    TINY,
+    TURNS,
+    WIDEST,
+    Rules,
+    longest,
+    next_size,
+)
 
 LOG = logging.getLogger(__name__)
 
@@ -176,7 +187,8 @@ class Stepper:
     def _advance(self, point: Point, reconsidered: bool = False) -> Step:
         """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
-        size = min(self.size, self.steps.longest(self.curve.length(point.z)))
+        largest = self.steps.largest or math.nan
+        size = min(self.size, longest(largest, self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, size)
@@ -213,12 +225,11 @@ class Stepper:
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
-        here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
-        end = _EXAMINED(curve, here, size, z)
+        end = _EXAMINED(curve, point, size, z)
         if end.status != TAKEN:
             raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[end.status])
         arclength = point.arclength + end.length
-        last = Point(curve, z, here.ahead, arclength, solution.residual)
+        last = Point(curve, z, end.tangent, arclength, solution.residual)
         branch_point = None
         if end.side * side < 0:
             segment = StepInterpolant(point, last, self.steps.tolerance)
@@ -332,26 +343,21 @@ class Stepper:
 # --- the text of `step` by numpy, LAPACK and SuperLU ----------------------------------------------
 
 
-def _tangent_at(curve: Curve, along: Array, z: Array, out: Array) -> int:
-    out[:], side = curve.tangent_at(z, along)
-    return side
-
-
-def _off_curve(curve: Curve, here: Here, between: Array, z: Array) -> float:
-    row, value = curve.metric * here.tangent, curve.equations(between)
+def _off_curve(curve: Curve, here: Point, z: Array, ahead: Array, length: float) -> float:
+    bow = (4 * here.direction - 2 * ahead) * length
+    between = (20 * here.z + 7 * z + bow) / 27
+    row, value = curve.metric * here.direction, curve.equations(between, curve.problem.roughly)
     # of large problems the factors at hand: no more than the size of the answer is asked for
     factors = curve.factors(z if z.size > WIDEST else between, row)
     change, singular = correction(factors, value, row)
     return 0.0 if singular else curve.length(change)
 
 
-_BY_NUMPY = {
-    "apart": lambda curve, z, other: curve.length(z - other),
-    "chord": lambda here, z, s, out: (z - here.z) / s,
-    "on_cubic": lambda here, z, s, out: (
-        (20 * here.z + 7 * z + (4 * here.tangent - 2 * here.ahead) * s) / 27
-    ),
-    "tangent_at": _tangent_at,
-    "off_curve": _off_curve,
-}
-_ANGLE, _EXAMINED = (kernels.bound(rule, **_BY_NUMPY) for rule in (rules.angle, rules.examined))
+_ANGLE = kernels.bound(rules.angle, apart=lambda curve, z, other: curve.length(z - other))
+_EXAMINED = kernels.bound(
+    rules.examined,
+    apart=lambda curve, z, other: curve.length(z - other),
+    angle_to_chord=lambda curve, here, z, s: _ANGLE(curve, here.tangent, (z - here.z) / s),
+    tangent_at=lambda curve, along, z, here: curve.tangent_at(z, along),
+    off_curve=_off_curve,
+)
