@@ -475,9 +475,9 @@ def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
     )
     for i, birth in enumerate(births):  # the point that an arm left is that of the branch
         if birth.place is not None and branches[i][0].parent is not None:
-            first = replace(branches[i][0], parent=birth.place.point)
-            points = branches[i].points.put(0, first)
-            branches[i] = replace(branches[i], points=points, origin=birth.place.point)
+            points, parent = branches[i].points, birth.place.point
+            made = {**points.made, 0: replace(points[0], parent=parent)}
+            branches[i] = replace(branches[i], points=replace(points, made=made), origin=parent)
     return Diagram(
         tuple(branches),
         births,

@@ -224,7 +224,8 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     def moved(point: Point) -> Point:
         return replace(point, curve=curve)
 
-    points = branch.points.each(moved, curve=curve)
+    made = {i: moved(point) for i, point in branch.points.made.items()}
+    points = replace(branch.points, curve=curve, made=made)
     return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
 
 
