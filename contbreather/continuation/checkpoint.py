@@ -65,8 +65,10 @@ class Checkpoint:
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
         """Write what there is, if it is time; `piece` gives it, or None."""
+        if self.path is None:
+            return
         now = time.monotonic()
-        if self.path is None or now < (self.soonest if special else self.due):
+        if now < (self.soonest if special else self.due):
             return
         result = piece()
         if result is not None:

@@ -190,7 +190,7 @@ class Stepper:
 
     def _advance(self, point: Point) -> Step:
         """The next point, with as many halvings of the step as it takes."""
-        failed = StepFailed(Stop.NO_CONVERGENCE)
+        failed: StepFailed | None = None
         size = min(self.size, longest(self.largest, self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
@@ -203,7 +203,7 @@ class Stepper:
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        raise failed
+        raise failed or StepFailed(Stop.NO_CONVERGENCE)
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
@@ -284,7 +284,10 @@ class Stepper:
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
-            row, how = bound.row(guess), (point.direction, self.steps.tolerance)
+            row, how = np.zeros(guess.size), (point.direction, self.steps.tolerance)
+            # d|u| = u . du / |u|
+            alone = isinstance(bound.slot, int)
+            row[bound.slot] = 1.0 if alone else guess[bound.slot] / (bound.value(guess) or 1.0)
             answer = compiled and compiled.corrected(guess, row / self.curve.metric, *how)
             if answer:
                 solution = Solution(answer[0], True, answer[3], answer[2], 0.0)
@@ -318,7 +321,7 @@ class Stepper:
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
-            first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
+            first, then = (bound.slope(p.z, p.direction) for p in (point, last))
             if not first * then < 0:
                 continue
             start, size = bound.value(point.z), float(np.max(self.curve.metric[bound.slot])) ** -0.5

@@ -36,6 +36,7 @@ Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to se
 
 _MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
+_NOTHING = Found((), (), ())  # what happens where nothing is looked for
 
 
 class Startable(Protocol):
@@ -137,11 +138,7 @@ def trace(
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
     walks: list[ContinuationIterator] = []
-
-    def so_far() -> Branch | None:
-        branch = _joined(walks)
-        return branch and replace(branch, settings=settings, origin=origin)
-
+    so_far = partial(_joined, walks, settings=settings, origin=origin)
     with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
         finer: Finer | None = start, along
         while finer is not None:
@@ -162,18 +159,18 @@ def trace(
     return whole
 
 
-def _joined(walks: Sequence[ContinuationIterator]) -> Branch | None:
+def _joined(walks: Sequence[ContinuationIterator], **about: Any) -> Branch | None:
     """What has been walked as one branch, with its ends labelled; None where that is nothing."""
     sides = [walk.branch() for walk in walks if walk.walked]
-    if not sides or sides[0].stop is Stop.CLOSED:
-        return sides[0] if sides else None
+    if not sides:
+        return None
     branch = sides[0]
     if len(sides) == 2:
         branch = branch.reversed().join(sides[1])
-    elif len(walks) == 2 and branch.stop is not Stop.INTERRUPTED:
+    elif len(walks) == 2 and branch.stop not in (Stop.INTERRUPTED, Stop.CLOSED):
         # the other side was to set out from its start
         branch = replace(branch.reversed(), stop=Stop.INTERRUPTED)
-    return with_ends(branch)
+    return replace(branch if branch.stop is Stop.CLOSED else with_ends(branch), **about)
 
 
 def iterate(
@@ -290,7 +287,7 @@ class ContinuationIterator:
                         # or one step more: at an edge, a branch point, the start
                         step = self.stepper.next(self.point, self.count)
                         # locate
-                        found = self._located(step) if self.events else Found((), (), ())
+                        found = self._located(step) if self.events else _NOTHING
                         line, stop = self._line_up(step, found)
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
