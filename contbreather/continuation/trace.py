@@ -155,7 +155,8 @@ def trace(
                     break
         whole = so_far()
         assert whole is not None
-        kept.finish(whole)
+        if kept:
+            kept.finish(whole)
     return whole
 
 
@@ -237,7 +238,7 @@ class ContinuationIterator:
     def follow(
         self,
         shown: Counter,
-        kept: Checkpoint,
+        kept: Checkpoint | None,
         so_far: Callable[[], Branch | None],
         look: Callable[[Point], Finer | None],
     ) -> Finer | None:
@@ -246,7 +247,8 @@ class ContinuationIterator:
         for piece in self.pieces():
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
-            kept.look(isinstance(piece, list) and any(map(attrgetter("kind"), piece)), so_far)
+            if kept:
+                kept.look(isinstance(piece, list) and any(point.kind for point in piece), so_far)
             if not unresolved(piece[-1]):
                 continue
             finer = look(piece[-1])
