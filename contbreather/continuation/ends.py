@@ -205,7 +205,7 @@ def _inward(curve: Curve, bounds: Sequence[Bound], tangent: Array) -> Array:
     """A tangent turned away from the first bound that the curve starts at and does not go along."""
     for bound in bounds:
         for side, end, off in bound.ends:
-            slope = side * bound.slope(curve.start, tangent)
+            slope = side * float(bound.row(curve.start) @ tangent)
             if abs(bound.value(curve.start) - end) <= off and abs(slope) > LEVEL:
                 return -math.copysign(1.0, slope) * tangent
     return tangent * sense(tangent)
@@ -232,12 +232,12 @@ class Bound:
         entries = z[self.slot]
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
 
-    def slope(self, z: Array, direction: Array) -> float:
-        """The derivative of the value along a direction."""
-        change = direction[self.slot]
+    def row(self, z: Array) -> Array:
+        """The derivative of the value."""
+        row, alone = np.zeros(z.size), isinstance(self.slot, int)
         # d|u| = u . du / |u|
-        alone = isinstance(self.slot, int)
-        return float(change if alone else z[self.slot] @ change / (self.value(z) or 1.0))
+        row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
+        return row
 
     def with_value(self, z: Array, value: float) -> Array:
         """z with exactly this value."""
@@ -404,7 +404,7 @@ class Growth:
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
         """Whether a window says how far something may go that grows with z."""
         for bound in self.bounds:
-            value, rate = bound.value(z), bound.slope(z, tangent)
+            value, rate = bound.value(z), float(bound.row(z) @ tangent)
             if rate * size > SHARE * value >= 0.0 and math.isfinite(bound.high):
                 return True
             if rate * size < SHARE * value <= 0.0 and math.isfinite(bound.low):

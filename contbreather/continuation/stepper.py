@@ -284,10 +284,7 @@ class Stepper:
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
-            row, how = np.zeros(guess.size), (point.direction, self.steps.tolerance)
-            # d|u| = u . du / |u|
-            alone = isinstance(bound.slot, int)
-            row[bound.slot] = 1.0 if alone else guess[bound.slot] / (bound.value(guess) or 1.0)
+            row, how = bound.row(guess), (point.direction, self.steps.tolerance)
             answer = compiled and compiled.corrected(guess, row / self.curve.metric, *how)
             if answer:
                 solution = Solution(answer[0], True, answer[3], answer[2], 0.0)
@@ -321,7 +318,7 @@ class Stepper:
     def _leaves(self, point: Point, last: Point, length: float) -> bool:
         """Whether the curve leaves the window between both ends and comes back."""
         for bound in self.bounds:
-            first, then = (bound.slope(p.z, p.direction) for p in (point, last))
+            first, then = (float(bound.row(p.z) @ p.direction) for p in (point, last))
             if not first * then < 0:
                 continue
             start, size = bound.value(point.z), float(np.max(self.curve.metric[bound.slot])) ** -0.5
@@ -353,10 +350,11 @@ def _off_curve(curve: Curve, here: Point, z: Array, ahead: Array, length: float)
     return 0.0 if singular else curve.length(change)
 
 
-_ANGLE = kernels.bound(rules.angle, apart=lambda curve, z, other: curve.length(z - other))
+_APART = {"apart": lambda curve, z, other: curve.length(z - other)}
+_ANGLE = kernels.bound(rules.angle, **_APART)
 _EXAMINED = kernels.bound(
     rules.examined,
-    apart=lambda curve, z, other: curve.length(z - other),
+    **_APART,
     angle_to_chord=lambda curve, here, z, s: _ANGLE(curve, here.tangent, (z - here.z) / s),
     tangent_at=lambda curve, along, z, here: curve.tangent_at(z, along),
     off_curve=_off_curve,

@@ -318,29 +318,30 @@ class ContinuationIterator:
     def _without_candidates(self) -> Points | None:
         """The next of the steps that are taken many at once, as far as no event has anything to
         look for on them."""
-        ahead = self.stepper
-        ahead.fill(self.point, self.steps.most - self.count)
-        points, start = ahead.points, ahead.used
+        stepper = self.stepper
+        stepper.fill(self.point, self.steps.most - self.count)
+        points, start = stepper.points, stepper.used
         if points is None:
             return None
         most = min(start + _TOGETHER, len(points))
         if self.count and not self.events:
-            ahead.used, self.point = len(points), points[-1]
+            stepper.used, self.point = len(points), points[-1]
         # matrices say more of what is between two points than values do
         elif self.earlier and not any(isinstance(event.test, Singular) for event in self.events):
             # where there is no value, the reason is seen when the step is looked through
             with suppress(Undefined):
-                while ahead.used < most:
-                    end = min(ahead.used + self.ahead, most)
-                    if end - ahead.used < _MANY or not self._looked_ahead(points[ahead.used : end]):
-                        while ahead.used < end and self._has_no_candidate(points[ahead.used]):
-                            ahead.used += 1
-                    if ahead.used < end:
+                while stepper.used < most:
+                    end = min(stepper.used + self.ahead, most)
+                    few = end - stepper.used < _MANY
+                    if few or not self._looked_ahead(points[stepper.used : end]):
+                        while stepper.used < end and self._has_no_candidate(points[stepper.used]):
+                            stepper.used += 1
+                    if stepper.used < end:
                         self.ahead = 1
                         break
                     self.ahead = min(4 * self.ahead, _TOGETHER)
-        self.count += ahead.used - start
-        return points[start : ahead.used]
+        self.count += stepper.used - start
+        return points[start : stepper.used]
 
     def _looked_ahead(self, points: Points) -> bool:
         """Take steps up to the first of these points before which an event has a candidate, by
