@@ -156,13 +156,10 @@ class UniformLattice:
         def distance(self, n: Any) -> Any: ...
         def nodes(self, gamma: float) -> tuple[FloatArray, ...]: ...
 
-    def check(self, gamma: float) -> float:
-        """gamma as a float, or why there is no breather at this coupling."""
-        return check_gamma(gamma, self.spring)
-
-    def _mean(self, gamma: float, name: str) -> float:
+    def mean(self, gamma: float, name: str) -> float:
+        """`chi`, `eta`, `sigma` or `psi` at one coupling."""
         series = self._expansions[name]
-        x = 4.0 * self.check(gamma)
+        x = 4.0 * check_gamma(gamma, self.spring)
         total = 0.0
         for c in series.powers:
             total = total * x + c
@@ -172,17 +169,17 @@ class UniformLattice:
         return total
 
     def averages(self, gamma: FloatArray, name: str) -> FloatArray:
-        """`chi`, `eta`, `sigma` or `psi` of the infinite chain at many couplings inside of its
-        domain."""
+        """`mean` of the infinite chain at many couplings inside of its domain."""
         series, x = self._expansions[name], 4.0 * gamma
         total = np.polyval([*series.powers, series.constant], x)
         for weight, width in series.poles:
             total += weight * (1.0 / np.sqrt(1.0 - x / width) - 1.0)
         return np.asarray(total)
 
-    def _slope(self, gamma: float, name: str) -> float:
+    def slope(self, gamma: float, name: str) -> float:
+        """Derivative of `mean` with respect to gamma."""
         series = self._expansions[name]
-        x = 4.0 * self.check(gamma)
+        x = 4.0 * check_gamma(gamma, self.spring)
         total = 0.0
         for c in series.slopes:
             total = total * x + c
@@ -226,7 +223,7 @@ class UniformLattice:
         """``<cos(n theta)/(1 - w^2)>``: the answer of site n to the frequency of the forcing, on a
         ring from both sides and after all laps."""
         m, rest = self.distance(np.asarray(n)), 1.0 - self.spring
-        r, rho, sign, lap = self._laps(4.0 * self.check(gamma) / rest)
+        r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
         profile = rho**m
         if self.sites:
             profile = profile + sign * rho ** (self.sites - m)
@@ -235,7 +232,7 @@ class UniformLattice:
     def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """Derivative of `first_harmonic` with respect to gamma."""
         m, size, rest = self.distance(np.asarray(n)), self.sites, 1.0 - self.spring
-        r, rho, sign, lap = self._laps(4.0 * self.check(gamma) / rest)
+        r, rho, sign, lap = self._laps(4.0 * check_gamma(gamma, self.spring) / rest)
         turn, profile = m * rho ** abs(m - 1), rho**m  # 0 for m = 0
         if size:
             profile = profile + sign * rho ** (size - m)
@@ -257,39 +254,24 @@ class UniformLattice:
 
     def chi(self, gamma: float) -> float:
         """``<tan(pi w/2)/w>``, eq. (10): displacement of site 0 at the impact per unit p."""
-        return self._mean(gamma, "chi")
+        return self.mean(gamma, "chi")
 
     def eta(self, gamma: float) -> float:
         """``<w tan(pi w/2)>``: the restoring acceleration at the impact per unit p."""
-        return self._mean(gamma, "eta")
+        return self.mean(gamma, "eta")
 
     def sigma(self, gamma: float) -> float:
         """``<w/sin(pi w)>``: the harmonic pitchfork is at ``a = p sqrt(q^2 + 4 sigma^2)``."""
-        return self._mean(gamma, "sigma")
+        return self.mean(gamma, "sigma")
 
     def psi(self, gamma: float) -> float:
         """``<w cot(pi w/2)>``: the pitchfork of any forcing is at ``b = (1+k)^2 psi/2``."""
-        return self._mean(gamma, "psi")
-
-    def dchi(self, gamma: float) -> float:
-        """Derivative of `chi` with respect to gamma."""
-        return self._slope(gamma, "chi")
-
-    def deta(self, gamma: float) -> float:
-        """Derivative of `eta` with respect to gamma."""
-        return self._slope(gamma, "eta")
-
-    def dsigma(self, gamma: float) -> float:
-        """Derivative of `sigma` with respect to gamma."""
-        return self._slope(gamma, "sigma")
-
-    def dpsi(self, gamma: float) -> float:
-        """Derivative of `psi` with respect to gamma."""
-        return self._slope(gamma, "psi")
+        return self.mean(gamma, "psi")
 
     def by_spring(self, gamma: float, name: str) -> float:
-        """Derivative of `chi`, `eta`, `sigma` or `psi` with respect to the spring."""
-        raw, s, x = _functions()[name], self.spring, 4.0 * self.check(gamma)  # w^2 in [s, s + x]
+        """Derivative of `mean` with respect to the spring."""
+        raw, s = _functions()[name], self.spring
+        x = 4.0 * check_gamma(gamma, s)  # w^2 in [s, s + x]
         total = float((np.arange(1, TERMS + 1) * raw.tail) @ self.powers(gamma, 0)[:-1])
         for weight, P in raw.poles:
             z = x / (P - s)

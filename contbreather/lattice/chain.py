@@ -59,12 +59,12 @@ class InfiniteChain(UniformLattice):
         """
         edge = math.sqrt(self.spring) if edge is None else edge
         stiff = 0.5 * math.pi * edge * math.sqrt(edge * edge + 4.0 * gamma)
-        return (1.0 / stiff if stiff else math.inf) + self._mean(gamma, "tau")
+        return (1.0 / stiff if stiff else math.inf) + self.mean(gamma, "tau")
 
     def dtau(self, gamma: float) -> float:
         """Derivative of `tau` with respect to gamma, for a spring above 0."""
         s, edge = self.spring, self.spring + 4.0 * gamma
-        return self._slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
+        return self.slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
 
     def _excess(self, z: float) -> float:
         r = math.sqrt(1.0 - z)
@@ -147,6 +147,8 @@ class Ring(UniformLattice):
     def masses(self) -> FloatArray:
         return np.ones(self.sites)
 
+    drive = masses
+
     @property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The drive moves the ring as a whole."""
@@ -181,7 +183,7 @@ class Ring(UniformLattice):
     def dfirst_harmonic(self, gamma: float, n: ArrayLike) -> FloatArray:
         """Derivative of `first_harmonic` with respect to gamma."""
         m, size = self.distance(np.asarray(n)), self.sites
-        if not (size % 2 and size * math.sqrt(1.0 - 4.0 * self.check(gamma)) < 1.0):
+        if not (size % 2 and size * math.sqrt(1.0 - 4.0 * check_gamma(gamma)) < 1.0):
             return super().dfirst_harmonic(gamma, n)
         q, c, weight = _quarter_waves(size)  # as in `_dexcess`
         wave = np.cos(2.0 * np.pi / size * (np.multiply.outer(m, np.arange(q.size)) % size))

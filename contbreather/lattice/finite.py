@@ -42,6 +42,10 @@ class Finite(Protocol):
     @property
     def masses(self) -> FloatArray: ...
     @property
+    def drive(self) -> FloatArray:
+        """How strongly each site feels the forcing."""
+
+    @property
     def driven_modes(self) -> tuple[FloatArray, FloatArray, FloatArray]: ...
     @property
     def highest_gamma(self) -> float: ...
@@ -443,11 +447,6 @@ def _matrix_of(sites: int, *bonds: tuple[Any, Any]) -> FloatArray:
         entries, where = _bonds(first, second)
         np.add.at(matrix, where, entries)
     return matrix
-
-
-def drive_of(lattice: Finite) -> FloatArray:
-    """How strongly each site feels the forcing."""
-    return lattice.drive if isinstance(lattice, Lattice) else np.ones(lattice.sites)
 
 
 # --- the usual ones -----------------------------------------------------------------------------

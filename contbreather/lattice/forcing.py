@@ -71,23 +71,20 @@ class TrigonometricSeries:
     def at(self, t: Any, order: int) -> Any:
         """The derivative of that order, at one time or many."""
         one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
-        if not one or len(self.harmonics) >= LONG:
-            values = self._arrays(np.asarray(t, dtype=float), order)
-            return float(values) if one else values
         # d/dt (a cos mt + b sin mt) = m (b cos mt - a sin mt); twice it is -m^2 of itself
-        total = 0.0
-        for m, a, b in self.harmonics:
-            c, s = math.cos(m * t), math.sin(m * t)
-            value = b * c - a * s if order % 2 else a * c + b * s
-            total += value * m**order
-        return -total if order % 4 >= 2 else total
-
-    def _arrays(self, t: FloatArray, order: int) -> FloatArray:
-        angle = np.multiply.outer(t, self.m)  # signs and powers of m as in `at`
+        if one and len(self.harmonics) < LONG:
+            total = 0.0
+            for m, a, b in self.harmonics:
+                c, s = math.cos(m * t), math.sin(m * t)
+                value = b * c - a * s if order % 2 else a * c + b * s
+                total += value * m**order
+            return -total if order % 4 >= 2 else total
+        angle = np.multiply.outer(np.asarray(t, dtype=float), self.m)
         weight = self.pair * (self.m[:, None] ** order) * (-1.0 if order % 4 >= 2 else 1.0)
-        if order % 2:
-            return np.asarray(np.cos(angle) @ weight[:, 1] - np.sin(angle) @ weight[:, 0])
-        return np.asarray(np.cos(angle) @ weight[:, 0] + np.sin(angle) @ weight[:, 1])
+        a, b = weight.T
+        cosines, sines = np.cos(angle), np.sin(angle)
+        values = cosines @ b - sines @ a if order % 2 else cosines @ a + sines @ b
+        return float(values) if one else values
 
     def on_grid(self, size: int) -> FloatArray:
         """Values at ``2 pi j/size``, j = 0..size-1; size exceeds twice the highest harmonic."""
@@ -123,7 +120,8 @@ class Periodic:
 
     def motion(self, t: float) -> tuple[float, float, float]:
         """f, f' and f'' at one time."""
-        return self.f(t), self.df(t), self.d2f(t)
+        at = self._series.at
+        return at(t, 0), at(t, 1), at(t, 2)
 
     @property
     def harmonics(self) -> Harmonics:

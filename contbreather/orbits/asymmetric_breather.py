@@ -28,7 +28,6 @@ from contbreather.lattice.conditions import restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.periodic_green import periodic_green, sinc, slope_ratio
 from contbreather.orbits.closure import forcing_at
-from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_without_losses
 from contbreather.orbits.orbit_problem import OrbitProblem, ring_label, unstable_by
@@ -190,35 +189,29 @@ def divided(forcing: Forcing, t1: float, t2: float) -> tuple[float, float, float
 # --- as a problem to trace ------------------------------------------------------------------------
 
 
-def params_of(orbit: Orbit) -> dict[str, float]:
-    """a, gamma, k and the parameters of the forcing."""
-    held = ("damping", "spring")
-    return {name: v for name, v in orbit.conditions.params.items() if name not in held}
-
-
 def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The four equations with an orbit of two impacts as their start, and all its events.
 
     Columns: p, t1, t2, c; a, gamma, k and the parameters of the forcing; ``asymmetry`` is
     t2 - t1 - pi, ``unstable`` the number of multipliers outside.
     """
-    first = orbit.impacts[0].time
+    on, first = orbit.conditions, orbit.impacts[0].time
     times = first, first + math.pi + orbit.asymmetry  # times count modulo the period
-    equations = AsymmetricEquations(orbit.forcing, orbit.lattice)
+    equations = AsymmetricEquations(on.forcing, on.lattice)
     return _Asymmetric.of(
         "asymmetric breather",
-        partial(type(orbit.representation).arm, orbit.conditions, orbit.section),
+        partial(type(orbit.representation).arm, on, orbit.section),
         orbit,
         threshold,
         residual=equations.residual,
         start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
-        params=params_of(orbit),
+        params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
         events=(
             pitchfork_of_arms(),
             fold_of_arms(),
-            *events_without_losses(orbit.section, orbit.lattice, threshold),
+            *events_without_losses(orbit.section, on.lattice, threshold),
         ),
         record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
         domain={
@@ -227,7 +220,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
             "a": (0.0, math.inf),
             "p": (LEAST, math.inf),
         },
-        label=f"asymmetric breather{ring_label(orbit.lattice, threshold)}",
+        label=f"asymmetric breather{ring_label(on.lattice, threshold)}",
     )
 
 
@@ -257,7 +250,7 @@ def pitchfork_of_arms() -> Event:
 
 
 def _unequal(point: Point) -> float:
-    return solution_at(point).asymmetry
+    return point.solution.asymmetry
 
 
 def _equal_flights(curve: Curve, z: FloatArray, extra: FloatArray) -> FloatArray:
@@ -272,7 +265,7 @@ def _equal_flights_slope(curve: Curve, z: FloatArray, extra: FloatArray) -> Floa
 
 def symmetric_again(point: Point) -> SwitchingProblem:
     """The branch of symmetric breathers, in its own problem."""
-    breather = simpler_than(solution_at(point))
+    breather = simpler_than(point.solution)
     if breather is None:
         raise Undefined("the flights are not equal here")
     return SwitchingProblem(breather.problem, point.curve.free[-1])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import real
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import UniformLattice
+from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring, lattice_of
 from contbreather.lattice.conditions import (
     Conditions,
@@ -90,8 +90,8 @@ class ClosedForm:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lattice", sprung(self.lattice, self.forcing))
-        self.lattice.check(self.gamma)
-        restitution_ratio(self.k)  # refuses what is not in [0, 1]
+        check_gamma(self.gamma, self.lattice.spring)
+        parameter("k", self.k)
         parameter("a", self.a)
         if not (math.isfinite(real(self.phi)) and 0.0 < real(self.p) < math.inf):
             raise BadInput(
@@ -126,7 +126,7 @@ class ClosedForm:
 
     # ------------------------------------------------------------------------ as any motion
 
-    @property
+    @cached_property
     def conditions(self) -> Conditions:
         on, f = (self.a, self.gamma, self.k), self.forcing
         if isinstance(f, SpringResponse):
@@ -150,7 +150,7 @@ class ClosedForm:
 
     @property
     def chi(self) -> float:
-        return self.lattice.chi(self.gamma)
+        return self.lattice.mean(self.gamma, "chi")
 
     @property
     def family(self) -> str:
@@ -174,7 +174,7 @@ class ClosedForm:
     @property
     def b(self) -> float:
         """Off-diagonal entry of the saltation matrix (19)."""
-        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.eta(self.gamma)
+        w, eta = self.a * self.forcing.d2f(self.phi), self.lattice.mean(self.gamma, "eta")
         return float(saltation_of(ClosureTerms(self.p, self.k, eta, w=w)))
 
     @property
@@ -248,9 +248,9 @@ def closed_forms(
     a: float, gamma: float, k: float, drive: Forcing, chain: UniformLattice
 ) -> tuple[Orbit, ...]:
     """All solutions of (11) with p > 0, by descending p."""
-    gamma, a = sprung(chain, drive).check(gamma), parameter("a", a)
-    restitution_ratio(k)
-    pairs = roots(a, gamma, float(k), drive, chain)
+    gamma = check_gamma(gamma, sprung(chain, drive).spring)
+    a, k = parameter("a", a), parameter("k", k)
+    pairs = roots(a, gamma, k, drive, chain)
     if not all(math.isfinite(p) for p, _ in pairs):
         # the far field follows a f
         reach = 1.0 / drive.peak()
@@ -258,7 +258,7 @@ def closed_forms(
             f"a = {a!r}: too large, p is beyond what a number can hold; on the infinite chain no "
             f"breather is admissible beyond a = {reach:.6g}, where the far field reaches the walls."
         )
-    return tuple(Orbit(ClosedForm(a, gamma, float(k), p, phi, drive, chain)) for p, phi in pairs)
+    return tuple(Orbit(ClosedForm(a, gamma, k, p, phi, drive, chain)) for p, phi in pairs)
 
 
 @serialised("symmetric breather")

@@ -23,7 +23,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import DefiningSystem, Point
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import UniformLattice
+from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, TrigonometricSeries
@@ -143,7 +143,7 @@ class Closure:
 
     def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
         """``chi f' + q f`` and q."""
-        chi = sprung(self.lattice, self.forcing).chi(params["gamma"])
+        chi = sprung(self.lattice, self.forcing).mean(params["gamma"], "chi")
         q = restitution_ratio(params["k"])
         return reduced(self.forcing, chi, q), q
 
@@ -154,7 +154,7 @@ class Closure:
             restitution_ratio(k)
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
         if not 0.0 <= gamma < 0.25:
-            self.lattice.check(gamma)  # says it
+            check_gamma(gamma, self.lattice.spring)  # says it
         f = forcing_at(self.forcing, params)
         return Place(p, phi, a, gamma, k, f, sprung(self.lattice, f))
 
@@ -167,17 +167,18 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
     when asked for.
     """
     motion = breather.representation
-    forcing, lattice = motion.forcing, breather.lattice
+    on, forcing = breather.conditions, motion.forcing
+    lattice = on.lattice
     closure = Closure(forcing, lattice)
     domain = DOMAIN
     if "spring" in forcing.params:
         # the band [sqrt(spring), sqrt(spring + 4 gamma)] ends below the drive at 1, along either
         # parameter by itself
         gamma = NUMBERS["gamma"]
-        stiffest = 1.0 - gamma.margin - 4.0 * breather.gamma
+        stiffest = 1.0 - gamma.margin - 4.0 * on.gamma
         domain = {
             **DOMAIN,
-            "gamma": (0.0, gamma.domain[1] - 0.25 * breather.spring),
+            "gamma": (0.0, gamma.domain[1] - 0.25 * on.spring),
             "spring": (0.0, stiffest),
         }
     return SymmetricProblem.of(
@@ -187,8 +188,8 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         threshold,
         residual=closure.residual,
         start={"p": motion.p, "phi": motion.phi},
-        params={"a": breather.a, "gamma": breather.gamma, "k": breather.k, **forcing.params},
-        events=(saddle_node(), *events_without_losses(breather.section, lattice, threshold)),
+        params={"a": on.a, "gamma": on.gamma, "k": on.k, **forcing.params},
+        events=(saddle_node(), *events_without_losses(motion.section, lattice, threshold)),
         record={"unstable": unstable_by(threshold)},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
@@ -226,16 +227,17 @@ class SymmetricProblem(OrbitProblem):
         own = type(on) in (InfiniteChain, Ring) and not isinstance(forcing, SpringResponse)
         if not own or ring or any(name not in places for name in free):
             return None
-        f = forcing.at(**{name: params[name] for name in forcing.params if name in params})
+        f = forcing_at(forcing, params)
         freed = [float(entry) for name in free for entry in places[name]]
         values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
         gamma = values[1]
-        means = [of(gamma) for of in (on.chi, on.dchi, on.sigma, on.dsigma, on.eta, on.deta)]
+        names = "chi", "sigma", "eta"
+        means = [of(gamma, name) for name in names for of in (on.mean, on.slope)]
         flat = [entry for harmonic in f.harmonics for entry in harmonic]
         # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
         head = [len(free), *freed, *(4 - 2 * len(free)) * [0.0], *values, *means, *4 * [0.0]]
         head += [len(f.harmonics), kernels.FIRST + len(flat), 0]
-        data = [*head, *flat, *(x for mean in ("chi", "sigma", "eta") for x in on.expansion(mean))]
+        data = [*head, *flat, *(x for name in names for x in on.expansion(name))]
         return Loops(kernels.closure, kernels.closure_slopes, tuple(map(float, data)))
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
@@ -272,15 +274,6 @@ def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> D
     return DefiningSystem({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
 
 
-def _breather(curve: Curve, z: Array) -> Breather:
-    return Point(curve, z).solution.representation
-
-
-def _names(curve: Curve) -> tuple[str, ...]:
-    """What the columns of a derivative belong to: p, phi and the freed parameters."""
-    return (*curve.problem.start, *curve.free)
-
-
 # --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
 
 
@@ -295,12 +288,12 @@ class Scalar(NamedTuple):
     derive: Any
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        return np.array([self.value(self.terms(_breather(curve, z)))])
+        return np.array([self.value(self.terms(Point(curve, z).solution.representation))])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        breather = _breather(curve, z)
+        breather = Point(curve, z).solution.representation
         t = self.terms(breather)
-        row = [self.derivative_in(t, self.terms_in(breather, t, name)) for name in _names(curve)]
+        row = [self.derivative_in(t, self.terms_in(breather, t, name)) for name in curve.slots]
         return np.array([row])
 
     def loops(self, closure: Loops, n: int) -> Loops:
@@ -331,7 +324,7 @@ def _turning_derivative(breather: Breather, t: ClosureTerms, name: str) -> Closu
 
 
 def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
-    breather, edge = _breather(curve, z), float(extra[0])
+    breather, edge = Point(curve, z).solution.representation, float(extra[0])
     scalar = pitchfork_scalar(_turning(breather, edge))
     # the square of the edge, for the root of the spring has no derivative at 0
     return np.array([scalar, edge * edge - breather.lattice.spring])
@@ -356,7 +349,7 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     F = of.map(orbit).gradient(of.angle(extra), of.radius)
     direct = {"gamma": F.d_gamma, "k": F.d_k, "spring": F.d_spring}
     t, columns = terms_at(orbit.representation, "eta"), []
-    for name in _names(curve):
+    for name in curve.slots:
         by_b = saltation_derivative(t, terms_derivative(orbit.representation, t, name, "eta"))
         columns.append(F.d_b * by_b + direct.get(name, 0.0))
     # F is complex: its real and its imaginary part are the two equations of a pair
@@ -392,7 +385,7 @@ def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     """Of displacement and velocity, in the time at last; the impulse is -2p, at phi."""
     slopes = orbit.motion.slopes(site, t, curve.free)
     slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
-    return np.array([slopes[name] for name in (*_names(curve), "t")]).T
+    return np.array([slopes[name] for name in (*curve.slots, "t")]).T
 
 
 def _with_contact(

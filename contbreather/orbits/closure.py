@@ -26,7 +26,6 @@ from contbreather.lattice.chain import lattice_of
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
 from contbreather.lattice.formula import forcing_of
-from contbreather.parameters import parameter
 
 FloatArray = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
@@ -92,30 +91,23 @@ def saltation_derivative(t: ClosureTerms, d: ClosureTerms) -> Any:
 def terms_at(at: Any, mean: str) -> ClosureTerms:
     """Of a place or a breather, with one of the means of its lattice."""
     drive = [at.a * value for value in at.forcing.motion(at.phi)]
-    return ClosureTerms(at.p, at.k, getattr(at.lattice, mean)(at.gamma), *drive)
+    return ClosureTerms(at.p, at.k, at.lattice.mean(at.gamma, mean), *drive)
 
 
 def terms_derivative(at: Any, t: ClosureTerms, name: str, mean: str) -> ClosureTerms:
     """The derivative of `terms_at`, which are t, in p, phi, or a parameter."""
+    f, phi = at.forcing, at.phi
     if name in ("p", "k"):
         return ClosureTerms(**{name: 1.0})
     if name == "phi":
-        return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * at.forcing.d3f(at.phi))
+        return ClosureTerms(0.0, 0.0, 0.0, t.v, t.w, at.a * f.d3f(phi))
     if name == "gamma":
-        return ClosureTerms(mean=getattr(at.lattice, f"d{mean}")(at.gamma))
-    by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
-    return ClosureTerms(0.0, 0.0, by_spring, *driven(at, at.phi, name))
-
-
-def driven(at: Any, t: float, name: str) -> tuple[float, ...]:
-    """Derivatives of ``a f``, ``a f'`` and ``a f''`` at a fixed time in a parameter."""
-    f = at.forcing
+        return ClosureTerms(mean=at.lattice.slope(at.gamma, mean))
     if name == "a":
-        motion: tuple[float, ...] = f.motion(t)
-        return motion
-    if name not in f.params:
-        return 0.0, 0.0, 0.0
-    return tuple(at.a * f.f_param(name, t, order) for order in range(3))
+        return ClosureTerms(0.0, 0.0, 0.0, *f.motion(phi))
+    by_spring = at.lattice.by_spring(at.gamma, mean) if name == "spring" else 0.0
+    driven = (at.a * f.f_param(name, phi, order) for order in range(3))
+    return ClosureTerms(0.0, 0.0, by_spring, *driven)
 
 
 def sprung(lattice: Any, forcing: Forcing) -> Any:
@@ -149,8 +141,7 @@ def roots(
     NoSolution
         Below the fold; the sentence names the smallest a.
     """
-    a, q = parameter("a", a), restitution_ratio(k)
-    chi = sprung(lattice, forcing).chi(gamma)
+    chi, q = sprung(lattice, forcing).mean(gamma, "chi"), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         solutions = _harmonic_roots(a, chi, q)
     else:
@@ -182,7 +173,7 @@ def smallest_amplitude(
 
 def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> list[float]:
     """Amplitudes of all folds, where ``chi f' + q f`` has an extremum and (11) a double root."""
-    chi, q = sprung(lattice, forcing).chi(gamma), restitution_ratio(k)
+    chi, q = sprung(lattice, forcing).mean(gamma, "chi"), restitution_ratio(k)
     if isinstance(forcing, Harmonic):
         # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,6 @@ from contbreather.orbits.clearance import (
 from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
-from contbreather.orbits.section import Section
 from contbreather.orbits.site_motion import SiteMotion, Terms
 
 Array = NDArray[np.float64]
@@ -72,22 +71,17 @@ class GrazingSite:
         return DefiningSystem({"t": t}, conditions, self._derivative, loops=loops, **more)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
-        orbit, t = solution_at(Point(curve, z)), float(extra[0])
+        orbit, t = Point(curve, z).solution, float(extra[0])
         u, v, _ = self.motion(orbit, t) if self.motion else orbit.motion.at(self.site, t)
         return np.array([u - wall, v])
 
     def _derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        slopes: Array = self.slopes(curve, solution_at(Point(curve, z)), float(extra[0]))
+        slopes: Array = self.slopes(curve, Point(curve, z).solution, float(extra[0]))
         return slopes
 
 
-def grazing() -> Event:
-    """GR, and VI where an impact itself loses its velocity."""
-    return Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
-
-
 def _margin(point: Point) -> float:
-    return least_margin(solution_at(point).motion)
+    return least_margin(point.solution.motion)
 
 
 def _margins(points: Points) -> Many | None:
@@ -96,12 +90,12 @@ def _margins(points: Points) -> Many | None:
 
 
 def _locus(point: Point) -> DefiningSystem:
-    orbit = solution_at(point)
+    orbit = point.solution
     if _vanishing(point):  # with it may be others, that move alike
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
-    alike = worst.flight < 0 and orbit.gamma < ALIKE
+    alike = worst.flight < 0 and orbit.conditions.gamma < ALIKE
     weakly = orbit.representation.weakly(ALIKE) if alike else None
     if weakly is not None:
         worst = closest_idle(weakly)
@@ -109,42 +103,42 @@ def _locus(point: Point) -> DefiningSystem:
 
 
 def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
+    """Of a site that touches a wall at a time."""
     if _is_impact(orbit, site, t):
         return shallow_impact(orbit)
-    displacement = orbit.motion.at(site, t)[0]
-    place = min(orbit.walls.at(site), key=lambda wall: abs(displacement - wall))
+    motion = orbit.motion
+    displacement = motion.at(site, t)[0]
+    place = min(motion.walls(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
     other = _OtherContact(site, _is_mirrored(orbit, site, t), followed.scale)
     return followed.locus(place, t, events=(*followed.further, other.event()), meets=followed.meets)
 
 
-@lru_cache(maxsize=4)
-def solution_at(point: Point) -> Orbit:
-    """The orbit of a point; kept, for all events ask about the same one in turn."""
-    orbit: Orbit = point.solution
-    return orbit
-
-
 def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
-    near = AT_IMPACT * orbit.period
+    period = orbit.section.period
     return site in orbit.section.hit and any(
-        hit.site == site and abs(math.remainder(t - hit.time, orbit.period)) < near
+        hit.site == site and abs(math.remainder(t - hit.time, period)) < AT_IMPACT * period
         for hit in orbit.hits
     )
 
 
+def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
+    """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
+    section, motion = orbit.section, orbit.motion
+    if section.symmetric or section.turns % 2 == 0:
+        return False
+    displacements = [motion.at(site, time)[0] for time in (t, t + 0.5 * section.period)]
+    return abs(sum(displacements)) < SAME
+
+
 def _vanishing(point: Point) -> dict[str, Any]:
-    orbit = solution_at(point.base_point)
+    orbit = point.solution
     j = orbit.vanishing
     return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
 
 
-def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
-    if orbit.symmetric or orbit.section.turns % 2 == 0:
-        return False
-    displacements = [orbit.motion.at(site, time)[0] for time in (t, t + 0.5 * orbit.period)]
-    return abs(sum(displacements)) < SAME
+# GR, and VI where an impact itself loses its velocity
+GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
 
 
 @dataclass(frozen=True)
@@ -161,7 +155,7 @@ class _OtherContact:
         return CodimensionTwo("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
 
     def closest(self, point: Point) -> Clearance:
-        motion = solution_at(point).motion
+        motion = point.solution.motion
         return smallest_margins(
             other_contacts(motion, self.site, point["t"], mirrored=self.mirrored)
         )
@@ -178,7 +172,7 @@ class _OtherContact:
 
     def locus(self, point: Point) -> DefiningSystem:
         where = point.detail
-        return _follow(solution_at(point), where["site"], where["time"])
+        return _follow(point.solution, where["site"], where["time"])
 
 
 # --- what else may touch a wall there -------------------------------------------------------------
@@ -260,21 +254,13 @@ def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:
 
 def _others_last(j: int, point: Point) -> float:
     """Where one impact vanishes, the least velocity of another."""
-    orbit: Orbit = point.base_point.solution
+    orbit: Orbit = point.solution
     walls = [wall for _, wall in orbit.section.impacts]
     # positive towards the wall
     return float(np.delete(walls * orbit.incoming, j).min(initial=1.0))
 
 
 # --- two impacts that become one ----------------------------------------------------------------
-
-
-def merging(section: Section) -> tuple[Event, ...]:
-    """VI where two impacts of one site at one wall become one, whether walls are lifted or not:
-    with them come to an end the equations, too."""
-    if not section.repeats:
-        return ()
-    return (Event("VI", _apart, ends="branch", locus=_together, examine=_which),)
 
 
 def _closest(orbit: Orbit) -> tuple[float, int, int]:
@@ -284,18 +270,18 @@ def _closest(orbit: Orbit) -> tuple[float, int, int]:
 
 
 def _apart(point: Point) -> float:
-    return _closest(solution_at(point.base_point))[0] - ONE
+    return _closest(point.solution)[0] - ONE
 
 
 def _which(point: Point) -> dict[str, str]:
-    orbit = solution_at(point.base_point)
+    orbit = point.solution
     _, i, j = _closest(orbit)
     site, wall = orbit.section.impacts[i]
     return {"impacts": f"{i + 1} and {j + 1}, of site {site} at its wall {wall:+d}, become one"}
 
 
 def _together(point: Point) -> DefiningSystem:
-    _, *pair = _closest(solution_at(point.base_point))
+    _, *pair = _closest(point.solution)
     names = [f"t{j + 1}" for j in pair]
     return DefiningSystem({}, partial(_gap, names), partial(_gap_slope, names))
 
@@ -309,3 +295,8 @@ def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Ar
     row = np.zeros((1, z.size))
     row[0, [curve.slots[name] for name in names]] = -1.0, 1.0
     return row
+
+
+# VI where two impacts of one site at one wall become one, whether walls are lifted or not: with
+# them come to an end the equations, too
+MERGING = Event("VI", _apart, ends="branch", locus=_together, examine=_which)

@@ -24,10 +24,9 @@ from contbreather.orbits.asymmetric_breather import (
     EQUAL,
     LEAST,
     asymmetric_problem,
-    params_of,
     pitchfork_of_arms,
 )
-from contbreather.orbits.grazing import GrazingSite, solution_at
+from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.green_equations import OrbitEquations, Params, green_equations_of
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.orbit_events import events_without_losses, from_arms
@@ -237,25 +236,25 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     ``p``, and ``asymmetry`` where half a symmetric orbit may do. Every branch point of the
     equations is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
     """
-    motion = orbit.representation
+    motion, on = orbit.representation, orbit.conditions
     equations: OrbitEquations = motion.equations
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
     optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
     record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
     return OrbitProblem.of(
         "orbit with impacts",
-        partial(type(motion).of, orbit.conditions, orbit.section),
+        partial(type(motion).of, on, orbit.section),
         orbit,
         threshold,
         residual=equations.residual,
         start=dict(zip(equations.names, motion.x.tolist(), strict=True)),
-        params=params_of(orbit),
+        params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
         jacobian=equations.jacobian,
         sensitivity=equations.sensitivity,
         events=(
             fold(),
             from_arms(branch_point()),
-            *events_without_losses(orbit.section, orbit.lattice, threshold),
+            *events_without_losses(orbit.section, on.lattice, threshold),
         ),
         record=record,
         domain=_domain(equations),
@@ -342,7 +341,7 @@ def _motion_slopes(
 
 
 def _towards(side: float, point: Point) -> float:
-    return side * solution_at(point.base_point).asymmetry
+    return side * point.solution.asymmetry
 
 
 def _while_asymmetric(side: float, point: Point) -> float:

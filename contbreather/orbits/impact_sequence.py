@@ -44,7 +44,7 @@ class ImpactSequence:
 
     # ------------------------------------------------------------------------------ what it is
 
-    @cached_property
+    @property
     def conditions(self) -> Conditions:
         return self.representation.conditions
 
@@ -52,7 +52,7 @@ class ImpactSequence:
     def section(self) -> Section:
         return self.representation.section
 
-    @cached_property
+    @property
     def impacts(self) -> tuple[Impact, ...]:
         return self.representation.impacts
 
@@ -128,7 +128,7 @@ class ImpactSequence:
     @property
     def incoming(self) -> FloatArray:
         """Velocity of the site just before each impact, ``-J/(1 + k)``."""
-        return -self.impulses / (1.0 + self.k)  # u' -> -k u'
+        return -self.impulses / (1.0 + self.conditions.k)  # u' -> -k u'
 
     @property
     def accelerations(self) -> FloatArray:
@@ -138,26 +138,26 @@ class ImpactSequence:
     @cached_property
     def entries(self) -> FloatArray:
         """The entries b of the saltation matrices (19), one for each impact of a section."""
-        c = 1.0 + self.k  # b = (1 + k) u''/u' of (19), with losses
+        on, accelerations = self.conditions, self.representation.accelerations
+        c = 1.0 + on.k  # b = (1 + k) u''/u' of (19), with losses
         # braked less after the impact than before, a site turns round faster by damping (1 + k) v
-        b: FloatArray = c * self.accelerations / self.incoming + c * self.damping
+        b: FloatArray = c * accelerations / self.incoming + c * on.damping
         b.setflags(write=False)
         return b
 
     @cached_property
     def hits(self) -> tuple[Hit, ...]:
         """All impacts of a period in order of time."""
+        on, w = self.conditions, self.representation.accelerations
+        w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
         hits = []
-        for half in range(2 if self.symmetric else 1):
-            side = 1 - 2 * half  # u(t + T/2) = -u(t)
-            for impact, w in zip(self.impacts, self.accelerations.tolist(), strict=True):
-                before = -side * impact.impulse / (1.0 + self.k)
-                # just after the impact a damped site is braked the other way
-                after = side * w + self.damping * (1.0 + self.k) * before
-                time = impact.time + half * self.section.length
-                hits.append(
-                    Hit(impact.site, side * impact.wall, time, before, -self.k * before, after)
-                )
+        for (site, wall, time, J), bend in zip(
+            self.section.course(self.impacts), w.tolist(), strict=True
+        ):
+            before = -J / (1.0 + on.k)
+            # just after the impact a damped site is braked the other way
+            after = bend + on.damping * (1.0 + on.k) * before
+            hits.append(Hit(site, wall, time, before, -on.k * before, after))
         return tuple(sorted(hits, key=lambda hit: hit.time))
 
     @property
@@ -202,7 +202,7 @@ class ImpactSequence:
             raise self._lacks("asymmetry", "orbits whose second half hits the opposite walls")
         first, second = self.times.reshape(2, -1)
         # equal flights: the mirror image of an impact comes half a period after it
-        late = (second - first) % self.period - 0.5 * self.period
+        late = (second - first) % self.section.period - 0.5 * self.section.period
         return float(late[abs(late).argmax()])
 
     def _need_one(self, name: str) -> None:

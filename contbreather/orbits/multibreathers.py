@@ -25,12 +25,12 @@ from contbreather.continuation.point import Point
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.lattice.finite import Finite, drive_of, finite, stiffness_of
+from contbreather.lattice.finite import Finite, finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
-from contbreather.orbits.grazing import grazing
+from contbreather.orbits.grazing import GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
@@ -169,7 +169,7 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
 
 def _under(on: Conditions, site: int) -> FloatArray:
     """What a site without coupling moves under: its losses, its spring, its drive over a period."""
-    drive = on.a if on.lattice.sites is None else on.a * drive_of(on.lattice)[site]
+    drive = on.a if on.lattice.sites is None else on.a * on.lattice.drive[site]
     # drives of different kinds are the same if their values are
     times = np.linspace(0.0, 2.0 * math.pi, 16)
     return np.array([on.k, on.damping, on.spring, *(drive * on.forcing.d2f(times))])
@@ -226,7 +226,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
         curve = Curve(start, ("gamma",))
         return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
     # behind a fold the coupling falls again
-    ends = (replace(fold(), ends="branch"), grazing())
+    ends = (replace(fold(), ends="branch"), GRAZING)
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
 
@@ -343,7 +343,7 @@ def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int,
 def _coloured(lattice: Finite, sites: tuple[int, ...], walls: Walls) -> nx.Graph:
     """The lattice as a graph; what sets sites and bonds apart, to nine digits, as their colours."""
     matrix = stiffness_of(lattice).toarray()
-    drive = drive_of(lattice)
+    drive = lattice.drive
     graph = nx.Graph()
     for n in range(lattice.sites):
         traits = (matrix[n, n], lattice.masses[n], drive[n], *walls.at(n))

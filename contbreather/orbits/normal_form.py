@@ -113,7 +113,7 @@ def bends(point: Point) -> Mapping[str, Any]:
 def _form(point: Point) -> PitchforkForm:
     """Of a point that knows the direction of its branch."""
     orbit: Orbit = point.solution
-    if not orbit.symmetric:
+    if not orbit.section.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
     curve = Curve(orbit.unfolded().problem.having(*point.curve.free), point.curve.free)
     matrix = curve.jacobian(curve.start)
@@ -125,18 +125,12 @@ def _form(point: Point) -> PitchforkForm:
         )
     if sizes.size > 1 and sizes[-2] <= _SINGULAR * sizes[0]:
         raise Undefined("a second multiplier is 1, as of idle sites without coupling")
-    shifts = right[-1][_slots(curve, 1)] - right[-1][_slots(curve, 0)]
+    m = orbit.section.count  # unknowns begin with the times in both halves of the period
+    shifts = right[-1][m : 2 * m] - right[-1][:m]
     # so that s is the asymmetry
     v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]  # G_x v = 0, w G_x = 0
     bend = _bend(curve, matrix, v, w)
     return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0)
-
-
-def _slots(curve: Curve, half: int) -> list[int]:
-    """Where the times of the impacts in one half of the period are."""
-    times = [f"t{j + 1}" for j in range(curve.size) if f"t{j + 1}" in curve.problem.start]
-    m = len(times) // 2
-    return [curve.slots[name] for name in times[m * half : m * half + m]]
 
 
 def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:

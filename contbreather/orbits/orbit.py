@@ -286,7 +286,7 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
 
     def unfolded(self) -> Orbit:
         """The whole period of a symmetric orbit, as one that need not be symmetric."""
-        return self._again(self.section.unfolded()) if self.symmetric else self
+        return self._again(self.section.unfolded()) if self.section.symmetric else self
 
     def doubled(self) -> Orbit:
         """The same orbit, run through twice.

@@ -41,8 +41,7 @@ from contbreather.continuation.point import (
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.orbits.grazing import grazing as grazed
-from contbreather.orbits.grazing import merging, solution_at
+from contbreather.orbits.grazing import GRAZING, MERGING
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
@@ -63,7 +62,8 @@ def events_of(section: Section, lattice: Any, threshold: float) -> tuple[Event, 
     endless = lattice.sites is None
     breaking = real_multiplier("PF", 1.0) if section.symmetric else real_multiplier("PD", -1.0)
     mixed = (Event("MX", None, count=_certain_count),) if endless and not section.symmetric else ()
-    return (breaking, pair_leaves(lattice, threshold), grazed(), *mixed, *merging(section))
+    merging = (MERGING,) if section.repeats else ()
+    return (breaking, pair_leaves(lattice, threshold), GRAZING, *mixed, *merging)
 
 
 def events_without_losses(section: Section, lattice: Any, threshold: float) -> tuple[Event, ...]:
@@ -74,7 +74,7 @@ def events_without_losses(section: Section, lattice: Any, threshold: float) -> t
 
 
 def _certain_count(point: Point) -> float | int:
-    count = solution_at(point).map.count()
+    count = point.solution.map.count()
     return count.count if count.certain else math.nan
 
 
@@ -102,12 +102,13 @@ def real_multiplier(kind: str, mu: float) -> Event:
 
 def _crosses(mu: float, point: Point) -> float:
     """Each impact brings a pole where its velocity vanishes, which is divided out."""
-    orbit = solution_at(point)
-    if is_blurred(orbit.map):
+    orbit = point.solution
+    map = orbit.map
+    if is_blurred(map):
         return math.nan
     # J points away from the wall: each is positive as long as the site comes to it from inside
     pushes = [-impact.wall * impact.impulse for impact in orbit.impacts]
-    return float(orbit.map.crosses(mu) * math.prod(pushes))
+    return float(map.crosses(mu) * math.prod(pushes))
 
 
 def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
@@ -120,12 +121,12 @@ def _crosses_of_many(mu: float, counted: bool, points: Points) -> Many | None:
 
 def _beyond(mu: float, point: Point) -> float:
     """How many multipliers are beyond mu: two that pass within one step are seen by it."""
-    map = solution_at(point).map
+    map = point.solution.map
     return math.nan if is_blurred(map) else int(map.beyond(mu))
 
 
 def _real_locus(mu: float, point: Point) -> DefiningSystem:
-    orbit = solution_at(point)
+    orbit = point.solution
     # mu = exp(i pi nu): nu is 0 for 1 and 1 for -1
     locus = orbit.representation.locus(OnCircle(nu=0.5 * (1.0 - mu)), point)
     # idle sites held by their neighbours alone have this multiplier without coupling, wherever
@@ -135,12 +136,12 @@ def _real_locus(mu: float, point: Point) -> DefiningSystem:
 
 
 def _examine_real(mu: float, point: Point) -> Examined:
-    orbit = solution_at(point)
+    orbit = point.solution
     size = np.prod(1.0 + np.abs(orbit.entries))  # D is linear in each entry b of (19)
     value = orbit.map.on_circle(0.5 * (1.0 - mu))  # D(mu) = det(1 + (S - 1) G(mu))
     if not abs(value) < _ZERO * size:
         return f"D({mu:g}) = {value.real:.2g} is not zero"
-    if not orbit.symmetric:
+    if not orbit.section.symmetric:
         return ""
     # at the fold (14) the half map QS has the multiplier -1
     if abs(orbit.map.crosses(-1.0)) < _ZERO * size:
@@ -158,13 +159,13 @@ def branching() -> Event:
 def _branching_test(point: Point) -> float:
     if point.tangent is None:
         return math.nan
-    orbit = solution_at(point)
+    orbit = point.solution
     whole = np.vstack([point.curve.jacobian(point.z), point.curve.metric * point.tangent])
     return float(orbit.map.in_units_of_flight(whole, orbit.section.sign))
 
 
 def _beyond_closing(point: Point) -> float:
-    return _beyond(solution_at(point).section.sign, point)
+    return _beyond(point.solution.section.sign, point)
 
 
 def from_arms(event: Event) -> Event:

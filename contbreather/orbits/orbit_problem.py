@@ -201,10 +201,8 @@ class BreathersAlong:
     def map(self) -> HalfMap:
         """Theirs, with an array for b; all events ask."""
         on = self.first.representation
-        terms = ClosureTerms(
-            self.p, on.k, on.lattice.eta(on.gamma), w=self.a * on.forcing.d2f(self.phi)
-        )
-        return replace(self.first.map, b=saltation_of(terms))
+        eta, w = on.lattice.mean(on.gamma, "eta"), self.a * on.forcing.d2f(self.phi)
+        return replace(self.first.map, b=saltation_of(ClosureTerms(self.p, on.k, eta, w=w)))
 
     def margins(self) -> FloatArray:
         """The least margin of each, as `clearance.least_margin` has it of one."""
@@ -229,7 +227,7 @@ def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
     if curve.free != ("a",) or curve.problem.beneath is not None:
         return None
     first = points[0].solution
-    if not (first.symmetric and first.lattice.sites is None and isinstance(first.map, HalfMap)):
+    if not isinstance(first.map, HalfMap) or first.map.lattice.sites is not None:
         return None
     p, phi, a = np.ascontiguousarray(z.T)
     # with p <= 0 the wall +1 would pull at its site

@@ -18,7 +18,6 @@ from contbreather.continuation.branch import Points
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.errors import BadInput
-from contbreather.orbits.grazing import solution_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.half_period import HalfMap
@@ -92,7 +91,7 @@ class _Pair:
         return OnCircle(radius, lattice=self.lattice)
 
     def map(self, point: Point) -> Any:
-        map = solution_at(point).map
+        map = point.solution.map
         return map if self.lattice is None else map.on(self.lattice)
 
     def test(self, point: Point) -> float:
@@ -136,7 +135,7 @@ class _Pair:
         return self.following(point, angle)
 
     def following(self, point: Point, angle: float) -> DefiningSystem:
-        map, representation = self.map(point), solution_at(point).representation
+        map, representation = self.map(point), point.solution.representation
         circle = self.circle(map)
         if map.lattice.sites is None:
             return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
@@ -201,7 +200,7 @@ def _real_pairs(mu: NDArray[np.complex128], radius: float) -> int:
 def _turns_real(radius: float, point: Point) -> Iterator[Event]:
     """R1, R2: the pair has become a double real multiplier; the curve would come back over itself.
     Of half a symmetric orbit both 1 and -1 are 1 over the whole period."""
-    events, half = {e.kind: e for e in point.curve.problem.events}, solution_at(point).symmetric
+    events, half = {e.kind: e for e in point.curve.problem.events}, point.solution.symmetric
     plus, minus = (("R1", "PF"), ("R1", "LP")) if half else (("R1", "LP"), ("R2", "PD"))
     for mu, (kind, meets) in ((1.0, plus), (-1.0, minus)):
         yield CodimensionTwo(
@@ -219,7 +218,7 @@ def _from_real(mu: float, point: Point) -> float:
 
 
 def _is_double(mu: float, point: Point) -> str:
-    map = point.base_point.solution.map
+    map = point.solution.map
     if np.sort(abs(map.coupled - mu))[1] > DOUBLE:
         return f"{mu:.6g} is not a double multiplier"
     # a Jordan block has one null vector; two multipliers that only pass each other have two
@@ -231,7 +230,7 @@ def _examine_angle(point: Point) -> str:
     """A pair outside may also turn real, one of the two coming in through +1 or -1 later on."""
     nu = point.detail.get("nu")
     if nu is None:
-        if _is_elastic(solution_at(point).map):
+        if _is_elastic(point.solution.map):
             return ""
         return "a pair was seen to leave or to turn real, but no angle solves the locus"
     # exp(i pi nu) is real at nu = 0 and 1

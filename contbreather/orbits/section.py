@@ -161,10 +161,11 @@ class Section:
             )
         return Section(self.impacts * 2, 2 * self.turns)
 
-    def course(self, impacts: Sequence[Impact], sections: int) -> tuple[Impact, ...]:
-        """The impacts of so many sections, given those of one: each section repeats the one before
-        with its sign."""
+    def course(self, impacts: Sequence[Impact], sections: int = 0) -> tuple[Impact, ...]:
+        """The impacts of so many sections, of a period unless given, from those of one: each
+        section repeats the one before with its sign."""
         T, sign = self.length, self.sign  # u(t + T) = sign u(t)
+        sections = sections or (2 if sign < 0 else 1)
         return tuple(
             Impact(n, sign**i * wall, t + i * T, sign**i * J)
             for i in range(sections)

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
-from contbreather.lattice.finite import Finite, drive_of, mode_solutions, stiffness_of
+from contbreather.lattice.finite import Finite, mode_solutions, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.periodic_green import (
     LATE,
@@ -202,12 +202,10 @@ class SiteMotion:
         self.length, self.period = self.section.length, self.section.period
         self.endless = self.lattice.sites is None  # with a far field
         self.fine = max(FINE, 16 * int(self.forcing.highest))  # points to half a period of it
-        # of a period, those of a section first
-        sections = 1 if self.sign > 0 else 2
-        self.impacts = self.section.course(representation.impacts, sections)
+        self.impacts = self.section.course(representation.impacts)  # those of a section first
         self.start = float(self.impacts[0].time)  # of a section
 
-    @cached_property
+    @property
     def idle(self) -> Sequence[int]:
         """Sites that never hit a wall, all that may come closest to one."""
         raise NotImplementedError
@@ -301,17 +299,16 @@ class ChainMotion(SiteMotion):
         for first in range(0, t.size, MANY):
             part = slice(first, first + MANY)
             those, which = np.unique(sites[part], return_inverse=True)
-            out[:, part] = self._states(tuple(those.tolist()), which, times[part])
+            block = np.empty((3, which.size))
+            STATES(self._of(tuple(those.tolist())), which, times[part], block)
+            out[:, part] = block
         return out.reshape(3, *t.shape)
 
     def at(self, site: int, t: float) -> Terms:  # the same, sooner
-        (u,), (v,), (w,) = self._states((site,), _FIRST, np.array([t])).tolist()
+        out = np.empty((3, 1))
+        STATES(self._of((site,)), _FIRST, np.array([t]), out)
+        (u,), (v,), (w,) = out.tolist()
         return u, v, w
-
-    def _states(self, sites: tuple[int, ...], which: Any, times: FloatArray) -> FloatArray:
-        out = np.empty((3, times.size))
-        STATES(self._of(sites), which, times, out)
-        return out
 
     def with_idle(
         self, idle: Sequence[int], near: Collection[int] = (), touching: int | None = None
@@ -372,7 +369,7 @@ class ChainMotion(SiteMotion):
             return np.asarray(np.interp(sites, places, values))
         return np.asarray(np.interp(sites % ring, places, values, period=ring))
 
-    @cached_property
+    @property
     def idle(self) -> Sequence[int]:
         # of a ring with modes at or above the lowest harmonic of the orbit all
         resonant = not self.endless and 4.0 * self.section.turns**2 * self.on.gamma >= 1.0
@@ -516,7 +513,7 @@ def _walks(lattice: Finite, hit: tuple[int, ...]) -> FloatArray:
     """What each power of the coupling matrix makes of the drive and of each impact at each site,
     the largest being 1."""
     coupling = stiffness_of(lattice) / lattice.masses[:, None]
-    walks = [np.column_stack([drive_of(lattice), *np.eye(lattice.sites)[list(hit)]])]
+    walks = [np.column_stack([lattice.drive, *np.eye(lattice.sites)[list(hit)]])]
     for _ in range(_ORDERS):
         there = coupling @ walks[-1]
         walks.append(there / (abs(there).max() or 1.0))

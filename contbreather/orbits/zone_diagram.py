@@ -94,7 +94,7 @@ class Zones(Columns, HtmlRepr):
         points: list[Point] = []
         for kind in reversed(KINDS):
             for point in (p for branch in self.curves[kind] for p in branch.special):
-                if not is_meeting(point) or point.kind == JOINT:
+                if not isinstance(point.event, CodimensionTwo) or point.kind == JOINT:
                     continue
                 if not any(self._same(point, other) for other in points):
                     points.append(point)
@@ -229,11 +229,6 @@ def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]
 def phases_on(curve: Branch) -> Array:
     """phi of the breathers on a curve: by exact modes it is the time of the first impact."""
     return curve["phi" if "phi" in curve.names else "t1"]
-
-
-def is_meeting(point: Point) -> bool:
-    """Whether two curves meet there."""
-    return isinstance(point.event, CodimensionTwo)
 
 
 # --- in files -----------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import neimark_sacker
-from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots, is_meeting
+from contbreather.orbits.zone_diagram import JOINT, KINDS, Zones, admissible_roots
 from contbreather.parameters import window_of
 from contbreather.progress import Counter
 
@@ -109,7 +109,8 @@ class Search:
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
         ends = [p for branches in self.curves.values() for b in branches for p in b.special]
-        met = [p[self.pair[0]] for p in ends if is_meeting(p) and not self._passes(_followed(p), p)]
+        meetings = [p for p in ends if isinstance(p.event, CodimensionTwo)]
+        met = [p[self.pair[0]] for p in meetings if not self._passes(_followed(p), p)]
         beside = [x + step for x in met for step in BESIDE]
         between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
         low, high = self.within[self.pair[0]]
@@ -120,10 +121,10 @@ class Search:
     def _scan(self, x: float, shown: Counter) -> bool:
         """Follow every new event of the admissible breathers at one value of the first parameter:
         by closed forms of all of them, or along branches."""
-        free = self.pair[1]
-        starts = [*_comb(free, self.within), *self._next_to_folds(x)]
+        free, at = self.pair[1], {self.name: self.value, self.pair[0]: x}
+        starts = [*_comb(free, self.within), *self._next_to_folds(at)]
         passed: list[Branch | Mapping[str, Array]] = []
-        closed = self._rows(x)
+        closed = self._rows(at)
         if closed is not None:
             least = self.within[free][0]
             pieces = [piece for row in closed for piece in row.pieces(least, self._passes)]
@@ -134,7 +135,7 @@ class Search:
                     self._follow_all(piece.new, shown)
             walked = [piece for piece in pieces if piece.new is None]
             starts = [y for y in starts if any(p.low <= y <= p.high for p in walked)]
-        for branch in self._branches(x, starts, passed, shown):
+        for branch in self._branches(at, starts, passed, shown):
             passed.append(branch)
             self._follow_all(branch.special, shown)
         return bool(passed)
@@ -146,14 +147,13 @@ class Search:
                 if self.kept:
                     self.kept.look(True, self.so_far)
 
-    def _rows(self, x: float) -> list[Row] | None:
-        """All upper breathers at one value of the first parameter, where they have closed forms."""
+    def _rows(self, at: Mapping[str, float]) -> list[Row] | None:
+        """All upper breathers at these two parameters, where they have closed forms."""
         closed = self.pair[1] == "a" and self.model["lattice"].sites is None
         if not closed or self.past_folds:
             return None
         # beyond there the far field is behind its walls
         largest = min(self.within["a"][1], BEYOND / self.model["forcing"].peak())
-        at = {self.name: self.value, self.pair[0]: x}
         try:
             breather, *_ = symmetric_roots(largest, at["gamma"], at["k"], **self.model)
         except NoSolution:
@@ -188,14 +188,17 @@ class Search:
         return problem
 
     def _branches(
-        self, x: float, starts: Sequence[float], passed: Sequence[Any], shown: Counter
+        self,
+        at: Mapping[str, float],
+        starts: Sequence[float],
+        passed: Sequence[Any],
+        shown: Counter,
     ) -> Iterator[Branch]:
         """Branches of admissible breathers in the second parameter, at one value of the first, from
         where it has one of several values, but for those that were passed."""
         free = self.pair[1]
         for y in starts:
-            values = {self.name: self.value, self.pair[0]: x, free: y}
-            for breather in admissible_roots(values, **self.model):
+            for breather in admissible_roots({**at, free: y}, **self.model):
                 if not self.past_folds and breather.representation.family != "upper":
                     continue  # beyond the fold that ends the diagram
                 problem, phi = self._problem(breather), breather.phi
@@ -211,11 +214,10 @@ class Search:
                     progress=shown,
                 )
 
-    def _next_to_folds(self, x: float) -> list[float]:
+    def _next_to_folds(self, at: Mapping[str, float]) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
         if self.pair[1] != "a" or "damping" in self.model:
             return []
-        at = {self.name: self.value, self.pair[0]: x}
         amplitudes = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]
         beside = [factor * a for a in amplitudes for factor in NEXT]
@@ -244,7 +246,8 @@ class Search:
             waiting += [
                 (end, branch)
                 for end in branch.special
-                if is_meeting(end) and (end.kind in ("GR-GR", JOINT) or _followed(end) == "LP")
+                if isinstance(end.event, CodimensionTwo)
+                and (end.kind in ("GR-GR", JOINT) or _followed(end) == "LP")
             ]
 
 

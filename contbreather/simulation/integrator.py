@@ -23,7 +23,7 @@ from contbreather.checks import whole
 from contbreather.errors import BadInput, NotConverged, deferred
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions
-from contbreather.lattice.finite import Finite, drive_of, stiffness_of
+from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.progress import Bar
 from contbreather.simulation.event_loop import (
@@ -232,7 +232,7 @@ def _couplings(lattice: Finite, gamma: float, spring: float) -> tuple[Couplings,
     beside = sparse.csr_array(-(table - sparse.diags_array(table.diagonal())))
     beside.eliminate_zeros()
     start, other = (x.astype(np.int64) for x in (beside.indptr, beside.indices))
-    pulls = np.array([diagonal, drive_of(lattice) - 1.0, ground])
+    pulls = np.array([diagonal, lattice.drive - 1.0, ground])
     weight = np.asarray(beside.data, dtype=np.float64)
     return Couplings(start, other, weight, pulls), float(size.max())
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import number
 from contbreather.errors import BadInput, NotConverged, deferred
-from contbreather.lattice.finite import drive_of, stiffness_of
+from contbreather.lattice.finite import stiffness_of
 from contbreather.simulation.integrator import Chunk, Sample, forced_motion
 from contbreather.simulation.smooth_flow import RATES, SmoothParameters, ceiling
 from contbreather.simulation.states import OWN, PERIOD, SmoothConditions, State
@@ -50,7 +50,7 @@ def smooth_parameters(on: SmoothConditions) -> SmoothParameters:
     entries = np.ascontiguousarray(np.array([table.row, table.col, weight], dtype=float).T)
     a, gamma, lam, m, mu, spring = (float(getattr(on, name)) for name in OWN)
     force = forced_motion(on.forcing, 1.0, 0.0)[1]
-    return SmoothParameters(a, gamma, lam, m, mu, spring, force, entries, drive_of(on.lattice))
+    return SmoothParameters(a, gamma, lam, m, mu, spring, force, entries, on.lattice.drive)
 
 
 def right_side(on: SmoothConditions, size: int, params: int = 0) -> Rhs:

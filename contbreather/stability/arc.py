@@ -211,7 +211,8 @@ def values_at_ends(
 def ends_of(gamma: float, k: float, b: float, lattice: Any) -> tuple[float, ...]:
     """`values_at_ends` by the means of a lattice; a spring closes the pole that D has at mu = 1."""
     held = 0.5 * (1.0 - k) ** 2 / lattice.tau(gamma) if lattice.spring else 0.0
-    return values_at_ends(k, b, lattice.psi(gamma), lattice.eta(gamma), lattice.chi(gamma), held)
+    psi, eta, chi = (lattice.mean(gamma, name) for name in ("psi", "eta", "chi"))
+    return values_at_ends(k, b, psi, eta, chi, held)
 
 
 class NeimarkSacker(NamedTuple):

@@ -145,10 +145,13 @@ def _powers(x: Array) -> Array:
 def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0.0) -> Regular:
     """R, B, C at ``|Re nu| <= 1, |Im nu| <= 1`` (real arithmetic for real nu)."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
-    g = resolvent(gamma, s, sites, spring)
-    sg = s * g
     tails = tail_coefficients(gamma, sites, spring)[0] @ _powers(nu * nu)
-    r, b, c = tails.reshape(3, *nu.shape)
+    return _summed(nu, s, resolvent(gamma, s, sites, spring), tails.reshape(3, *nu.shape))
+
+
+def _summed(nu: Array, s: Array, g: Array, tails: Array) -> Regular:
+    """R, B, C by the nearest aliases s and the tails of R/nu, B, C."""
+    sg, (r, b, c) = s * g, tails
     return Regular(
         nu * r + sg.sum(0) / math.pi,
         b - g.sum(0) / math.pi,
@@ -162,21 +165,14 @@ def regular_slopes(
     """`regular` with its derivatives with respect to nu and to gamma."""
     s = nu + _SHIFTS.reshape(-1, *(1,) * nu.ndim)
     g, g_s, g_gamma = resolvent_slopes(gamma, s, sites, spring)
-    sg = s * g
     coefficients, in_gamma = tail_coefficients(gamma, sites, spring)
     powers = _powers(nu * nu)
-    r, b, c, r_g, b_g, c_g = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(
-        6, *nu.shape
-    )
+    both = (np.concatenate([coefficients, in_gamma]) @ powers).reshape(2, 3, *nu.shape)
+    tails, (r_g, b_g, c_g) = both
     in_x = (coefficients[:, 1:] * np.arange(1, POWERS)) @ powers[:-1]
     r_x, b_x, c_x = 2.0 * nu * in_x.reshape(3, *nu.shape)
-    value = Regular(
-        nu * r + sg.sum(0) / math.pi,
-        b - g.sum(0) / math.pi,
-        c + (1.0 + (1.0 + s * sg).sum(0)) / math.pi,
-    )
     in_nu = Regular(
-        r + nu * r_x + (g + s * g_s).sum(0) / math.pi,
+        tails[0] + nu * r_x + (g + s * g_s).sum(0) / math.pi,
         b_x - g_s.sum(0) / math.pi,
         c_x + (s * (2.0 * g + s * g_s)).sum(0) / math.pi,
     )
@@ -185,7 +181,7 @@ def regular_slopes(
         b_g - g_gamma.sum(0) / math.pi,
         c_g + (s * s * g_gamma).sum(0) / math.pi,
     )
-    return value, in_nu, by_gamma
+    return _summed(nu, s, g, tails), in_nu, by_gamma
 
 
 @lru_cache(maxsize=64)

@@ -85,7 +85,7 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
             ends = [ring_mean(MEANS["chi"], gamma + x, size, n) for x in (h, -h)]
             exact = (ends[0] - ends[1]) / (2 * h)
         slope = response(lattice, gamma, n, 0.0, "gamma")[0]
-        scale = lattice.dchi(gamma) + 1.0
+        scale = lattice.slope(gamma, "chi") + 1.0
         assert abs(slope - float(exact)) < 5e-15 * scale
 
 
@@ -93,7 +93,7 @@ def test_slope_of_a_flight_in_gamma_is_the_mean_of_the_slopes_of_the_modes(gamma
 @pytest.mark.parametrize("lattice", [CHAIN, Ring(1), Ring(2), Ring(9), Ring(60)])
 def test_slope_of_a_flight_in_gamma_is_a_finite_difference_at_any_time(gamma, lattice):
     h = 1e-4 * min(gamma, 0.25 - gamma)
-    scale = lattice.dchi(gamma) + 1.0
+    scale = lattice.slope(gamma, "chi") + 1.0
     for n in (0, 1, 4):
         for s in (0.57, 2.27):
             more, less = (np.array(response(lattice, g, n, s)) for g in (gamma + h, gamma - h))

@@ -266,7 +266,8 @@ def derived(
     f += s * slope + s**2 * bend / 2
     for name in [*own][:1]:
         f += c * sum(s**i * exact(forcing.f_param(name, at, i)) for i in (0, 1))
-    chi = exact(lattice.chi(coupling)) + (gamma - exact(coupling)) * exact(lattice.dchi(coupling))
+    rise = exact(lattice.slope(coupling, "chi"))
+    chi = exact(lattice.chi(coupling)) + (gamma - exact(coupling)) * rise
     q = (1 - k) / (1 + k)
     residual = sympy.Matrix([p * chi + a * f - 1, a * f.diff(phi) - p * q])
     found = {"": residual, "x": residual.jacobian([p, phi])}

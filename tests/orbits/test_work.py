@@ -16,7 +16,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.segment import StepInterpolant
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
-from contbreather.orbits.grazing import other_contacts, solution_at
+from contbreather.orbits.grazing import other_contacts
 from contbreather.stability import half_period
 from contbreather.stability.arc import neimark_sacker, window
 
@@ -87,7 +87,7 @@ def test_a_kink_that_stays_clear_of_zero_is_left_early(floor: float, most: int) 
 
 def test_sites_that_cannot_be_the_next_to_graze_are_passed_by(counted, monkeypatch) -> None:
     found = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "a", within={"a": (0.3, 1)}).first("GR")
-    orbit, filled = solution_at(found), counted(margins, "sample_path")
+    orbit, filled = found.solution, counted(margins, "sample_path")
     monkeypatch.setattr(kernels.Kernel, "code", lambda kernel: None)
     other_contacts(orbit.motion, 1, found.detail["t"])
     assert filled["calls"] <= 4  # of thirteen

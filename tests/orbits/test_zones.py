@@ -337,11 +337,11 @@ class Impatient(cb.InfiniteChain):
         super().__init__()
         self.left = after
 
-    def chi(self, gamma: float) -> float:
+    def mean(self, gamma: float, name: str) -> float:
         self.left -= 1
         if self.left == 0:
             raise KeyboardInterrupt
-        return super().chi(gamma)
+        return super().mean(gamma, name)
 
 
 @pytest.mark.parametrize("after", [1, 1000, 2000])
