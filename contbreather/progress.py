@@ -91,10 +91,10 @@ class _Progress:
         self, shown: bool | Self | None, total: int | None = None, unit: str = "periods"
     ) -> None:
         self.outer = shown if isinstance(shown, _Progress) else None
-        self.page, self.terminal = in_notebook(), sys.stderr.isatty()
+        self.page = in_notebook()
         if shown is None:
             asked = os.environ.get(ASKED, "0") not in ("", "0")
-            self.wanted = self.page or self.terminal or asked
+            self.wanted = asked or self.page or sys.stderr.isatty()
         else:
             self.wanted = self.outer is None and flag("progress", shown)
         self.after = time.monotonic() + PATIENCE
@@ -140,7 +140,7 @@ class _Progress:
     def _begun(self) -> _Page | _Terminal | _Log:
         if self.page:
             return _Page(self.total)
-        return _Terminal(self.total, self.unit) if self.terminal else _Log()
+        return _Terminal(self.total, self.unit) if sys.stderr.isatty() else _Log()
 
 
 class Bar(_Progress):

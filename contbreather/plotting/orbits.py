@@ -425,13 +425,14 @@ def draw_states(
 def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
     """States that can be read on one axis: the smallest swing fills a tenth of it, or more."""
     together: list[list[str]] = []
-    swings = {name: float(np.nanmax(u) - np.nanmin(u)) for name, u in columns.items()}
-    for name, u in columns.items():
+    spans = {name: (float(np.nanmin(u)), float(np.nanmax(u))) for name, u in columns.items()}
+    # of a state at rest, but for rounding, there is nothing to be read
+    moving = {n for n, (low, high) in spans.items() if high - low > 1e-9 * max(-low, high)}
+    for name in columns:
         for its in together:
-            every = [columns[other] for other in its] + [u]
-            reach = max(map(np.nanmax, every)) - min(map(np.nanmin, every))
-            # a state at rest can be read beside any other
-            if all(reach <= UNLIKE * swings[n] or not swings[n] for n in (*its, name)):
+            lows, highs = zip(*(spans[n] for n in (*its, name)), strict=True)
+            reach = (max(highs) - min(lows)) / UNLIKE
+            if all(spans[n][1] - spans[n][0] >= reach for n in (*its, name) if n in moving):
                 its.append(name)
                 break
         else:
