@@ -22,9 +22,10 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from contbreather import kernels
+from contbreather import kernels, machine_code
 from contbreather.files import alone, write_whole
-from contbreather.kernels import INLINED, NEVER, Kernel, NotCompiled, Shape, call
+from contbreather.kernels import Kernel, Shape, call
+from contbreather.machine_code import INLINED, NEVER, NotCompiled
 
 KEPT = 3  # texts of a kernel on one machine: as many checkouts do not drive each other's code out
 BEHIND = 19  # of `nice`
@@ -91,7 +92,7 @@ def object_of(kernel: Kernel) -> bytes:
     if strange:
         raise NotCompiled(f"{kernel.function.__name__} needs {strange} of numba")
     symbols = " ".join(sorted(name for name in needs if not name.startswith("llvm.")))
-    name = kernels.file_name(kernel)
+    name = kernel.file
     return f"{name}\n{symbols}\n".encode() + _object(text, code.native_name, name)
 
 
@@ -107,7 +108,7 @@ def _object(text: str, entry: str, name: str) -> bytes:
         elif not part.is_declaration:
             part.linkage = "internal"
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    machine = kernels.target(
+    machine = machine_code.target(
         cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault"
     )
     code: bytes = machine.emit_object(module)
@@ -201,8 +202,8 @@ def compile_into(folder: Path, *, processes: int = 1) -> dict[str, str]:
     call the same functions, which are compiled once for all of them.
     """
     with tempfile.TemporaryDirectory() as claims:
-        line = [*kernels.COMPILER, str(folder.absolute()), "--claims", claims]
-        others = [subprocess.Popen(line, cwd=kernels.HOME) for _ in range(processes - 1)]
+        line = [*machine_code.COMPILER, str(folder.absolute()), "--claims", claims]
+        others = [subprocess.Popen(line, cwd=machine_code.HOME) for _ in range(processes - 1)]
         try:
             _work(folder, Path(claims))
         finally:
@@ -215,9 +216,9 @@ def _missing(folder: Path) -> tuple[dict[str, Kernel], list[str]]:
     """The kernels that have no object file there, by its name; and those that failed."""
     for text in kernels.TEXTS:
         import_module(text)
-    names = {kernels.file_name(kernel): kernel for kernel in kernels.KERNELS}
+    names = {kernel.file: kernel for kernel in kernels.KERNELS}
     # what was installed serves a session, but is not what an installation looks for
-    stored = kernels.at_hand().files if folder == kernels.place() else {}
+    stored = machine_code.at_hand().files if folder == machine_code.place() else {}
     lacks = {
         name: kernel
         for name, kernel in names.items()
@@ -248,7 +249,9 @@ def _groups(lacking: Mapping[str, Kernel]) -> list[tuple[str, dict[str, Kernel]]
         return item[1].function.__module__
 
     def size(group: tuple[str, dict[str, Kernel]]) -> int:
-        parts = {part for kernel in group[1].values() for part in kernels.called(kernel.function)}
+        parts = {
+            part for kernel in group[1].values() for part in machine_code.called(kernel.function)
+        }
         return -sum(len(part.__code__.co_code) for part in parts)
 
     rows = groupby(sorted(lacking.items(), key=module), key=module)
@@ -261,7 +264,7 @@ def _compile(path: Path, kernel: Kernel) -> None:
     except NotCompiled as reason:
         _keep(path.with_name(f"{path.name}.failed"), str(reason).encode())
     else:
-        _keep(path, kernels.sealed(code))
+        _keep(path, machine_code.sealed(code))
 
 
 def _keep(path: Path, text: bytes) -> None:

@@ -1,7 +1,9 @@
-"""Progress of long calls: shown at a terminal or in a notebook after a moment, otherwise silent."""
+"""Progress of long calls: shown at a terminal or in a notebook after a moment, otherwise silent, or
+a line now and then where that was asked for."""
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -13,6 +15,8 @@ from .checks import flag
 
 PATIENCE = 1.0  # seconds before anything is shown
 INTERVAL = 0.1
+SELDOM = 20.0  # between two lines of a log
+ASKED = "CONTBREATHER_PROGRESS"  # in the environment; 1: also where nobody looks on, into a log
 
 
 def in_notebook() -> bool:
@@ -63,6 +67,20 @@ class _Page:
         self.handle.update(self.display.HTML(""))
 
 
+class _Log:
+    """Lines below each other, where standard error goes into a file."""
+
+    said = ""
+
+    def show(self, text: str, done: int | None) -> None:
+        if text != self.said:
+            print(text, file=sys.stderr, flush=True)
+        self.said = text
+
+    def stop(self) -> None:
+        """The last line stays."""
+
+
 class _Progress:
     """What both kinds share: `shown` True or False forces it on or off, None asks where it is; the
     line of an outer call goes on."""
@@ -75,12 +93,13 @@ class _Progress:
         self.outer = shown if isinstance(shown, _Progress) else None
         self.page = in_notebook()
         if shown is None:
-            self.wanted = self.page or sys.stderr.isatty()
+            asked = os.environ.get(ASKED, "0") not in ("", "0")
+            self.wanted = asked or self.page or sys.stderr.isatty()
         else:
             self.wanted = self.outer is None and flag("progress", shown)
         self.after = time.monotonic() + PATIENCE
         self.total, self.unit = total, unit
-        self.line: _Page | _Terminal | None = None
+        self.line: _Page | _Terminal | _Log | None = None
         self.lock = threading.Lock()
 
     def __enter__(self) -> Self:
@@ -112,10 +131,16 @@ class _Progress:
         with self.lock:
             if not self.due:
                 return
-            self.after = time.monotonic() + INTERVAL
             if self.line is None:
-                self.line = _Page(self.total) if self.page else _Terminal(self.total, self.unit)
+                self.line = self._begun()
+            pause = SELDOM if isinstance(self.line, _Log) else INTERVAL
+            self.after = time.monotonic() + pause
             self.line.show(*self.latest)
+
+    def _begun(self) -> _Page | _Terminal | _Log:
+        if self.page:
+            return _Page(self.total)
+        return _Terminal(self.total, self.unit) if sys.stderr.isatty() else _Log()
 
 
 class Bar(_Progress):

@@ -21,7 +21,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import contbreather as cb
-from contbreather import kernels
+from contbreather import machine_code
 from contbreather.cli import main
 from contbreather.workers import THREADS
 
@@ -48,10 +48,12 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    place = kernels.place()
-    if os.environ.get(kernels.ASKED) != "0" and place is not None and find_spec("numba"):
-        os.environ[kernels.ASKED] = "0"  # of other processes, those of xdist among them
-        subprocess.run([*kernels.COMPILER, place.absolute()], cwd=kernels.HOME, check=True)
+    place = machine_code.place()
+    if os.environ.get(machine_code.ASKED) != "0" and place is not None and find_spec("numba"):
+        os.environ[machine_code.ASKED] = "0"  # of other processes, those of xdist among them
+        subprocess.run(
+            [*machine_code.COMPILER, place.absolute()], cwd=machine_code.HOME, check=True
+        )
 
 
 @pytest.hookimpl(wrapper=True)

@@ -178,7 +178,7 @@ def test_arms_that_fail_are_told_and_have_status_1(
 def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_point() -> None:
     tree = cb.diagram(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
     ax = cb.plotting.plot_diagram(tree).axes
-    assert ax.get_ylabel() == "$t_1$"
+    assert ax.get_ylabel() == "$t_{1}$"
     words = [text.get_text() for text in ax.texts]
     assert words.count("PF1") == 1
     assert words.count("GR1") == 2

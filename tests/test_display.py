@@ -316,6 +316,7 @@ def test_progress_begins_after_a_second_and_is_said_ten_times_a_second_at_most(m
         stop=lambda: shown.append("stop"),
     )
     monkeypatch.setattr(progress, "_Terminal", lambda *asked: shown.append(asked) or line)
+    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
     moments = [0.0, 0.5, 0.999, 1.0, 1.05, 1.0999, 1.11, 1.2, 1.22]
     with progress.Bar(True, 9, "rows") as bar:
@@ -330,6 +331,7 @@ def test_a_walk_without_points_yet_says_so(monkeypatch) -> None:
     line = SimpleNamespace(show=lambda text, done: said.append(text), stop=lambda: None)
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     monkeypatch.setattr(progress, "_Terminal", lambda *_: line)
+    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True)
     with progress.Counter(True) as shown:
         shown.first.join()
     assert set(said) == {"no points yet"}

@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather import compiler, kernels
+from contbreather import compiler, kernels, machine_code
 from contbreather.continuation import step
 from contbreather.files import alone
-from contbreather.kernels import Counts, Kernel, Matrix, NotCompiled, Vector
+from contbreather.kernels import Counts, Kernel, Matrix, Vector
+from contbreather.machine_code import NotCompiled
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path(kernels.__file__).parent
@@ -43,12 +44,12 @@ def python(*line: str, **environment: str) -> str:
 def nothing_at_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """A session without any object file; the compilers that it starts."""
     started: list[Any] = []
-    cached = kernels.at_hand, kernels._begun
-    monkeypatch.setattr(kernels, "OBJECTS", tmp_path / "none")
-    monkeypatch.setattr(kernels, "_loaded", {})
+    cached = machine_code.at_hand, machine_code._begun
+    monkeypatch.setattr(machine_code, "OBJECTS", tmp_path / "none")
+    monkeypatch.setattr(machine_code, "_loaded", {})
     monkeypatch.setattr(subprocess, "Popen", lambda line, **_: started.append(line))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    for name in ("NUMBA_CACHE_DIR", kernels.ASKED):
+    for name in ("NUMBA_CACHE_DIR", machine_code.ASKED):
         monkeypatch.delenv(name, raising=False)
     for one in cached:
         one.cache_clear()
@@ -123,38 +124,38 @@ def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
 @pytest.fixture
 def kept(tmp_path: Path) -> Path:
     path = tmp_path / "one.o"
-    compiler._keep(path, kernels.sealed(b"code"))
+    compiler._keep(path, machine_code.sealed(b"code"))
     return path
 
 
 def test_an_object_is_read_if_it_is_whole_and_nobody_else_can_write_to_it(kept: Path) -> None:
-    assert kernels.read_object(kept) == b"code"
+    assert machine_code.read_object(kept) == b"code"
     kept.write_bytes(kept.read_bytes()[:-1])
     with pytest.raises(NotCompiled, match="is not what was written there; remove it"):
-        kernels.read_object(kept)
+        machine_code.read_object(kept)
 
 
 def test_an_object_that_others_may_write_to_is_refused(kept: Path) -> None:
     kept.chmod(0o646)
     with pytest.raises(NotCompiled, match=r"others may write to .*one.o; chmod go-w it"):
-        kernels.read_object(kept)
+        machine_code.read_object(kept)
 
 
 def test_an_object_of_another_user_is_refused(kept: Path, monkeypatch) -> None:
-    monkeypatch.setattr(kernels.os, "geteuid", lambda: os.getuid() + 1)
+    monkeypatch.setattr(machine_code.os, "geteuid", lambda: os.getuid() + 1)
     told = list(os.stat(kept))
     told[4] = 4321
-    monkeypatch.setattr(kernels.os, "fstat", lambda number: os.stat_result(told))
+    monkeypatch.setattr(machine_code.os, "fstat", lambda number: os.stat_result(told))
     with pytest.raises(NotCompiled, match=r"belongs to another user .number 4321.; remove it"):
-        kernels.read_object(kept)
+        machine_code.read_object(kept)
 
 
 def test_a_link_to_an_object_is_refused(kept: Path) -> None:
     link = kept.with_name("two.o")
     link.symlink_to(kept)
     with pytest.raises(NotCompiled, match=r"two.o cannot be read"):
-        kernels.read_object(link)
-    assert "is a link" in kernels.distrust(link)
+        machine_code.read_object(link)
+    assert "is a link" in machine_code.distrust(link)
 
 
 def test_of_groups_only_that_of_the_user_alone_may_write(kept: Path, monkeypatch) -> None:
@@ -172,7 +173,7 @@ def test_of_groups_only_that_of_the_user_alone_may_write(kept: Path, monkeypatch
     ):
         known = SimpleNamespace(gr_name=name, gr_mem=members)
         monkeypatch.setattr(grp, "getgrgid", lambda group, known=known: known)
-        assert (kernels.distrust(kept) == "") == trusted
+        assert (machine_code.distrust(kept) == "") == trusted
 
 
 def test_nothing_is_taken_from_a_folder_that_others_may_write_to(
@@ -181,11 +182,11 @@ def test_nothing_is_taken_from_a_folder_that_others_may_write_to(
     place = tmp_path / "contbreather"
     place.mkdir()
     place.joinpath("steps.o").write_bytes(b"anything")
-    assert [*kernels.at_hand().files] == ["steps.o"]
+    assert [*machine_code.at_hand().files] == ["steps.o"]
     place.chmod(0o777)
-    assert [*kernels.at_hand().files] == ["steps.o"]  # looked at once in a session
-    kernels.at_hand.cache_clear()
-    assert not kernels.at_hand().files
+    assert [*machine_code.at_hand().files] == ["steps.o"]  # looked at once in a session
+    machine_code.at_hand.cache_clear()
+    assert not machine_code.at_hand().files
     with pytest.raises(NotCompiled, match=f"others may write to {place}; chmod go-w it"):
         kernels.address(step.steps, "")
 
@@ -201,8 +202,8 @@ def test_what_is_missing_starts_one_compiler_and_the_session_stays_as_it_is(
         with pytest.raises(NotCompiled, match=r"no machine code for this .* is being compiled"):
             kernels.address(function, "")
     [line] = nothing_at_hand
-    assert line == [*kernels.COMPILER, str(tmp_path / "contbreather"), "--behind"]
-    name = kernels.file_name(kernels.kernel_of(step.steps, ""))
+    assert line == [*machine_code.COMPILER, str(tmp_path / "contbreather"), "--behind"]
+    name = kernels.kernel_of(step.steps, "").file
     compiler._keep(tmp_path / "contbreather" / name, b"it is there now")
     with pytest.raises(NotCompiled, match="no machine code"):
         kernels.address(step.steps, "")
@@ -213,18 +214,21 @@ def test_one_compiler_works_at_a_time(nothing_at_hand: list[Any], tmp_path: Path
     tmp_path.joinpath("contbreather").mkdir()
     with tmp_path.joinpath("contbreather", "lock").open("ab") as file:
         assert alone(file.fileno())
-        assert "is being compiled" in kernels._begun()
+        assert "is being compiled" in machine_code._begun()
     assert not nothing_at_hand
 
 
 @pytest.mark.parametrize(
     ("has", "reason"),
     [
-        (lambda at: at.setenv(kernels.ASKED, "0"), "is compiled, by CONTBREATHER_COMPILE=0"),
+        (lambda at: at.setenv(machine_code.ASKED, "0"), "is compiled, by CONTBREATHER_COMPILE=0"),
         (lambda at: at.setenv("NUMBA_DISABLE_JIT", "1"), "switched off, by NUMBA_DISABLE_JIT"),
-        (lambda at: at.setattr(kernels, "workers_process", lambda: True), "worker processes"),
-        (lambda at: at.setattr(kernels, "find_spec", lambda name: None), "pip install numba"),
-        (lambda at: at.setattr(kernels, "place", lambda: None), "without a home there is no place"),
+        (lambda at: at.setattr(machine_code, "workers_process", lambda: True), "worker processes"),
+        (lambda at: at.setattr(machine_code, "find_spec", lambda name: None), "pip install numba"),
+        (
+            lambda at: at.setattr(machine_code, "place", lambda: None),
+            "without a home there is no place",
+        ),
     ],
 )
 def test_no_compiler_is_started_where_it_may_not_or_cannot_be(
@@ -232,7 +236,7 @@ def test_no_compiler_is_started_where_it_may_not_or_cannot_be(
 ) -> None:
     pytest.importorskip("numba")
     has(monkeypatch)
-    assert reason in kernels._begun()
+    assert reason in machine_code._begun()
     assert not nothing_at_hand
 
 
@@ -241,7 +245,7 @@ def test_what_the_compiler_refused_is_not_tried_again(
 ) -> None:
     place = tmp_path / "contbreather"
     place.mkdir()
-    name = kernels.file_name(kernels.kernel_of(step.steps, ""))
+    name = kernels.kernel_of(step.steps, "").file
     place.joinpath(f"{name}.failed").write_text("it was too long")
     with pytest.raises(NotCompiled, match="the compiler failed: it was too long; remove"):
         kernels.address(step.steps, "")
@@ -272,11 +276,11 @@ import sys, time
 if "numba" in sys.argv:
     import numba
 import numpy as np
-from contbreather import kernels
+from contbreather import machine_code
 from contbreather.lattice.modal_flow import PROPAGATORS
 before = PROPAGATORS.code is not None
 end = time.monotonic() + 500
-while "wait" in sys.argv and time.monotonic() < end and not [*kernels.place().glob("*.o")]:
+while "wait" in sys.argv and time.monotonic() < end and not [*machine_code.place().glob("*.o")]:
     time.sleep(0.1)
 import contbreather as cb
 two = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12))
@@ -378,7 +382,7 @@ def test_a_kernel_is_compiled_from_what_its_annotations_say(own: None) -> None:
     kernel = Kernel(doubled)
     code = compiler.object_of(kernel)
     given = np.arange(3.0), np.array([1, 0, 1]), np.eye(3), 2.0, 2, True
-    address = kernels.load_object(code)
+    address = machine_code.load_object(code)
     kernel.__dict__["code"] = kernels.callable_at(address, kernels.FRAME)
     compiled, plain = given[0].copy(), given[0].copy()
     kernel(compiled, *given[1:])
@@ -408,7 +412,7 @@ def test_code_that_needs_what_is_not_there_is_refused(monkeypatch: pytest.Monkey
     llvm = pytest.importorskip("llvmlite.binding")
     monkeypatch.setattr(llvm, "address_of_symbol", lambda name: None)
     with pytest.raises(NotCompiled, match="needs exp2, which this Python does not have"):
-        kernels.load_object(b"entry\nexp2\nobject")
+        machine_code.load_object(b"entry\nexp2\nobject")
 
 
 def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: None) -> None:
@@ -418,7 +422,7 @@ def test_code_goes_by_what_is_in_memory_numbers_from_elsewhere_included(own: Non
         return int(z[0] + STEP)  # noqa: F821
 
     def name(step: float) -> str:
-        return kernels.file_name(Kernel(FunctionType(stepped.__code__, {"STEP": step}), "ppp"))
+        return Kernel(FunctionType(stepped.__code__, {"STEP": step}), "ppp").file
 
     assert name(0.5) == name(0.5) != name(0.25)
 
@@ -430,18 +434,18 @@ def test_code_is_not_taken_to_another_processor_or_python(
     """Also one of the same name that can do less."""
     llvm = pytest.importorskip("llvmlite.binding")
     kernel = Kernel(doubled)
-    before = kernels.file_name(kernel)
+    before = kernel.file
     if what == "features":
         less = SimpleNamespace(flatten=lambda: "+avx2,-avx512f")
         monkeypatch.setattr(llvm, "get_host_cpu_features", lambda: less)
     elif what == "name":
         monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "i386")
     else:
-        monkeypatch.setattr(kernels.sys, "version_info", (3, 99))
-    caches = kernels.processor, kernels._key
+        monkeypatch.setattr(machine_code.sys, "version_info", (3, 99))
+    caches = machine_code.processor, machine_code._key
     for one in caches:
         one.cache_clear()
-    assert kernels.file_name(kernel) != before
+    assert kernel.file != before
     for one in caches:
         one.cache_clear()
 
@@ -449,17 +453,17 @@ def test_code_is_not_taken_to_another_processor_or_python(
 def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(kernels.Path, "home", lambda: tmp_path)
-    assert kernels.place() == tmp_path / ".cache" / "contbreather"
+    monkeypatch.setattr(machine_code.Path, "home", lambda: tmp_path)
+    assert machine_code.place() == tmp_path / ".cache" / "contbreather"
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
-    assert kernels.place() == tmp_path / "other" / "contbreather"
+    assert machine_code.place() == tmp_path / "other" / "contbreather"
 
     def nobody() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setattr(kernels.Path, "home", nobody)
-    assert kernels.place() is None
+    monkeypatch.setattr(machine_code.Path, "home", nobody)
+    assert machine_code.place() is None
 
 
 def test_the_version_says_more_if_it_is_asked(run: Any) -> None:
@@ -476,8 +480,8 @@ def test_status_says_why_something_is_missing(
     objects = tmp_path / "installed"
     objects.mkdir()
     objects.joinpath("reason.txt").write_text("no compiler\n")
-    monkeypatch.setattr(kernels, "OBJECTS", objects)
-    monkeypatch.setenv(kernels.ASKED, "0")
+    monkeypatch.setattr(machine_code, "OBJECTS", objects)
+    monkeypatch.setenv(machine_code.ASKED, "0")
     told = kernels.status()
     assert re.match(r"0 of \d\d loops are compiled; when it was installed: no compiler; ", told)
     assert told.endswith("nothing is compiled, by CONTBREATHER_COMPILE=0")

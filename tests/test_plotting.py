@@ -103,13 +103,50 @@ def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> N
     (line,) = curves(ax)
     assert line.get_linestyle() == "-"
     assert ax.get_legend() is None
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("h", "x")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$h$", "$x$")
 
 
 def test_boundary_is_solid_and_drawn_in_its_two_parameters(diagram: Zones) -> None:
     ax = plot(diagram.curves["NS"][0]).axes
     assert {line.get_linestyle() for line in curves(ax)} == {"-"}
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\gamma$", "$a$")
+
+
+def test_boundaries_are_told_apart_by_a_legend_of_their_kinds(diagram: Zones) -> None:
+    """A meeting that was found along both is named once; a kind has one colour."""
+    found = [branch for kind in ("PF", "GR", "NS") for branch in diagram.curves[kind]]
+    ax = plot(*found, found[0]).axes
+    legend = ax.get_legend()
+    named = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    colour = {text.get_text(): line.get_color() for text, line in named}
+    assert len({*colour.values()}) == 3
+    for branch in found:
+        x, y = branch["gamma"][1], branch["a"][1]
+        (line,) = {
+            line.get_color() for line in curves(ax)
+            if np.hypot(line.get_xdata() - x, line.get_ydata() - y).min() < 1e-12
+        }  # fmt: skip
+        assert line == colour[branch.problem.label]
+    meetings = [{*text.get_text().rstrip("12").split("-")} for text in words(ax)]
+    assert meetings.count({"PF", "GR"}) == 1
+
+
+def test_a_legend_without_room_inside_the_axes_stands_above_them() -> None:
+    """Also where it covers a point that no line passes through."""
+    line = cb.Problem(lambda x, p: x - p["c"] * p["mu"], {"x": 0.0}, {"mu": 0.0, "c": 1.0})
+    several = [
+        cb.trace(line.at(c=c), "mu", within={"mu": (-1, 1)}, events=())
+        for c in (-5.0, -1.0, -0.2, 0.2, 1.0, 5.0)
+    ]
+    for branches, inside in ((several, False), (several[3:], True)):
+        ax = plot(*branches).axes
+        ax.figure.draw_without_rendering()
+        box = ax.get_legend().get_window_extent()
+        assert (box.y0 < ax.bbox.y1) == inside
+        for curve in ax.get_lines():
+            path = curve.get_transform().transform_path(curve.get_path())
+            assert not path.intersects_bbox(box, filled=False)
+            assert not box.count_contains(path.vertices)
 
 
 def test_curve_goes_through_every_point_and_bends_between_them(in_a: Branch) -> None:

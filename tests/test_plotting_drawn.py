@@ -81,6 +81,52 @@ def legend_of(ax) -> dict[str, tuple[str, object]]:
     }
 
 
+@pytest.mark.parametrize("draw", ["zones", "branch", "orbit"])
+def test_nothing_is_drawn_beyond_limits_that_were_set_later(
+    draw: str, diagram: Zones, in_a: Branch
+) -> None:
+    """No letter of a region, marker or impact stands outside of the axes."""
+    ax = plot({"zones": diagram, "branch": in_a, "orbit": in_a[0]}[draw]).axes
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    ax.set(xlim=(left + 0.4 * (right - left), right - 0.4 * (right - left)))
+    ax.set(ylim=(low + 0.4 * (high - low), high - 0.4 * (high - low)))
+    for legend in (ax.get_legend(), *ax.figure.legends):
+        if legend is not None:
+            legend.remove()
+
+    def outside() -> np.ndarray:
+        canvas = FigureCanvasAgg(ax.figure)
+        canvas.draw()
+        image = np.array(canvas.buffer_rgba())
+        x0, y0, x1, y1 = ax.bbox.padded(8.0).extents.astype(int)
+        image[image.shape[0] - y1 : image.shape[0] - y0, x0:x1] = 0
+        return image
+
+    seen = outside()
+    for artist in (*ax.get_lines(), *ax.texts):
+        artist.remove()
+    assert np.array_equal(seen, outside())
+
+
+def test_words_and_legends_are_seen_in_a_dark_style(in_a: Branch, diagram: Zones) -> None:
+    from matplotlib import pyplot
+
+    with pyplot.style.context("dark_background"):
+        figure, (ax, panel, below) = pyplot.subplots(3)
+        plot(in_a, ax=ax)
+        plot_zones(diagram, panel)
+        plot_multipliers(cb.symmetric(0.8, 0.045, 0.8), ax=below)
+    pyplot.close(figure)
+    for axes in (ax, panel, below):
+        ground = np.array(to_rgb(axes.get_facecolor()))
+        written = [text for text in axes.texts if text.get_text()]
+        if legend := axes.get_legend():
+            written += [*legend.get_texts(), *legend.get_lines()]
+        assert written
+        for artist in written:
+            assert np.abs(to_rgb(artist.get_color()) - ground).max() > 0.4, artist
+
+
 # --- zones --------------------------------------------------------------------------------------
 
 
@@ -139,7 +185,7 @@ def test_zones_are_named_by_their_axes_and_the_fixed_parameter(panel) -> None:
 @pytest.mark.parametrize(
     ("on", "title"),
     [
-        ({"forcing": cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=0.1)}, "$k$ = 0.8, c3 = 0.1"),
+        ({"forcing": cb.Symbolic("-cos(t) + c3*cos(3*t)", c3=0.1)}, "$k$ = 0.8, $c_{3}$ = 0.1"),
         ({"forcing": "-sin(t)"}, "$k$ = 0.8, F = a (-sin(t))"),
     ],
 )

@@ -12,6 +12,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.plotting import (
+    new_figure,
     plot,
     plot_diagram,
     plot_motion,
@@ -171,7 +172,7 @@ def test_cycles_are_drawn_by_the_largest_and_the_smallest_value_of_a_state(rest,
 
 
 def test_the_first_state_is_what_cycles_are_drawn_by(cycles) -> None:
-    assert plot(cycles).axes.get_ylabel() == "x"
+    assert plot(cycles).axes.get_ylabel() == "$x$"
 
 
 def test_special_points_of_cycles_are_marked_on_both_sides_and_named_once(rest, cycles) -> None:
@@ -194,6 +195,36 @@ def test_an_orbit_of_a_flow_is_drawn_over_time_and_as_a_phase_portrait(cycles) -
     assert ends(lines(ax)[0]) == pytest.approx((0.0, 2 * math.pi))
     (round,) = lines(plot_orbit(cycles[-1].solution, x="x", y="y").axes)
     np.testing.assert_allclose(np.hypot(*round.get_data()), math.sqrt(mu), atol=1e-6)
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_states_of_unlike_size_have_rows_of_their_own(own: bool) -> None:
+    """cos t, -sin t, 100 + cos t, 50 cos t, and one at rest; in axes beside others, too."""
+
+    def many(t, x, p):
+        return [x[1], -x[0], x[1], 50 * x[1], 1e-14 * x[0]]
+
+    start = {"a": 1.0, "b": 0.0, "c": 101.0, "d": 50.0, "e": 0.5}
+    run = cb.integrate(many, start, {}, time=2 * math.pi)
+    ax = None if own else new_figure(1, 2)[1][0]
+    drawn = plot_motion(run, ax=ax)
+    rows = [row for row in drawn.figure.axes if row.get_lines()]
+    labels = [[line.get_label() for line in row.get_lines()] for row in rows]
+    assert labels == [["$a$", "$b$", "$e$"], ["$c$"], ["$d$"]]
+    assert [row.get_ylabel() for row in rows] == ["states", "$c$", "$d$"]
+    assert [row.get_xlabel() for row in rows] == ["", "", "$t$"]
+    assert {line for row in rows for line in row.get_lines()} <= {*drawn}
+    assert ends(rows[0].get_lines()[0]) == pytest.approx((0.0, 2 * math.pi))
+    drawn.figure.draw_without_rendering()
+    sides = {tuple(np.round(row.bbox.intervalx)) for row in rows}
+    assert len(sides) == 1  # one above the other
+    assert all(np.diff([row.bbox.y0 for row in rows]) < 0)
+    for row in rows:
+        low, high = row.get_ylim()
+        swings = [np.ptp(line.get_ydata()) for line in row.get_lines()]
+        assert all(swing > 0.1 * (high - low) for swing in swings if swing > 1e-9)
+    together = plot_motion(run, y=["a", "b"]).figure.axes
+    assert len(together) == 1
 
 
 def test_where_a_condition_ends_a_flow_there_is_a_dot_and_the_reset_is_dotted(ball) -> None:

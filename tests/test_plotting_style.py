@@ -96,7 +96,8 @@ def test_the_style_of_the_caller_comes_back() -> None:
 def test_names_are_written_as_in_the_paper() -> None:
     written = {
         "gamma": r"$\gamma$", "phi": r"$\varphi$", "a": "$a$", "k": "$k$", "p": "$p$",
-        "t1": "$t_1$", "mu": r"$\mu$", "c": "$c$", "x": "x",
+        "t1": "$t_{1}$", "mu": r"$\mu$", "c": "$c$", "x": "$x$", "Omega2": r"$\Omega_{2}$",
+        "x12": "$x_{12}$", "period": "period", "max(x)": "max(x)", "2": "2", "": "",
     }  # fmt: skip
     assert {name: symbol(name) for name in written} == written
 
@@ -434,8 +435,8 @@ def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile(
     (x0, y0), (x1, y1) = tangent.get_xy1(), tangent.get_xy2()
     assert (x0, y0) == (point["mu"], point["x"])
     assert (y1 - y0) / (x1 - x0) == pytest.approx(3.0)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\mu$", "x")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\mu$", "$x$")
     many = cb.Problem(lambda u, p: u - p["mu"] * np.arange(4.0), {"u": np.zeros(4)}, {"mu": 0.0})
     cb.plot(cb.trace(many, "mu", within={"mu": (0.0, 1.0)}, events=())[-1], ax=below)
     assert below.get_lines()[0].get_ydata() == pytest.approx(np.arange(4.0))
-    assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "u")
+    assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "$u$")

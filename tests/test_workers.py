@@ -21,7 +21,7 @@ import pytest
 
 import contbreather as cb
 from contbreather import workers
-from contbreather.kernels import workers_process
+from contbreather.machine_code import workers_process
 from contbreather.workers import Failed, processes
 
 from .apart import begun, ended, until

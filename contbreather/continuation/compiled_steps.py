@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from .. import compiler, kernels
 from ..errors import BadInput
-from ..kernels import FRAME, Kernel, NotCompiled, callable_at
+from ..kernels import FRAME, Kernel, callable_at
+from ..machine_code import NotCompiled
 from . import derivatives
 from .step import CORRECTED, STEPS, TAKEN, CompiledEquations, Here, Rules
 

@@ -77,6 +77,7 @@ class JobThread:
         self._turn = threading.Condition()
         self._next: tuple[Job, Progress, Done] | None = None
         self._now: Progress | None = None
+        self._runs = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -88,6 +89,11 @@ class JobThread:
     def waiting(self) -> bool:
         """Whether a job waits for the one that runs."""
         return self._next is not None
+
+    @property
+    def working(self) -> bool:
+        """Whether a job runs or waits, and not only what came of one is handed over."""
+        return self._runs or self._next is not None
 
     def begin(self, job: Job, *, say: Say, done: Done) -> None:
         """Do a job as soon as the one before has ended."""
@@ -116,9 +122,11 @@ class JobThread:
                 self._turn.wait_for(lambda: self._next is not None)
                 assert self._next is not None
                 (job, progress, done), self._next = self._next, None
-                self._now = progress
+                self._now, self._runs = progress, True
             try:
-                done(*_result(job, progress))
+                result = _result(job, progress)
+                self._runs = False
+                done(*result)
             finally:
                 with self._turn:
                     self._now = None

@@ -112,13 +112,13 @@ class Session:
             raise BadInput(f"{name!r} is fixed in no plane of zones: one of {', '.join(NEEDED)} is")
         now = name, parameter(name, value)
         self.message = ""
-        self.change(fixed=now, forcing=forcing)
-        if self._wanted in self._planes:
-            self._show_plane()
-            return
-        preview = self._rough(*self._wanted) or self.state.preview
-        self.change(preview=preview, awaited=self.state.title)
-        with self._changing:
+        with self._changing:  # what arrives meanwhile is not taken for what is wanted now
+            self.change(fixed=now, forcing=forcing)
+            if self._wanted in self._planes:
+                self._show_plane()
+                return
+            preview = self._rough(*self._wanted) or self.state.preview
+            self.change(preview=preview, awaited=self.state.title)
             if self._ahead or self.drawing:
                 self._quick.stop()  # what is computed ahead can wait, and nobody for what is slow
             self._ahead = False
@@ -126,7 +126,8 @@ class Session:
 
     @property
     def _wanted(self) -> Plane:
-        return *self.state.fixed, self.state.forcing, self.state.zones_of
+        state = self.state
+        return *state.fixed, state.forcing, state.zones_of
 
     def _show_plane(self) -> None:
         plane = self._planes[self._wanted]
@@ -136,8 +137,7 @@ class Session:
         """From now on compute diagrams of other restitutions where nothing is asked for, but not in
         the pauses of somebody at work, whose pages would be slow for it."""
         self._looks_ahead = True
-        if not self._quick.busy:
-            self._next_ahead()
+        self._next_ahead()
 
     def _rough(self, name: str, k: float, *of: str) -> Preview | None:
         values = [value for which, value, *other in self._planes if (which, *other) == ("k", *of)]
@@ -174,7 +174,8 @@ class Session:
                 self._planes[wanted] = plane
                 while len(self._planes) > KEPT:
                     del self._planes[next(iter(self._planes))]
-            then(plane, cut, trouble)
+            with self._changing:
+                then(plane, cut, trouble)
             self._next_ahead()
 
         self._quick.begin(job, say=say, done=done)
@@ -186,11 +187,10 @@ class Session:
                 self.change(**shown, awaited="")
                 self.tell(f"zones at {self.state.title}: stopped; what was done is kept.")
         elif plane is None:
-            with self._changing:
-                last = self.state.plane
-                if self._wanted == wanted:  # what is drawn stays
-                    drawn = last and {"fixed": last.fixed, "preview": preview_of(last)}
-                    self.change(**(drawn or {}), awaited="")
+            last = self.state.plane
+            if self._wanted == wanted:  # what is drawn stays
+                drawn = last and {"fixed": last.fixed, "preview": preview_of(last)}
+                self.change(**(drawn or {}), awaited="")
             self.tell(trouble)
         # what was wanted in between may have been computed before: then nothing else comes
         elif self._wanted in self._planes:
@@ -199,13 +199,13 @@ class Session:
             self.change(plane=plane, preview=preview_of(plane))
 
     def _next_ahead(self) -> None:
-        """Begin with the nearest diagram that is not known yet, unless another one waits."""
+        """Begin with the nearest diagram that is not known yet, unless something is under way."""
         with self._changing:
             name, k, *of = self._wanted
             left = [value for value in LADDER if ("k", value, "", "") not in self._planes]
             usual = name == "k" and not any(of)
-            waits = self.busy or self._quick.waiting
-            if not self._looks_ahead or not usual or not left or waits:
+            under_way = self.busy or self._quick.working
+            if not self._looks_ahead or not usual or not left or under_way:
                 return
             after, self._ahead = 0.0 if self._ahead else QUIET, True
             nearest = min(left, key=lambda value: abs(value - k))
@@ -343,8 +343,7 @@ class Session:
 
         def done(value: Any, cut: bool, trouble: str) -> None:
             self.progress = ""
-            if not self._quick.busy:
-                self._next_ahead()
+            self._next_ahead()
             if value is None:
                 self.tell(trouble or f"{title}: stopped, nothing was done by then.")
             else:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +19,24 @@ from contbreather.continuation.resume import refined, with_columns
 from contbreather.continuation.segment import between
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.errors import BadInput
-from contbreather.plotting.canvas import CYCLE, GREY, Drawn, Labels, drawing, marker, size, symbol
+from contbreather.plotting.canvas import (
+    CYCLE,
+    GREY,
+    Drawn,
+    Labels,
+    drawing,
+    ink,
+    marker,
+    size,
+    symbol,
+    to_the_rim,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
 Array = NDArray[np.float64]
-Values = tuple[tuple[str, float], ...]  # of parameters, by their names
 Word = tuple[Point, float, str, str]  # a point, how high it is drawn, its name and the colour
 
 STABILITY = "unstable"  # the column that counts unstable directions, if a problem records one
@@ -42,9 +53,20 @@ SAME = 12.0  # typographic points, half a word: markers of one name that close n
 BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
 MOST = 7  # values in a legend
 CROWD = 14  # words beside points; of more none is read, and the axes have no room
-TEXT = "black"  # of labels, unless they go by the colour of their branches
 ROUNDING = 1e-9  # relative; what varies by less is constant
 SMOOTH = 60  # points of a drawn branch
+ROOM = 0.08  # of the axes, around all branches: for the names of points at their ends
+
+
+class Group(NamedTuple):
+    """What branches of one colour have in common."""
+
+    kind: str  # of a boundary; nothing of a branch in one parameter
+    values: tuple[tuple[str, float], ...]  # of fixed parameters that other branches have elsewhere
+
+    def __str__(self) -> str:
+        values = (f"{symbol(name)} = {x:g}" for name, x in self.values)
+        return ", ".join(filter(None, (self.kind, *values))) or "branch"
 
 
 def plot_branches(
@@ -67,9 +89,11 @@ def plot_branches(
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
     with drawing(ax) as (drawn, axes):
         axes.set(xlabel=symbol(x), ylabel=symbol(y))
-        members = _members(branches) if colours is None else []
-        alike = members or _families(branches)
-        key = _key(axes, alike, bool(members))
+        if ax is None:
+            axes.margins(ROOM)
+        groups = _groups(branches) if colours is None else []
+        alike = groups or _families(branches)
+        key = _key(axes, alike, bool(groups))
         shades = [key[family] for family in alike] if colours is None else _given(colours, marked)
         styles: set[str] = set()
         heights = [ordinates(branch, y) for branch in branches]
@@ -83,14 +107,13 @@ def plot_branches(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         tops = [names[0] for names in heights]
-        paper = Labels(axes)
-        words = _words(paper, marked, x, tops, shades if members else [TEXT] * len(shades))
+        paper, plain = Labels(axes), ink(axes)
+        by_value = any(group.values for group in groups)
+        words = _words(paper, marked, x, tops, shades if by_value else [plain] * len(shades))
         named = len(words) <= CROWD if labels is None else labels
-        legend = {**_by_colour(key if members else {}), **_by_style(styles)}
-        large = _legend(axes, legend | ({} if named else _by_marker(marked)))
+        legend = {**_by_colour(key if groups else {}), **_by_style(styles, plain)}
+        _legend(paper, legend | ({} if named else _by_marker(marked, plain)))
         if named:
-            if large:
-                paper.lay_out()
             words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
             paper.write((value_of(p, x), y, text, _styled(p, shade)) for p, y, text, shade in words)
     return drawn
@@ -121,13 +144,13 @@ def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
     """The colour of each group of branches that are alike; no two values have the same one."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
-    order = list(dict.fromkeys(alike))
-    if not values or len(order) <= len(CYCLE):
-        return {one: CYCLE[(taken + i) % len(CYCLE)] for i, one in enumerate(order)}
+    order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], ink(ax))
+    if not values or len(order) <= len(colours):
+        return {one: colours[(taken + i) % len(colours)] for i, one in enumerate(order)}
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    order = sorted(order, key=lambda member: [value for _, value in member])
+    order = sorted(order, key=lambda group: (group.kind, [value for _, value in group.values]))
     shades = colormaps["viridis"](np.linspace(0.0, BRIGHTEST, len(order)))
     return dict(zip(order, map(to_hex, shades), strict=True))
 
@@ -138,23 +161,30 @@ def _families(branches: Iterable[Branch]) -> list[int]:
     return [parents.index(parent) if parent else i for i, parent in enumerate(parents)]
 
 
-def _members(branches: tuple[Branch, ...]) -> list[Values]:
-    """The parameters that are fixed along each branch and not the same on all, with what they are
-    worth on each, to six digits. None where nothing differs."""
+def _groups(branches: tuple[Branch, ...]) -> list[Group]:
+    """What each branch is among the others, its values to six digits. None where nothing differs
+    and no boundary is among them."""
+    kinds = [b.problem.label or "boundary" if _is_boundary(b) else "" for b in branches]
     fixed = [
         {name: x for name, x in branch.problem.params.items() if name not in branch.curve.varied}
         for branch in branches
     ]
     common = [name for name in fixed[0] if all(name in params for params in fixed)]
     differ = [name for name in common if len({params[name] for params in fixed}) > 1]
-    members = [tuple((name, float(f"{params[name]:.6g}")) for name in differ) for params in fixed]
-    return members if differ else []
+    groups = [
+        Group(kind, tuple((name, float(f"{params[name]:.6g}")) for name in differ))
+        for kind, params in zip(kinds, fixed, strict=True)
+    ]
+    return groups if differ or any(kinds) else []
+
+
+def _is_boundary(branch: Branch) -> bool:
+    return len(branch.curve.varied) > 1
 
 
 def _ordinate(branch: Branch) -> str:
-    varied = branch.curve.varied
-    if len(varied) > 1:
-        return varied[1]
+    if _is_boundary(branch):
+        return branch.curve.varied[1]
     names = (name[len("max(") : -1] for name in branch.problem.record if name.startswith("max("))
     swinging = (name for name in names if len(ordinates(branch, name)) > 1)
     return next(swinging, next(iter(branch.problem.start)))
@@ -201,13 +231,19 @@ def _gathered(
     groups: list[tuple[Array, list[tuple[Point, int]]]] = []
     for (point, branch), place in points:
         for there, group in groups:
-            if point.label == group[0][0].label and np.hypot(*(place - there)) < near:
+            if _name_of(point) == _name_of(group[0][0]) and np.hypot(*(place - there)) < near:
                 same = any(_is_one(point, other) for other, _ in group)
                 group += [] if same else [(point, branch)]
                 break
         else:
             groups.append((place, [(point, branch)]))
     return [group for _, group in groups]
+
+
+def _name_of(point: Point) -> str | frozenset[str]:
+    """The same for a meeting of two boundaries, whichever of them was followed."""
+    kinds = frozenset(point.kind.split("-"))
+    return kinds if len(kinds) > 1 else point.label
 
 
 def _is_one(point: Point, other: Point) -> bool:
@@ -267,14 +303,14 @@ def pieces(
 
 def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> None:
     for point in points:
-        plain = point.kind == "EP"
-        ax.plot(
+        plain, rim = point.kind == "EP", ax.get_facecolor()
+        mark = ax.plot(
             value_of(point, x), value_of(point, y), marker(point.kind),
             color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
-            markeredgecolor=colour if point.kind == "MX" else "none" if plain else "white",
-            markeredgewidth=0.5,
-            zorder=3, clip_on=False,
+            markeredgecolor=colour if point.kind == "MX" else "none" if plain else rim,
+            markeredgewidth=0.5, zorder=3,
         )  # fmt: skip
+        to_the_rim(mark)
 
 
 def _calm(axis: Axis, scale: float) -> None:
@@ -294,41 +330,44 @@ def _calm(axis: Axis, scale: float) -> None:
         axis.axes.autoscale_view()
 
 
-def _by_colour(key: dict[Values, str]) -> dict[str, dict[str, Any]]:
-    """What colours stand for: of many values some, the others are in between."""
+def _by_colour(key: dict[Group, str]) -> dict[str, dict[str, Any]]:
+    """What colours stand for: of many groups some, the others are in between."""
     indices = np.unique(np.linspace(0, len(key) - 1, min(len(key), MOST)).round().astype(int))
-    members = [list(key.items())[i] for i in indices]
-    texts = [", ".join(f"{symbol(name)} = {x:g}" for name, x in values) for values, _ in members]
-    entries = {text: {"color": colour} for text, (_, colour) in zip(texts, members, strict=True)}
+    shown = [list(key.items())[i] for i in indices]
+    entries = {str(group): {"color": colour} for group, colour in shown}
     left = len(key) - len(indices)
     return {**entries, f"and {left} more": {"linestyle": "none"}} if left else entries
 
 
-def _by_style(styles: set[str]) -> dict[str, dict[str, Any]]:
+def _by_style(styles: set[str], colour: str) -> dict[str, dict[str, Any]]:
     shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
-    return {WORDS[style]: {"color": "black", "linestyle": style} for style in shown}
+    return {WORDS[style]: {"color": colour, "linestyle": style} for style in shown}
 
 
-def _by_marker(marked: Iterable[Iterable[Point]]) -> dict[str, dict[str, Any]]:
+def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict[str, Any]]:
     """What the markers stand for, in place of words beside each; ends are dots everywhere."""
     kinds = dict.fromkeys(p.kind for points in marked for p in points if p.kind != "EP")
-    look = {"color": "black", "linestyle": "none"}
+    look = {"color": colour, "linestyle": "none"}
     return {
         kind: {**look, "marker": marker(kind), "markersize": size(kind)} for kind in sorted(kinds)
     }
 
 
-def _legend(ax: Axes, entries: dict[str, dict[str, Any]]) -> bool:
-    """Inside the axes as long as it is small, else above them: whether these have to make room."""
+def _legend(paper: Labels, entries: dict[str, dict[str, Any]]) -> None:
+    """Inside the axes where it is small and covers no curve, else above them."""
     from matplotlib.lines import Line2D
 
-    above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
-    large = len(entries) >= len(CYCLE)
-    if entries:
-        handles = [Line2D([], [], **look) for look in entries.values()]
-        place = above if large else {"loc": "best"}
-        ax.legend(handles, list(entries), frameon=False, handlelength=2.2, **place)
-    return large
+    if not entries:
+        return
+    handles = [Line2D([], [], **look) for look in entries.values()]
+    legend = partial(paper.ax.legend, handles, list(entries), frameon=False, handlelength=2.2)
+    if len(entries) < len(CYCLE):
+        inside = legend(loc="best")
+        paper.lay_out()
+        if not paper.covers(inside):
+            return
+    legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    paper.lay_out()
 
 
 def _words(
@@ -415,7 +454,7 @@ def plot_diagram(
     >>> tree = cb.diagram(mine, "mu", within={"mu": (-1, 1)}, events=[cb.branch_point()])
     >>> ax = plot_diagram(tree).axes
     >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.get_lines()) >= 3
-    ('$\\\\mu$', 'x', True)
+    ('$\\\\mu$', '$x$', True)
     """
     alone = isinstance(tree, Branch) or not np.iterable(tree)
     branches: list[Any] = [tree] if alone else list(tree)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from io import StringIO
 from pathlib import Path
+from string import digits
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -57,10 +58,13 @@ SIZES = {"*": 9.0, "X": 5.0, "x": 5.0, "P": 5.0}  # of markers with little insid
 
 _STYLE = Path(__file__).with_name("journal.mplstyle")
 
-_SYMBOLS = {
-    "gamma": r"$\gamma$", "phi": r"$\varphi$", "nu": r"$\nu$", "a": "$a$", "k": "$k$", "p": "$p$",
-    "t": "$t$", "c": "$c$", "t1": "$t_1$", "t2": "$t_2$", "d": "$d$", "mu": r"$\mu$",
-}  # fmt: skip
+_ITALIC = (  # words that are letters
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu",
+    "nu", "xi", "rho", "sigma", "tau", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta",
+    "Lambda", "Xi", "Sigma", "Phi", "Psi", "Omega",
+)  # fmt: skip
+_VARIANTS = {"epsilon": "varepsilon", "phi": "varphi"}
+BEYOND_RIM = 0.015  # of the axes: so far outside the half of a marker on the rim is still drawn
 
 
 def style() -> AbstractContextManager[None]:
@@ -256,8 +260,31 @@ def figure_path(path: str | Path) -> Path:
 
 
 def symbol(name: str) -> str:
-    """A name as it is written on an axis."""
-    return _SYMBOLS.get(name, name)
+    """A name as it is written on an axis: letters, Greek ones too, in italics, with their numbers
+    as indices; words upright."""
+    letter = name.rstrip(digits)
+    index = f"_{{{name[len(letter) :]}}}" if letter != name else ""
+    if letter in _ITALIC:
+        return rf"$\{_VARIANTS.get(letter, letter)}{index}$"
+    return f"${name[0]}{index}$" if len(letter) == 1 and letter.isalpha() else name
+
+
+def ink(ax: Axes) -> str:
+    """The colour of words that stand out from the ground of these axes, black on white."""
+    from matplotlib.colors import to_hex
+
+    return to_hex(ax.xaxis.label.get_color())
+
+
+def to_the_rim(artists: Iterable[Artist]) -> None:
+    """Show artists whole where they stand on the rim of their axes, and not where they lie beyond
+    it, as after other limits were set."""
+    from matplotlib.transforms import Bbox, TransformedBbox
+
+    wider = Bbox.unit().padded(BEYOND_RIM)
+    for artist in artists:
+        assert artist.axes is not None
+        artist.set_clip_box(TransformedBbox(wider, artist.axes.transAxes))
 
 
 def marker(kind: str) -> str:
@@ -318,6 +345,15 @@ class Labels:
         for word in words:
             if word is not None:
                 self.taken.append(np.asarray(word.get_window_extent().extents))
+
+    def covers(self, legend: Legend) -> bool:
+        """Whether a curve or a marker lies beneath it."""
+        box = legend.get_window_extent()
+        paths = (line.get_transform().transform_path(line.get_path()) for line in self.ax.lines)
+        return any(
+            box.count_contains(path.vertices) or path.intersects_bbox(box, filled=False)
+            for path in paths
+        )
 
     def announce(self, x: ArrayLike, y: ArrayLike) -> None:
         """Points that will get words: no other word shall stand nearer to them."""

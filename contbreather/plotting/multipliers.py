@@ -17,7 +17,17 @@ from contbreather.flows.orbit import Cycle
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.branches import value_of
-from contbreather.plotting.canvas import BLUE, GREY, SKY, VERMILLION, Drawn, Labels, drawing, symbol
+from contbreather.plotting.canvas import (
+    BLUE,
+    GREY,
+    SKY,
+    VERMILLION,
+    Drawn,
+    Labels,
+    drawing,
+    ink,
+    symbol,
+)
 from contbreather.plotting.orbits import no_orbit, solution_of
 from contbreather.simulation.periodic import PeriodicMotion
 
@@ -97,7 +107,8 @@ def plot_multipliers(
         _circle_and_band(axes, waves)
         size = np.abs(mu)  # those far out are shown at the rim, in their direction
         shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
-        reach = 1.1 * max(1.15, float(np.abs(shown).max()))
+        unstable = bool(np.any(alone & (size > 1.0)))
+        reach = max(1.5 if unstable else 1.27, 1.1 * float(np.abs(shown).max()))
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
         name = r"$\mu$" if half or isinstance(orbit, Cycle) else r"$\mu^2$"
         axes.set(xlabel=f"Re {name}", ylabel=f"Im {name}", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
@@ -110,7 +121,7 @@ def plot_multipliers(
             labels.announce(multiplier.real, multiplier.imag)
         space = "\n" if axes.bbox.width / labels.pixel < NARROW else " "
         for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
-            colour = VERMILLION if abs(multiplier) > 1.0 else "black"
+            colour = VERMILLION if abs(multiplier) > 1.0 else ink(axes)
             text = _number(multiplier, digits, space)
             labels.place(place.real, place.imag, text, fontsize="small", color=colour)
     return drawn
@@ -241,8 +252,8 @@ def _named(mu: Array, shown: Array, which: NDArray[np.bool_]) -> list[tuple[comp
 def _dots(ax: Axes, mu: Array, shown: Array, alone: NDArray[np.bool_]) -> None:
     outside, far = np.abs(mu) > 1.0, np.abs(mu) > FAR
     for which, colour in ((~alone, BLUE), (alone & ~outside, BLUE), (alone & outside, VERMILLION)):
-        near = shown[which & ~far]
-        ax.plot(near.real, near.imag, "o", color=colour, markersize=1.6, zorder=3)
+        near, size = shown[which & ~far], 2.6 if np.any(which & alone) else 1.6
+        ax.plot(near.real, near.imag, "o", color=colour, markersize=size, zorder=3)
     for place in shown[far]:
         pointing = (3, 0, math.degrees(np.angle(place)) - 90.0)  # a triangle that points outwards
         ax.plot(place.real, place.imag, marker=pointing, color=VERMILLION, markersize=5, zorder=3)

@@ -4,7 +4,7 @@ a grid, or the states of flows."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from contbreather.plotting.canvas import (
     drawing,
     legend_above,
     symbol,
+    to_the_rim,
 )
 from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
 
@@ -41,6 +42,8 @@ TIME = "t"
 BESIDE = 10  # sites of the infinite chain on each side of the first that hits
 MOMENTS = 200  # of a period of the forcing, in a picture over time
 COLOURS = "RdBu_r"  # white where a site is at rest
+UNLIKE = 10.0  # how much more than the swing of a state an axis reaches, if it has one of its own
+HIGH, LOW = 6.5, 3.0  # cm: a figure with one row of states, and what each further one adds
 FINE = 12  # lines in an interval of a mesh, or in a step of the integrator
 
 
@@ -63,7 +66,8 @@ def plot_orbit(
         lattices alone have sites.
     x, y : str, optional
         Of a cycle: what to draw over what. Every state over the time ``"t"`` unless given; `y` may
-        be several names. Where a condition ends a flow there is a dot.
+        be several names; those that swing by less than a tenth of what the others do have a row of
+        their own, ``figure.axes[1]`` and so on. Where a condition ends a flow there is a dot.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -86,7 +90,7 @@ def plot_orbit(
     >>> ring = cb.cycle(lambda t, x, p: [x[1], (1 - x[0]**2) * x[1] - x[0]],
     ...                 start={"u": 2.0, "v": 0.0}, params={}, settle=30)
     >>> plot_orbit(cb.flows.cycle_of(ring), x="u", y="v").axes.get_ylabel()
-    'v'
+    '$v$'
     """
     whole = solution_of(orbit)
     if isinstance(whole, Cycle):
@@ -107,7 +111,7 @@ def plot_orbit(
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
             axes.plot(t / (2 * math.pi), u, label=label)
         for _, time, wall in impacts_of(whole, chosen):
-            axes.plot(time, wall, "o", color=GREY, markersize=4, clip_on=False, zorder=3)
+            to_the_rim(axes.plot(time, wall, "o", color=GREY, markersize=4, zorder=3))
         # others may stand farther off
         for wall in {wall for n in hit for wall in whole.walls.at(n) if math.isfinite(wall)}:
             axes.axhline(wall, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
@@ -387,25 +391,66 @@ def draw_states(
     pieces = _of_cycle(motion) if isinstance(motion, Cycle) else _of_run(motion, within)
     # the time of a cycle begins anew, its states go on
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
-    with drawing(ax) as (drawn, axes):
+    together = _of_one_size(
+        {name: np.concatenate([_column(piece, names, name) for piece in pieces]) for name in chosen}
+    )
+    with drawing(ax, HIGH + LOW * (len(together) - 1)) as (drawn, axes):
+        panels = _panels(axes, len(together))
+        panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
         for i, name in enumerate(chosen):
+            panel = panel_of[name]
             around, i = divmod(i, len(CYCLE))
             colour, dashes = CYCLE[i], DASHES[around % len(DASHES)]
             lines = [(_column(piece, names, x), _column(piece, names, name)) for piece in pieces]
             for j, line in enumerate(lines):
-                axes.plot(*line, dashes, color=colour, label=None if j else symbol(name))
+                panel.plot(*line, dashes, color=colour, label=None if j else symbol(name))
             for piece, onward, line in zip(pieces, following, lines, strict=False):
                 if piece.ended:
                     last = line[0][-1], line[1][-1]
                     first = _column(onward, names, x)[0], _column(onward, names, name)[0]
-                    axes.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
-                    axes.plot(*last, "o", color=GREY, markersize=3, zorder=3, clip_on=False)
-        axes.set(xlabel=symbol(x), ylabel=symbol(chosen[0]) if len(chosen) == 1 else "states")
+                    panel.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
+                    to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
+        for panel in panels:
+            its = [name for name in chosen if panel_of[name] is panel]
+            panel.set_ylabel(symbol(its[0]) if len(its) == 1 else "states")
+            if len(its) > 1:
+                legend_above(panel)
         if x == TIME:
             axes.margins(x=0.0)
-        if len(chosen) > 1:
-            legend_above(axes)
+        panels[-1].set_xlabel(symbol(x))
+    drawn += [artist for panel in panels if panel is not axes for artist in panel.get_lines()]
     return drawn
+
+
+def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
+    """States that can be read on one axis: the smallest swing fills a tenth of it, or more."""
+    together: list[list[str]] = []
+    spans = {name: (float(np.nanmin(u)), float(np.nanmax(u))) for name, u in columns.items()}
+    # of a state at rest, but for rounding, there is nothing to be read
+    moving = {n for n, (low, high) in spans.items() if high - low > 1e-9 * max(-low, high)}
+    for name in columns:
+        for its in together:
+            lows, highs = zip(*(spans[n] for n in (*its, name)), strict=True)
+            reach = (max(highs) - min(lows)) / UNLIKE
+            if all(spans[n][1] - spans[n][0] >= reach for n in (*its, name) if n in moving):
+                its.append(name)
+                break
+        else:
+            together.append([name])
+    return together
+
+
+def _panels(axes: Axes, count: int) -> list[Axes]:
+    """Axes in rows with one abscissa, in the place of these, if they are in a grid."""
+    place = axes.get_subplotspec()
+    if count == 1 or place is None:
+        return count * [axes]
+    grid = place.subgridspec(count, 1)
+    axes.set_subplotspec(grid[0])
+    panels = [axes, *(axes.figure.add_subplot(grid[i], sharex=axes) for i in range(1, count))]
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
+    return panels
 
 
 def _column(piece: Stretch, names: Sequence[str], name: str) -> Array:

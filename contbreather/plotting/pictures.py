@@ -57,7 +57,8 @@ def plot(
     dashed where an eigenvalue has a positive real part; anybody's equations are taken for those of
     a flow, ``x' = F``, where Hopf points are among the events looked for. Where walls were lifted
     (``inadmissible=True``) the part behind them is dotted. Where branches
-    differ in a parameter that is fixed along each, colours go by it, and a legend says so.
+    differ in a parameter that is fixed along each, colours go by it, and a legend says so; of
+    boundaries colours go by their kinds, too.
 
     Parameters
     ----------

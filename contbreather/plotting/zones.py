@@ -34,6 +34,7 @@ from contbreather.plotting.canvas import (
     place_words,
     style,
     symbol,
+    to_the_rim,
 )
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def plot_zones(
         if flag("legend", legend):
             explain(panels, figure)
         for diagram, panel in zip(several, panels, strict=True):
-            place_words(panel, names_of_meetings(diagram), fontsize="small")
+            place_words(panel, names_of_meetings(diagram), fontsize="small", color=BLACK)
     for panel_drawn in drawn:
         panel_drawn.finish()
     return drawn[0] if isinstance(zones, Zones) else drawn
@@ -167,7 +168,8 @@ def _chain(zones: Zones) -> str:
 
 def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     horizontal, vertical = zones.pair
-    ax.set(xlabel=symbol(horizontal), ylabel=symbol(vertical))
+    # white where there is no breather, also in a dark style
+    ax.set(xlabel=symbol(horizontal), ylabel=symbol(vertical), facecolor="white")
     title = f"{letter}{symbol(zones.fixed[0])} = {zones.fixed[1]:g}{_chain(zones)}"
     words = ax.set_title(title, loc="left", pad=3)
     pixels = 0.5 * float(words.get_fontsize()) * ax.figure.dpi / 72  # half as wide as high
@@ -181,10 +183,10 @@ def _panel(zones: Zones, ax: Axes, letter: str, within: Window | None) -> None:
     window = _window(zones, box)
     ax.set(xlim=window[:2], ylim=window[2:])
     for point in zones.special:
-        ax.plot(
+        to_the_rim(ax.plot(
             point[horizontal], point[vertical], MEETING, color=BLACK, markerfacecolor="white",
-            markersize=5, markeredgewidth=0.8, zorder=4, clip_on=False,
-        )  # fmt: skip
+            markersize=5, markeredgewidth=0.8, zorder=4,
+        ))  # fmt: skip
 
 
 def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
@@ -218,7 +220,7 @@ def _letter(ax: Axes, region: Region) -> None:
         if region.room > room:
             ax.text(
                 region.x, region.y, region.verdict, ha="center", va="center",
-                fontsize=size, fontweight="bold", zorder=2,
+                fontsize=size, fontweight="bold", color=BLACK, zorder=2, clip_on=True,
             )  # fmt: skip
             return
 
@@ -239,7 +241,8 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
             handles, labels, loc="outside lower center", ncols=2, frameon=False, handlelength=2.8
         )
     else:
-        panels[0].legend(handles, labels, loc="best", handlelength=2.6, framealpha=0.9)
+        panels[0].legend(handles, labels, loc="best", handlelength=2.6, framealpha=0.9,
+                         facecolor="white", labelcolor=BLACK)  # fmt: skip
 
 
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:

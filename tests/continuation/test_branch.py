@@ -372,19 +372,22 @@ def test_progress_is_silent_unless_asked_for(capsys: pytest.CaptureFixture[str])
     assert captured.out == captured.err == ""
 
 
-def test_progress_is_shown_on_standard_error_when_asked_for(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("asked", ["call", "environment"])
+def test_progress_is_lines_in_a_log_when_asked_for(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, asked: str
 ) -> None:
     from contbreather import progress
 
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    trace_case(CUSP, progress=True)
+    monkeypatch.setattr(progress, "SELDOM", 0.0)
+    if asked == "environment":
+        monkeypatch.setenv("CONTBREATHER_PROGRESS", "1")
+    trace_case(CUSP, progress=True if asked == "call" else None)
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert "points, h = " in captured.err
+    lines = captured.err.splitlines()
+    assert len({*lines}) == len(lines) > 2  # each once
+    assert all(re.fullmatch(r"\d+ points, h = [-0-9.e]+", line) for line in lines[1:])
 
 
 def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
@@ -392,6 +395,7 @@ def test_progress_tells_how_many_points_there_are_by_now(monkeypatch) -> None:
 
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True)
     branch = trace_case(CUSP)
     with progress.Counter(True) as shown:
         for count, point in enumerate(branch[:3], start=1):

@@ -262,8 +262,8 @@ def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a
     monkeypatch.setattr(session, "zones", told)
     monkeypatch.setattr(session, "QUIET", quiet)
     explorer = Explorer()
-    explorer.look_ahead()
     explorer.look_at(0.81)
+    explorer.look_ahead()
     until(lambda: len(asked) == (1 if quiet else 1 + len(LADDER)))
     if quiet:
         explorer.look_at(0.79)  # it does not wait for what does
@@ -271,6 +271,53 @@ def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a
     assert asked[:4] == [0.81, 0.79] if quiet else [0.81, 0.8, 0.85, 0.75]
     explorer._looks_ahead = False
     explorer._quick.stop()
+
+
+def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
+    monkeypatch: pytest.MonkeyPatch, diagram: Any
+) -> None:
+    """Nothing else would begin it: what has just ended did not know yet that it was wanted."""
+    asked: list[float] = []
+    monkeypatch.setattr(session, "zones", lambda k, **_: (asked.append(k), diagram)[1])
+    monkeypatch.setattr(session, "QUIET", 0.0)
+    goes_on, came, may_end = session.Session._next_ahead, threading.Event(), threading.Event()
+
+    def held(explorer: Explorer) -> None:
+        goes_on(explorer)
+        if not came.is_set():
+            came.set()
+            assert may_end.wait(HUNG)
+
+    monkeypatch.setattr(session.Session, "_next_ahead", held)
+    explorer = Explorer()
+    explorer.look_at(0.81)
+    assert came.wait(HUNG)
+    explorer.look_ahead()
+    may_end.set()
+    until(lambda: len(asked) == 1 + len(LADDER))
+
+
+def test_what_arrives_does_not_cover_what_is_asked_for_in_that_moment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left, right = cb.zones(k=[0.6, 0.8])
+    monkeypatch.setattr(session, "zones", lambda **_: left)
+    explorer = Explorer(k=0.8)
+    explorer._planes["k", 0.8, "", ""] = right
+    drawn, back = session.preview_of, threading.Thread(target=explorer.look_at, args=(0.8,))
+
+    def slowly(plane: Any) -> Any:
+        if plane is left:
+            back.start()
+            back.join(0.2)  # it waits for this one, or is done
+        return drawn(plane)
+
+    monkeypatch.setattr(session, "preview_of", slowly)
+    explorer.look_at(0.6)
+    assert explorer.wait(HUNG)
+    back.join(HUNG)
+    assert explorer.state.fixed == explorer.state.preview.fixed == ("k", 0.8)
+    assert explorer.state.plane is right
 
 
 def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted(
