@@ -125,8 +125,6 @@ def _fold_locus(point: Point) -> DefiningSystem:
 def _examine_fold(point: Point) -> str:
     curve, z, n = point.curve, point.z, point.curve.size
     whole = branch_points.balanced(point)
-    if point.tangent is not None and "null" not in point.detail and not is_sparse(whole):
-        return "a degenerate fold or a branch point: no null vector could be solved for"
     weak = systems.least_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
