@@ -128,7 +128,7 @@ def _examine_fold(point: Point) -> str:
     weak = systems.least_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
-    small = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
+    small = branch_points.GAP * np.linalg.norm(change * (1 + abs(z) / curve.scales))
     small += _EXACT * weak.largest
     if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= small:
         return "a branch point, not a fold: the whole derivative loses rank"
