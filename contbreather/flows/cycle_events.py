@@ -1,5 +1,7 @@
-"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point; a curve
-of folds ends there, too, at GH."""
+"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point.
+
+A curve of folds ends there, too, at GH.
+"""
 
 from __future__ import annotations
 

@@ -272,7 +272,10 @@ class CycleProblem(Problem):
         return replace(self, residual=finer, start=finer.unknowns(finer.start))
 
     def unresolved(self, point: Point) -> str:
-        reason: str = point.solution.coarse
+        try:
+            reason: str = point.solution.coarse
+        except Undefined as error:  # it has come to rest
+            reason = str(error)
         return reason
 
     def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
