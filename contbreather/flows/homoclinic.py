@@ -23,7 +23,7 @@ from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .equations import sizes_of
-from .filippov import Filippov
+from .filippov import slid_along
 from .flow import Function, slopes, values
 from .layout import Places
 from .orbit import Cycle, equations_of
@@ -53,9 +53,9 @@ class _Passage:
 
     @property
     def surface(self) -> Function | None:
-        """What is zero where it slides, to pseudo-equilibria then, which are none of either field."""
-        f: Any = self.orbit.equations.flows[self.flow].f
-        return f.__self__.h if getattr(f, "__func__", None) is Filippov.sliding else None
+        """What is zero where it slides: equilibria are pseudo-equilibria then, of neither field."""
+        system = slid_along(self.orbit.equations.flows[self.flow])
+        return None if system is None else system.h
 
     def near(self, states: Array, place: Array) -> Any:
         return np.linalg.norm((states - place) / self.sizes, axis=-1) < _CLOSE
