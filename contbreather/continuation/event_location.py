@@ -135,10 +135,10 @@ def _zero(samples: StepSamples, left: float, right: float) -> Place | None:
     if place := _solved(samples, u, left, right):
         return place
     point, kind = samples.segment.at(u), samples.event.kind
+    left_over = abs(value_of_test(samples.event, point))
     # rounding of a test may be more than that where its values are small all around
-    beside = [samples.look(v) for v in (u - _BESIDE * (u - left), u + _BESIDE * (right - u))]
-    least = max(1e-6 * size, _THROUGH * min(map(abs, beside)))
-    if abs(value_of_test(samples.event, point)) <= least:
+    beside = (samples.look(v) for v in (u - _BESIDE * (u - left), u + _BESIDE * (right - u)))
+    if left_over <= 1e-6 * size or left_over <= _THROUGH * min(map(abs, beside)):
         return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
     if samples.event.may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
