@@ -346,5 +346,8 @@ def _missing(free: str, tiles: Sequence[Tile]) -> Iterator[str]:
     for what, run in groupby(tiles, lambda tile: tile.why.split(":")[0]):
         if what:
             stretch = list(run)
-            low, high = min(t.covers.low for t in stretch), max(t.covers.high for t in stretch)
+            # of the narrowest tile the ends, known to rounding, may pass each other
+            low, high = sorted(
+                (min(t.covers.low for t in stretch), max(t.covers.high for t in stretch))
+            )
             yield f"for {free} in {Interval(low, high).shown}, {stretch[0].why}"

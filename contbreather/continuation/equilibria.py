@@ -36,6 +36,7 @@ _FINE = 10.0  # the same where few are known, relative to what rounding makes of
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
 _ROUNDING = 2e-13
+_SMALL = 1e-4  # a curve this close to zero in its scales may be in other units than these
 
 
 def fold() -> Event:
@@ -131,7 +132,8 @@ def _examine_fold(point: Point) -> str:
     small = branch_points.GAP * np.linalg.norm(change * (1 + abs(z) / curve.scales))
     small += _EXACT * weak.largest
     if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= small:
-        return "a branch point, not a fold: the whole derivative loses rank"
+        hint = "" if curve.length(z) > _SMALL else "; of unknowns this small give the `scales`"
+        return f"a branch point, not a fold: the whole derivative loses rank{hint}"
     if weak.size > small:
         return f"the derivative in the unknowns is regular: least singular value {weak.size:.2g}"
     return ""

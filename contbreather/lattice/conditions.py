@@ -40,6 +40,10 @@ def restitution_ratio(k: float) -> float:
 
 Pair = tuple[float, float]  # low and high; infinite where there is no wall
 
+# Of walls: an impact between nearer ones would be taken for one that vanishes, and between farther
+# ones rounding hides what tells branches apart.
+NEAREST, FARTHEST = 1e-6, 1e4
+
 
 @dataclass(frozen=True)
 class Walls:
@@ -112,6 +116,12 @@ def _pair(ends: Any, name: str) -> Pair:
         raise BadInput(
             f"{name} = {ends!r}: two numbers low < high are expected, None for a wall that is not "
             "there."
+        )
+    distances = [abs(wall) for wall in pair if math.isfinite(wall)]
+    if distances and (max(distances) < NEAREST or min(distances) > FARTHEST):
+        raise BadInput(
+            f"{name} = {ends!r}: tolerances are for walls from {NEAREST:g} to {FARTHEST:g} away; "
+            "everything scales with them: measure displacements and a in a larger or smaller unit."
         )
     return pair
 

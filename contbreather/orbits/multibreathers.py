@@ -189,13 +189,19 @@ def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
             orbit.impacts, round(length / orbit.section.length)
         )
     ]
-    # each orbit counts its times from an impact of its own: all are taken into the section that
-    # begins with the first of them
+    # each orbit counts its times from an impact of its own: all are taken into one section
     first, impacts = min(course)[0], []
     for time, site, wall in course:
         ahead = int(round((time - first) / length, TOGETHER))
         impacts.append((time - ahead * length, site, sign**ahead * wall))
     impacts.sort(key=lambda impact: (round(impact[0], TOGETHER), impact[1]))
+    # which begins after the longest flight: times of different sites drift along a branch, and the
+    # last one must not come a section after the first
+    flights = np.diff([time for time, *_ in impacts], append=impacts[0][0] + length)
+    last = np.round(flights[::-1], TOGETHER).argmax()  # of those as long, as it is if it can be
+    cut = (len(impacts) - int(last)) % len(impacts)
+    again = [(time + length, site, sign * wall) for time, site, wall in impacts[:cut]]
+    impacts = impacts[cut:] + again
     sequence = tuple((n, wall) for _, n, wall in impacts)
     return Section(sequence, turns, sign), [time for time, _, _ in impacts]
 

@@ -491,9 +491,10 @@ def rows(problem: Any, events: Sequence[Event], least: float, largest: float) ->
         length = np.append(0.0, np.linalg.norm(np.diff(z, axis=0), axis=1).cumsum())
         phi = np.interp(np.linspace(0.0, length[-1], POINTS), length, z[:, 1])
         before, after = 2.0 * phi[[0, -1]] - phi[[1, -2]]  # a step beyond both ends
-        if _at(curve, np.array([before]))[0, 2] < z[0, 2]:  # the first is a fold, too
+        beyond = _at(curve, np.array([before, after]))[:, 2]
+        if 0.0 < beyond[0] < z[0, 2]:  # the first is a fold, too; beyond a pole a is negative
             phi = np.append(before, phi)
-        row = Row.of(curve, events, np.append(phi, after))
+        row = Row.of(curve, events, np.append(phi, after) if beyond[1] > 0.0 else phi)
         if row is None:
             return None
         closed.append(row)

@@ -342,3 +342,17 @@ def test_no_point_is_beyond_a_bound_that_only_the_bent_curve_crosses(largest: fl
     )
     assert branch["y"].max() == branch[-1]["y"] == 0.08
     assert branch[-1]["x"] == pytest.approx(0.8**0.5, abs=1e-12)
+
+
+def test_a_fold_of_tiny_unknowns_is_refused_with_a_word_on_scales() -> None:
+    def residual(x: Array, p: Params) -> Array:
+        return np.array([p["mu"] - 1e6 * x[0] ** 2])
+
+    def walked_with(**scales: Any) -> Branch:
+        tiny = Problem(residual, {"x": 1e-6}, {"mu": 1e-6}, **scales)
+        return trace(tiny, "mu", within={"mu": (-2e-6, 2e-6)}, events=[fold()])
+
+    reasons = [str(point.detail["reason"]) for point in walked_with().doubtful]
+    assert any("of unknowns this small give the `scales`" in reason for reason in reasons)
+    found = walked_with(scales={"x": 1e-6, "mu": 1e-6})
+    assert found.first("LP")["mu"] == pytest.approx(0.0, abs=1e-15)

@@ -474,6 +474,8 @@ def test_impossible_walls_are_refused() -> None:
     for walls, sequence, more, says in (
         ((1, -1), [(0, 1)], {}, "low < high"),
         ("ab", [(0, 1)], {}, "low < high"),
+        ((-1e-9, 1e-9), [(0, 1)], {}, "everything scales with them.*in a larger or smaller unit"),
+        ({2: (None, 1e5)}, [(0, 1)], {}, "walls.2. = .* from 1e-06 to 10000 away"),
         ((-1, None), [(0, 1)], {}, "has no wall on that side"),
         ((-1, 2), [(0, 1)], {"symmetric": True}, "no half section and no pitchfork"),
     ):

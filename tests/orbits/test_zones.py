@@ -377,6 +377,19 @@ def test_zones_next_to_no_restitution_are_drawn() -> None:
     assert all(point.residual < 1e-9 for branch in found["LP"] for point in branch)
 
 
+def test_zones_next_to_elastic_impacts_are_drawn_under_any_forcing() -> None:
+    """A step beyond a row is beyond a pole there, where a would be negative."""
+    drive = (
+        "-cos(t) + 0.19023250707535766*sin(t) - 0.07676185187332951*cos(3*t)"
+        " - 0.16304005530883525*cos(5*t)"
+    )
+    (fold,) = cb.zones(k=0.999, forcing=drive, within={"gamma": (0.0, 0.2499)})["LP"]
+    for a, gamma in zip(fold["a"][::20], fold["gamma"][::20], strict=True):
+        cb.symmetric(a * (1 + 1e-9), gamma, 0.999, forcing=drive)
+        with pytest.raises(cb.NoSolution):
+            cb.symmetric(a * (1 - 1e-9), gamma, 0.999, forcing=drive)
+
+
 @pytest.mark.parametrize("shown", [True, False])
 def test_zones_show_their_progress_only_where_it_is_asked_for(
     shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
