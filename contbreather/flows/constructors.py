@@ -285,11 +285,13 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
         return t0, state, 0
     ran = run(x0=state, time=settle, t0=t0)
     last = ran.pieces[-1]
-    if length is None and ran.events:
-        moved = values(last.flow.f, t0 + settle, ran.final[:, None], ran.params)[:, 0]
-        _refuse_rest(settle * moved, ran.final, 0.0, slides=slid_along(last.flow) is not None)
     if not ran.events:
         return t0 + settle, ran.final, last.number
+    if length is None:
+        moved = settle * values(last.flow.f, t0 + settle, ran.final[:, None], ran.params)[:, 0]
+        alike = [piece.x for piece in ran.pieces if len(piece.x) == moved.size]
+        if (abs(moved) <= _AT_REST * abs(np.hstack(alike)).max(axis=1)).all():  # each in its unit
+            _refuse_rest(0 * moved, ran.final, 0.0, slides=slid_along(last.flow) is not None)
     middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
     return middle, last(middle), last.number
 
