@@ -54,6 +54,16 @@ def pytest_configure(config: pytest.Config) -> None:
         subprocess.run([*kernels.COMPILER, place.absolute()], cwd=kernels.HOME, check=True)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, Any, Any]:
+    """Imports and tests stay: to look through them for garbage takes a fifth of the collection."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Files with slow tests come first, so that no worker is left with one when the others end."""

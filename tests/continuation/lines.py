@@ -379,7 +379,7 @@ DYING = Line(
 )  # fmt: skip
 COEXISTING = Line(
     "PD of both", eaten(0.2, coexisting=True), "p1", "PD", ("p2", "p1"), DOUBLED_PREY.known,
-    {"p1": (2.1, 5.0)}, {"p1": (1.0, 6.0), "p2": (0.1, 0.3)},
+    {"p1": (2.1, 5.0)}, {"p1": (2.0, 4.2), "p2": (0.1, 0.3)},
     lambda line: line["u"] * line["p2"] - 0.1,
 )  # fmt: skip
 MAPS = (

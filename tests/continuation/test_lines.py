@@ -240,8 +240,7 @@ def test_a_doubling_and_a_pair_have_the_coefficients_of_their_normal_forms() -> 
     assert pair["d"] == pytest.approx(2 * -0.5, abs=1e-9)
 
 
-@pytest.mark.parametrize("p2", [0.1, 0.2])
-@pytest.mark.parametrize("largest", [0.02, 0.1, 1.0])
+@pytest.mark.parametrize(("p2", "largest"), [(0.1, 0.02), (0.2, 0.1), (0.1, 1.0)])
 def test_doublings_that_cross_have_one_label_that_names_both(p2: float, largest: float) -> None:
     line = replace(DOUBLED_PREY, problem=eaten(p2))
     curve = line.from_(line.first, steps=cb.Steps(largest=largest))

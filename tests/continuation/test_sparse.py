@@ -242,13 +242,13 @@ def in_units(n: int) -> cb.Problem:
 
 
 def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
-    events, within = [cb.fold()], {"lam": (4, 7)}
-    branch = cb.trace(in_units(7), "lam", within=within, towards="up", events=events)
-    same = cb.trace(ignition(7), "lam", within=within, towards="up", events=events)
-    lines = [
-        cb.boundary(one.first("LP"), ("eps", "lam"), within={"lam": (5.1, 6)}, towards="up")
-        for one in (branch, same)
-    ]
+    events, within, steps = [cb.fold()], {"lam": (4, 7)}, cb.Steps(first=0.1)
+    lines = []
+    for problem in (in_units(7), ignition(7)):
+        branch = cb.trace(problem, "lam", within=within, towards="up", events=events)
+        fold, near = branch.first("LP"), {"lam": (5.13, 6)}
+        line = cb.boundary(fold, ("eps", "lam"), within=near, towards="up", steps=steps)
+        lines.append(line)
     one, other = (line.first("CP") for line in lines)
     assert one["eps"] == pytest.approx(other["eps"], abs=1e-10)
     assert one["lam"] == pytest.approx(other["lam"], abs=1e-10)

@@ -244,7 +244,7 @@ def test_of_two_tabs_that_move_a_slider_at_once_both_show_the_last(
         line.connect_to_server().on_message(heard)
 
     page.route_web_socket("**/ws*", pass_on)
-    other = Tab(page, address)
+    other = Tab(page, f"{address}?theme=dark")  # where the first one was sent
     late = []
     tab.page.evaluate(SLIDE, 0.61)
     while not any("0.61" in str(message) for _, message in late):

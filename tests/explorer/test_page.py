@@ -28,7 +28,14 @@ def opened(diagram: Any) -> Iterator[Page]:
 
 
 page = pytest.fixture(opened)
-bare = pytest.fixture(opened, scope="module")  # one page for tests that leave it as it was
+one_page = pytest.fixture(opened, scope="module")
+
+
+@pytest.fixture
+def bare(one_page: Page) -> Page:
+    """One page for tests that continue nothing and leave its fields as they were."""
+    one_page.explorer.change(chosen=None)
+    return one_page
 
 
 def press(page: Page, name: str) -> None:
@@ -44,20 +51,20 @@ def sentence(trouble: Any) -> str:
     return str(trouble.text.text)
 
 
-def test_a_click_into_the_zones_shows_that_breather(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
-    assert '>p</th><td style="text-align:left">0.808749129989</td>' in page.words.text.text
-    assert page.zones.here.data == {"x": [0.08], "y": [0.5]}
-    assert page.profile.sites.data["n"].size == 21
-    assert page.motion.lines.data["site"] == ["site 0", "site 1", "site 2"]
-    assert page.multipliers.dots.data["x"].size == 800
+def test_a_click_into_the_zones_shows_that_breather(bare: Page) -> None:
+    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    assert '>p</th><td style="text-align:left">0.808749129989</td>' in bare.words.text.text
+    assert bare.zones.here.data == {"x": [0.08], "y": [0.5]}
+    assert bare.profile.sites.data["n"].size == 21
+    assert bare.motion.lines.data["site"] == ["site 0", "site 1", "site 2"]
+    assert bare.multipliers.dots.data["x"].size == 800
 
 
-def test_a_click_where_nothing_is_says_so_below_the_figure(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.001))
-    assert "smallest" in sentence(page.zones_trouble)
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
-    assert sentence(page.zones_trouble) == ""
+def test_a_click_where_nothing_is_says_so_below_the_figure(bare: Page) -> None:
+    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.001))
+    assert "smallest" in sentence(bare.zones_trouble)
+    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    assert sentence(bare.zones_trouble) == ""
 
 
 @pytest.mark.parametrize(
@@ -89,16 +96,16 @@ def test_bad_input_is_refused_beside_its_field(
     field.input.value = before
 
 
-def test_what_the_library_refuses_stands_below_the_button(page: Page) -> None:
+def test_what_the_library_refuses_stands_below_the_button(bare: Page) -> None:
     for name, typed, words in (
         ("a", "0.001", "smallest"),
         ("forcing", "cos(t", "cos(t"),
         ("forcing", "__import__('os')", "forcing"),
     ):
-        page.forms.breather[name].input.value = typed
-        press(page, "Show")
-        assert words in sentence(page.forms.troubles["Breather"])
-        page.forms.breather[name].input.value = "0.5" if name == "a" else ""
+        bare.forms.breather[name].input.value = typed
+        press(bare, "Show")
+        assert words in sentence(bare.forms.troubles["Breather"])
+        bare.forms.breather[name].input.value = "0.5" if name == "a" else ""
 
 
 def test_a_story_with_the_buttons(page: Page) -> None:
@@ -176,8 +183,8 @@ def test_a_page_that_is_loaded_again_shows_what_there_was(page: Page) -> None:
     assert page.explorer.chosen.code == "branch1[3]"  # the new page has chosen nothing itself
 
 
-def test_a_notebook_shows_the_same_page(page: Page) -> None:
-    bundle, _ = page.explorer._repr_mimebundle_()
+def test_a_notebook_shows_the_same_page(bare: Page) -> None:
+    bundle, _ = bare.explorer._repr_mimebundle_()
     assert "text/html" in bundle
     assert "Neimark" in bundle["text/html"]
     assert "cdn." not in bundle["text/html"]  # nothing is fetched from elsewhere
@@ -237,11 +244,12 @@ def test_lattice_springs_and_walls_are_typed(
     assert again == pytest.approx(page.explorer.state.curves["branch1"]["p"][upper], rel=1e-7)
 
 
-def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(page: Page) -> None:
-    typed(page, damping="0.02")
-    assert "take a ring or another finite lattice" in sentence(page.forms.troubles["Breather"])
-    typed(page, damping="", walls="-1")
-    assert "--walls -1: LOW,HIGH" in sentence(page.forms.troubles["Breather"])
+def test_what_the_chain_cannot_have_is_refused_with_the_sentence_of_the_library(bare: Page) -> None:
+    typed(bare, damping="0.02")
+    assert "take a ring or another finite lattice" in sentence(bare.forms.troubles["Breather"])
+    typed(bare, damping="", walls="-1")
+    assert "--walls -1: LOW,HIGH" in sentence(bare.forms.troubles["Breather"])
+    bare.forms.breather["walls"].input.value = ""
 
 
 def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp_path: Any) -> None:
@@ -291,20 +299,20 @@ def test_each_field_takes_its_range_with_both_ends_and_nothing_beyond(bare: Page
 
 
 def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library(
-    page: Page,
+    bare: Page,
 ) -> None:
     areas = re.findall(r"grid-area: (\w+)", GRID)
-    cards = [[area for area in areas if area in one.css_classes] for one in page.layout[0]]
+    cards = [[area for area in areas if area in one.css_classes] for one in bare.layout[0]]
     assert sorted(cards) == sorted([area] for area in areas)
-    slider = page.slider
+    slider = bare.slider
     assert (slider.start, slider.end, slider.step, slider.value) == (0.01, 0.99, 0.01, 0.8)
-    assert (page.forms.first.value, page.forms.second.value) == ("gamma", "a")
+    assert (bare.forms.first.value, bare.forms.second.value) == ("gamma", "a")
     ends_of = {"gamma": ("0", "0.2499"), "k": ("0.01", "0.999"), "a": ("0.01", "1.2")}
     for name, ends in ends_of.items():
-        page.forms.free.value = name
-        assert tuple(field.input.value for field in page.forms.window.values()) == ends
-    page.forms.what.value, page.forms.suffix.value = "motion", ".svg"
-    assert (page.forms.figure.filename, page.forms.script.filename) == ("motion.svg", "explored.py")
+        bare.forms.free.value = name
+        assert tuple(field.input.value for field in bare.forms.window.values()) == ends
+    bare.forms.what.value, bare.forms.suffix.value = "motion", ".svg"
+    assert (bare.forms.figure.filename, bare.forms.script.filename) == ("motion.svg", "explored.py")
 
 
 def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
@@ -330,11 +338,12 @@ def test_a_value_of_the_slider_is_not_sent_back_rounded(page: Page) -> None:
     assert page.slider.value == 0.8
 
 
-def test_what_is_looked_at_is_judged_while_its_zones_are_computed(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
-    page.explorer.drawing = "zones at k = 0.8: 3 points"
-    page.render()
-    assert "k=0.8): stable (zones at k = 0.8: 3 points)" in page.status.html
+def test_what_is_looked_at_is_judged_while_its_zones_are_computed(bare: Page) -> None:
+    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    bare.explorer.drawing = "zones at k = 0.8: 3 points"
+    bare.render()
+    assert "k=0.8): stable (zones at k = 0.8: 3 points)" in bare.status.html
+    bare.explorer.drawing = ""
 
 
 def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
@@ -402,12 +411,12 @@ def test_undo_goes_back_to_the_breather_from_which_the_curve_went(page: Page) ->
     assert (page.label.options, page.branches.here.data["x"]) == ({"\N{EN DASH}": -1}, [])
 
 
-def test_without_a_breather_nothing_of_an_earlier_one_is_left(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
-    page.explorer.change(chosen=None)
-    for data in (page.profile.sites.data, page.motion.lines.data, page.multipliers.dots.data):
+def test_without_a_breather_nothing_of_an_earlier_one_is_left(bare: Page) -> None:
+    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    bare.explorer.change(chosen=None)
+    for data in (bare.profile.sites.data, bare.motion.lines.data, bare.multipliers.dots.data):
         assert not any(map(len, data.values()))
-    assert page.words.text.text == ""
+    assert bare.words.text.text == ""
 
 
 def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
@@ -424,9 +433,9 @@ def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     assert page.explorer.chosen.code == "branch3.first('LP1')"
 
 
-def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
-    assert "chosen" not in page.zones.figure.title.text
-    on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
-    page.explorer.choose(Chosen("...", on_ring))
-    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
+def test_zones_of_another_lattice_than_that_of_the_breather_say_so(bare: Page) -> None:
+    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    assert "chosen" not in bare.zones.figure.title.text
+    on_ring = bare.explorer.chosen.orbit.on(cb.Ring(12))
+    bare.explorer.choose(Chosen("...", on_ring))
+    assert bare.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"

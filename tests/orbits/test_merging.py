@@ -59,7 +59,7 @@ def test_walls_that_are_lifted_do_not_keep_two_impacts_apart() -> None:
     single = orbit_at(first)
     on = Conditions(1.7, 1e-3, 0.55, lattice=cb.Ring(3))
     start = orbit_of(on, section, single.times, single.impulses)
-    branch = cb.trace(start, "a", within={"a": (0.3, 6.0)}, inadmissible=True)
+    branch = cb.trace(start, "a", within={"a": (0.3, 3.0)}, inadmissible=True)
     fold = min(branch.special, key=lambda point: (point.kind != "LP", point["a"]))
     line = cb.boundary(fold, ("k", "a"), towards="down", within={"a": (0.1, 6.0)})
     assert (line.stop.name, line[-1].kind) == ("EVENT", "LP-VI")

@@ -88,12 +88,6 @@ def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
     assert 20 < lifetimes.life(simulate(state, **shared)) < 90
 
 
-@pytest.mark.slow
-def test_breather_of_panel_c_ends_between_walls_that_keep_it_and_walls_that_do_not():
-    assert lifetimes.smooth_breather(breather(0.7), 18, 0.005, 20) is not None
-    assert lifetimes.smooth_breather(breather(0.7), 15, 0.005, 20) is None
-
-
 @pytest.fixture
 def soon(monkeypatch):
     """What the command does with a figure does not take a transient that has died out."""
