@@ -79,8 +79,10 @@ def _computed(options: dict[str, Any], save: Any) -> tuple[cb.orbits.Zones, ...]
             if isinstance(result, Failed):
                 raise result.error
             done.append(result)
-            file.look(True, lambda: tuple(done))
-        file.finish(tuple(done))
+            if file:
+                file.look(True, lambda: tuple(done))
+        if file:
+            file.finish(tuple(done))
     return tuple(done)
 
 

@@ -114,7 +114,8 @@ def boundary(
             progress=progress, save=inner,
         )  # fmt: skip
         line = born(line)
-        kept.finish(line)
+        if kept:
+            kept.finish(line)
     return line
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, overload
@@ -161,14 +161,6 @@ class Points(Sequence[Point]):
             numbers = float(self.arclength[i]), float(self.residual[i])
             self._points[i] = Point(self.curve, self.z[i], self.tangent[i], *numbers)
         return self._points[i]
-
-    def put(self, i: int, point: Point) -> Points:
-        """The same with another point in one place."""
-        return replace(self, made={**self.made, i: point})
-
-    def each(self, change: Callable[[Point], Point], **rows: Any) -> Points:
-        """The same with all of which there is more to know changed, and other rows."""
-        return replace(self, made={i: change(p) for i, p in self.made.items()}, **rows)
 
 
 def _column(cells: Sequence[Any]) -> NDArray[Any]:
@@ -361,8 +353,10 @@ class Branch(Columns, HtmlRepr):
         if not np.allclose(self.points[-1].z, other.points[0].z, rtol=0, atol=1e-8):
             raise BadInput("branches join where one ends and the other starts; these do not meet")
         before, shift = self.points, self.points[-1].arclength - other.points[0].arclength
-        after = other.points.each(
-            lambda point: _measured(point, 1, shift), arclength=other.points.arclength + shift
+        after = replace(
+            other.points,
+            arclength=other.points.arclength + shift,
+            made={i: _measured(p, 1, shift) for i, p in other.points.made.items()},
         )
         seam = before.arclength[-1]
         reach = _SEAM * (after.arclength[-1] - before.arclength[0])
@@ -393,10 +387,11 @@ class Branch(Columns, HtmlRepr):
     def reversed(self) -> Branch:
         """The same points walked the other way."""
         end, rows = self.points[-1].arclength, self.points[::-1]
-        turned = rows.each(
-            lambda point: _measured(point, -1, end),
+        turned = replace(
+            rows,
             tangent=-rows.tangent,
             arclength=end - rows.arclength,
+            made={i: _measured(p, -1, end) for i, p in rows.made.items()},
         )
         return replace(
             self,
@@ -477,14 +472,14 @@ def labelled(points: Iterable[Point]) -> Points:
 
 def with_ends(branch: Branch) -> Branch:
     """Label both ends: EP, or MX where the numerics gave up."""
-    points = branch.points
+    points, made = branch.points, dict(branch.points.made)
     for i, stops in ((0, {branch.began}), (len(points) - 1, {branch.stop})):
         if len(points) == 1:  # both ends in one
             stops = {branch.began, branch.stop}
         if not points[i].kind:
             kind = "MX" if any(stop is not None and stop.failed for stop in stops) else "EP"
-            points = points.put(i, replace(points[i], kind=kind))
-    return replace(branch, points=labelled(points))
+            made[i] = replace(points[i], kind=kind)
+    return replace(branch, points=labelled(replace(points, made=made)))
 
 
 def _measured(point: Point, sense: int, shift: float) -> Point:

@@ -67,7 +67,7 @@ def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Bran
     curve, settings, events = stored.fitted(problems, origin)
     points = stored.points(curve, events)
     if content["parent"]:
-        points = points.put(0, replace(points[0], parent=origin))
+        points.made[0] = replace(points[0], parent=origin)
     doubtful, began = groups.get("doubtful"), content["began"]
     return Branch(
         labelled(points),

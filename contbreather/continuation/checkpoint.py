@@ -53,26 +53,25 @@ class Checkpoint:
 
     Parameters
     ----------
-    path : str or Path or None
-        None where no file is wanted.
+    path : str or Path
     name : str
         That of the result in it; those of a tuple are numbered, a dict has names.
     """
 
-    def __init__(self, path: str | Path | None = None, name: str = "") -> None:
-        self.path, self.name = None if path is None else netcdf.target_of(path), name
+    def __init__(self, path: str | Path, name: str) -> None:
+        self.path, self.name = netcdf.target_of(path), name
         self.soonest = self.due = time.monotonic() + EVERY
 
     def look(self, special: bool, piece: Callable[[], Any]) -> None:
         """Write what there is, if it is time; `piece` gives it, or None."""
         now = time.monotonic()
-        if self.path is None or now < (self.soonest if special else self.due):
+        if now < (self.soonest if special else self.due):
             return
         result = piece()
         if result is not None:
             try:
                 # recorded columns may take as long as the run
-                self._write(self.path, result, recorded=False)
+                self._write(result, recorded=False)
             except BadInput as error:  # a disk that is full now may not be later
                 logging.getLogger("contbreather").warning("%s; the run goes on", error)
         end = time.monotonic()
@@ -87,19 +86,17 @@ class Checkpoint:
         NotKept
             With the result, which is not lost where there is no room for it.
         """
-        if self.path is None:
-            return
         try:
-            self._write(self.path, result, recorded=None)
+            self._write(result, recorded=None)
         except BadInput as error:
             raise NotKept(str(error), result) from error
 
-    def _write(self, path: Path, result: Any, *, recorded: bool | None) -> None:
+    def _write(self, result: Any, *, recorded: bool | None) -> None:
         several = isinstance(result, tuple)
         named = result if isinstance(result, Mapping) else {self.name: result}
         if several:
             named = {f"{self.name}{i}": part for i, part in enumerate(result, start=1)}
-        write_results(path, named, alone=len(named) == 1 and not several, recorded=recorded)
+        write_results(self.path, named, alone=len(named) == 1 and not several, recorded=recorded)
 
 
 class Inner(Checkpoint):
@@ -139,9 +136,9 @@ Save = str | Path | Checkpoint | None
 @contextmanager
 def checkpoint(
     save: Save, name: str, so_far: Callable[[], Any] | None = None
-) -> Iterator[Checkpoint]:
-    """The file that a call keeps its result in; an interruption carries what there is by then, and
-    so does the file: `so_far()`, or what an inner call has made of it.
+) -> Iterator[Checkpoint | None]:
+    """The file that a call keeps its result in, None for none; an interruption carries what there
+    is by then, and so does the file: `so_far()`, or what an inner call has made of it.
 
     Raises
     ------
@@ -150,11 +147,11 @@ def checkpoint(
     """
     if not (save is None or isinstance(save, Checkpoint | str | os.PathLike)):
         raise BadInput(f"save takes the name of a file, 'run.nc' for instance; got {kind_of(save)}")
-    file = save if isinstance(save, Checkpoint) else Checkpoint(save, name)
+    file = save if save is None or isinstance(save, Checkpoint) else Checkpoint(save, name)
     try:
         yield file
     except KeyboardInterrupt as stop:
         partial = so_far() if so_far else getattr(stop, "partial", None)
-        if partial is not None:
+        if file and partial is not None:
             file.finish(partial)
         raise Interrupted(partial=partial) from None

@@ -252,8 +252,8 @@ class Curve:
         value = recent.get(key)
         if value is None:
             value = recent[key] = make(z)
-        for oldest in [*recent][:-_LATEST]:  # another thread may be at it as well
-            recent.pop(oldest, None)
+            for oldest in [*recent][:-_LATEST]:  # another thread may be at it as well
+                recent.pop(oldest, None)
         return value
 
     def jacobian(self, z: Array) -> Matrix:

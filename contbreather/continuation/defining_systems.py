@@ -12,7 +12,7 @@ of n + m + 1 equations for x, y and p: the points of that curve are regular ones
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -137,39 +137,36 @@ def null_vector(matrix: Array, scales: Array) -> Array:
     return np.asarray(vector / (sense(vector) * np.linalg.norm(vector)))
 
 
-# A fold, or with shift 2 a period doubling of a map. The null vector is an unknown like any other
+# A fold. The null vector is an unknown like any other
 # (G. Moore and A. Spence, SIAM J. Numer. Anal. 17, 567, 1980):
-#     | F_x                 0            F_p    |
-#     | (F_x v)_x    F_x + shift      (F_x v)_p |
-#     | 0                 2 v^T          0      |
-def null_locus(null: Array, shift: float = 0.0) -> DefiningSystem:
-    """``(F_x + shift) v = 0, |v| = 1``."""
-    vector = _NullVector(shift)
-    return DefiningSystem({"null": null}, vector.conditions, vector.derivative, loops=vector.loops)
+#     | F_x          0       F_p    |
+#     | (F_x v)_x   F_x   (F_x v)_p |
+#     | 0          2 v^T      0     |
+def null_locus(null: Array) -> DefiningSystem:
+    """``F_x v = 0, |v| = 1``."""
+    return DefiningSystem({"null": null}, _turned, _slopes_of_turned, loops=_null_loops)
 
 
-@dataclass(frozen=True)
-class _NullVector:
-    shift: float
+def _turned(curve: Curve, z: Array, v: Array) -> Array:
+    return np.append(curve.jacobian(z)[:, : curve.size] @ v, v.dot(v) - 1)
 
-    def loops(self, plain: Loops, n: int) -> Loops:
-        """The equations and these conditions, from the equations alone."""
-        bounds = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n, "SHIFT": self.shift}
-        texts = null_vectors.conditions, null_vectors.null_slopes
-        conditions, slopes = (bound(text, **bounds) for text in texts)
-        return Loops(conditions, slopes, plain.data, plain.at_once)
 
-    def conditions(self, curve: Curve, z: Array, v: Array) -> Array:
-        return np.append(curve.jacobian(z)[:, : curve.size] @ v + self.shift * v, v.dot(v) - 1)
+def _slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
+    n = curve.size
+    rows = np.zeros((n + 1, z.size + n))
+    # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
+    rows[:n, : z.size] = curve.along(z, v)
+    rows[:n, z.size :] = curve.jacobian(z)[:, :n]
+    rows[n, z.size :] = 2 * v
+    return rows
 
-    def derivative(self, curve: Curve, z: Array, v: Array) -> Array:
-        n = curve.size
-        rows = np.zeros((n + 1, z.size + n))
-        # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
-        rows[:n, : z.size] = curve.along(z, v)
-        rows[:n, z.size :] = curve.jacobian(z)[:, :n] + self.shift * np.eye(n)
-        rows[n, z.size :] = 2 * v
-        return rows
+
+def _null_loops(plain: Loops, n: int) -> Loops:
+    """The equations and these conditions, from the equations alone."""
+    names = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n}
+    conditions = bound(null_vectors.conditions, **names)
+    slopes = bound(null_vectors.null_slopes, **names)
+    return Loops(conditions, slopes, plain.data, plain.at_once)
 
 
 def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
@@ -234,72 +231,49 @@ def least_with_sign(factors: NDArray[np.complex128], rounding: Array | float) ->
     return float(np.copysign(least, np.prod(factors[clear] / sizes[clear]).real))
 
 
-def critical_plane(
-    matrix: Array, double: Sequence[float], small: float, off: Callable[[Values], Array]
-) -> tuple[complex, Array, Array]:
-    """The eigenvalue that is critical, by how far `off` each is, and two vectors of the plane of
-    its pair; one of `double` where that is twice there, with one eigenvector."""
+def critical_plane(matrix: Array, small: float) -> tuple[complex, Array, Array]:
+    """The complex eigenvalue nearest to the imaginary axis, and two vectors of the plane of its
+    pair; 0 where that is twice an eigenvalue, with one eigenvector."""
     values, vectors = np.linalg.eig(matrix)
-    for value in double:
-        if np.count_nonzero(abs(values - value) < small) == 2:
-            shifted = matrix - value * np.eye(len(matrix))
-            # a Jordan block: (M - value) g = null, and g, null span its plane
-            null = null_vector(shifted, np.ones(len(matrix)))
-            return value, np.asarray(np.linalg.lstsq(shifted, null)[0]), null
+    if np.count_nonzero(abs(values) < small) == 2:
+        # a Jordan block: M g = null, and g, null span its plane
+        null = null_vector(matrix, np.ones(len(matrix)))
+        return 0.0, np.asarray(np.linalg.lstsq(matrix, null)[0]), null
     upper = np.flatnonzero(values.imag > 0)
     if not upper.size:
         raise Undefined("no complex pair of eigenvalues is there: a neutral saddle")
-    nearest = upper[off(values[upper]).argmin()]
+    nearest = upper[abs(values[upper].real).argmin()]
     vector = vectors[:, nearest] / sense(vectors[:, nearest])
     return complex(values[nearest]), vector.real, vector.imag
 
 
-def pair_locus(
-    name: str,
-    value: float,
-    plane: tuple[Array, Array],
-    shift: float,
-    b: tuple[float, float],
-    c: tuple[float, float],
-) -> DefiningSystem:
-    """``(M^2 + b M + c) v = 0`` in the plane of a pair, with ``M = F_x + shift``; b and c are
-    linear in one more unknown, each a constant and a slope."""
-    # at a Hopf point M = F_x, b = 0, c = omega^2 (D. Roose and V. Hlavacek, SIAM J. Appl. Math. 45,
-    # 879, 1985); of a map M = F_x + 1, b = -2 cos(angle), c = 1
+def pair_locus(square: float, plane: tuple[Array, Array]) -> DefiningSystem:
+    """``(F_x^2 + omega2) v = 0`` in the plane of a pair (D. Roose and V. Hlavacek, SIAM J. Appl.
+    Math. 45, 879, 1985)."""
     start, reference = _frame(*plane)
-    vector = _PairVector(reference, shift, b, c)
-    return DefiningSystem({"null": start, name: value}, vector.conditions, vector.derivative)
+    vector = _PairVector(reference)
+    extra = {"null": start, "omega2": square}
+    return DefiningSystem(extra, vector.conditions, vector.derivative)
 
 
 @dataclass(frozen=True)
 class _PairVector:
     reference: Array
-    shift: float
-    b: tuple[float, float]
-    c: tuple[float, float]
-
-    def _quadratic(self, unknown: float) -> tuple[float, float]:
-        return self.b[0] + self.b[1] * unknown, self.c[0] + self.c[1] * unknown
-
-    def _shifted(self, curve: Curve, z: Array) -> Array:
-        return np.asarray(curve.jacobian(z)[:, : curve.size] + self.shift * np.eye(curve.size))
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, (b, c), matrix = extra[:-1], self._quadratic(extra[-1]), self._shifted(curve, z)
-        turned = matrix @ v
-        # M^2 + b M + c vanishes on the plane of the pair: the last two conditions choose v in it
-        in_plane = matrix @ turned + b * turned + c * v
+        v, square, matrix = extra[:-1], extra[-1], curve.jacobian(z)[:, : curve.size]
+        # F_x^2 + omega2 vanishes on the plane of the pair: the last two choose v in it
+        in_plane = matrix @ (matrix @ v) + square * v
         return np.concatenate([in_plane, [v.dot(v) - 1, self.reference.dot(v)]])
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
-        v, (b, c), n = extra[:-1], self._quadratic(extra[-1]), curve.size
-        matrix = self._shifted(curve, z)
-        turned, change = matrix @ v, curve.along(z, v)
+        v, square, n = extra[:-1], extra[-1], curve.size
+        matrix, change = curve.jacobian(z)[:, :n], curve.along(z, v)
         rows = np.zeros((n + 2, z.size + n + 1))
         # the product rule: (M M v)' = M' (M v) + M (M' v)
-        rows[:n, : z.size] = curve.along(z, turned) + matrix @ change + b * change
-        rows[:n, z.size : -1] = matrix @ matrix + b * matrix + c * np.eye(n)
-        rows[:n, -1] = self.b[1] * turned + self.c[1] * v
+        rows[:n, : z.size] = curve.along(z, matrix @ v) + matrix @ change
+        rows[:n, z.size : -1] = matrix @ matrix + square * np.eye(n)
+        rows[:n, -1] = v
         rows[n, z.size : -1], rows[n + 1, z.size : -1] = 2 * v, self.reference
         return rows
 

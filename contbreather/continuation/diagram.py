@@ -295,7 +295,8 @@ def diagram(
         )
         with partial_result(growth.so_far):
             growth.run(start)
-        kept.finish(growth.diagram())
+        if kept:
+            kept.finish(growth.diagram())
     return growth.diagram()
 
 
@@ -310,7 +311,7 @@ class _Growth:
     steps: Steps
     most: int
     shown: Counter
-    kept: Checkpoint
+    kept: Checkpoint | None
     tree: Diagram = Diagram((), (), ())  # its branches with all that is known of them
     queue: deque[Place] = field(default_factory=deque)
 
@@ -386,7 +387,7 @@ class _Growth:
             return growth.so_far()
 
         with add_partial_result(lambda piece: self._add(piece, birth)):
-            save = Inner(self.kept, whole)
+            save = self.kept and Inner(self.kept, whole)
             branch = walk(**how, steps=self.steps, progress=self.shown, save=save)
         self._add(branch, birth)
 
@@ -475,9 +476,9 @@ def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
     )
     for i, birth in enumerate(births):  # the point that an arm left is that of the branch
         if birth.place is not None and branches[i][0].parent is not None:
-            first = replace(branches[i][0], parent=birth.place.point)
-            points = branches[i].points.put(0, first)
-            branches[i] = replace(branches[i], points=points, origin=birth.place.point)
+            points, parent = branches[i].points, birth.place.point
+            made = {**points.made, 0: replace(points[0], parent=parent)}
+            branches[i] = replace(branches[i], points=replace(points, made=made), origin=parent)
     return Diagram(
         tuple(branches),
         births,

@@ -88,7 +88,7 @@ def starts_on_curve(
         curve, residual, tangent = directed_start(problem, free, along)
         bounds, side = bounds_of(curve, within), 0
     # how far the start that was given had to be moved, if that is worth telling
-    off = curve.length(curve.start - Curve(problem, curve.free).start)
+    off = curve.length(curve.start - np.append(problem.x, problem.params[free]))
     detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
     first = StartOnCurve(point, side, bounds, along is not None)

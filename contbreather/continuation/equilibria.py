@@ -279,9 +279,8 @@ def _hopf_locus(point: Point) -> DefiningSystem:
         return replace(in_plane, events=ends, meets=MEETINGS["HB"])
     matrix, scales = _flow(point), point.curve.scales[: point.curve.size]
     small = _ZERO * float(np.linalg.norm(matrix, 2))
-    value, *plane = systems.critical_plane(matrix, (0.0,), small, lambda values: abs(values.real))
-    first, second = (vector * scales for vector in plane)
-    locus = systems.pair_locus("omega2", value.imag**2, (first, second), 0.0, b=(0, 0), c=(0, 1))
+    value, first, second = systems.critical_plane(matrix, small)
+    locus = systems.pair_locus(value.imag**2, (first * scales, second * scales))
     return replace(locus, events=ends, meets=MEETINGS["HB"])
 
 

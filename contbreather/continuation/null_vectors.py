@@ -1,6 +1,6 @@
-"""``(F_x + shift) v = 0, |v| = 1`` beside the equations F, as text that can be compiled.
+"""``F_x v = 0, |v| = 1`` beside the equations F, as text that can be compiled.
 
-`evaluate`, `derive`, `N` and `SHIFT` are those of the shorter problem, bound by `kernels`. z holds
+`evaluate`, `derive` and `N` are those of the shorter problem, bound by `kernels`. z holds
 its unknowns, v, and two parameters; the shorter problem is asked in the first entries of z, which
 are put back afterwards. Behind its answer, `out` is scratch.
 """
@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 N = 1
-SHIFT = 0.0
 STEP = 2.0**-10  # of the five-point formula, relative to what v moves
 
 
@@ -24,7 +23,7 @@ def derive(z: Any, data: Any, out: Any) -> int:
 
 
 def conditions(z: Any, data: Any, out: Any) -> int:
-    """The equations, ``(F_x + shift) v`` and ``|v|^2 - 1``."""
+    """The equations, ``F_x v`` and ``|v|^2 - 1``."""
     kept = 2 * (2 * N + 2) * (2 * N + 2)
     shorten(z, out, kept)
     status = derive(z, data, out)
@@ -32,7 +31,7 @@ def conditions(z: Any, data: Any, out: Any) -> int:
     for i in range(N):
         v = out[kept + N + i]
         size += v * v
-        turned = SHIFT * v
+        turned = 0.0
         for k in range(N):
             turned += out[i * (N + 2) + k] * out[kept + N + k]
         out[kept + 2 * N + 2 + i] = turned
@@ -51,9 +50,9 @@ def null_slopes(z: Any, data: Any, out: Any) -> int:
     bent, kept = width * width, 2 * width * width
     shorten(z, out, kept)
     # columns: x, v, both parameters
-    # |    F_x           0         F_p    |
-    # | (F_x v)_x   F_x + shift  (F_x v)_p |
-    # |     0         2 v^T         0     |
+    # |    F_x       0       F_p    |
+    # | (F_x v)_x   F_x   (F_x v)_p |
+    # |     0      2 v^T      0     |
     status = slopes_along(z, data, out, bent, kept)
     status += derive(z, data, out)
     for i in range(N * w):
@@ -67,7 +66,6 @@ def null_slopes(z: Any, data: Any, out: Any) -> int:
             out[(N + i) * width + column] = out[bent + i * w + k]
         for k in range(N):
             out[(N + i) * width + N + k] = out[bent + N * w + i * w + k]
-        out[(N + i) * width + N + i] += SHIFT
         out[2 * N * width + N + i] = 2.0 * out[kept + N + i]
     lengthen(z, out, kept)
     return status

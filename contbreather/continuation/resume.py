@@ -98,7 +98,8 @@ def extend(
         if len(done) == 1:
             reasons = "; ".join(f"at its {side} point {why}" for side, why in over.items())
             raise BadInput(f"the {branch.problem.label or 'branch'} goes no further: {reasons}")
-        file.finish(done[-1])
+        if file:
+            file.finish(done[-1])
     return done[-1]
 
 
@@ -147,7 +148,7 @@ def _span(window: tuple[float, float]) -> str:
 
 
 def _further(
-    branch: Branch, side: str, settings: Settings, progress: bool | None, file: Checkpoint
+    branch: Branch, side: str, settings: Settings, progress: bool | None, file: Checkpoint | None
 ) -> Branch:
     """The branch with what lies beyond one end."""
     line = branch if side == "last" else branch.reversed()
@@ -224,7 +225,8 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     def moved(point: Point) -> Point:
         return replace(point, curve=curve)
 
-    points = branch.points.each(moved, curve=curve)
+    made = {i: moved(point) for i, point in branch.points.made.items()}
+    points = replace(branch.points, curve=curve, made=made)
     return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
 
 

@@ -39,23 +39,21 @@ class StepInterpolant:
         self._known: dict[float, Point] = {0.0: first, 1.0: last}
 
     @cached_property
-    def _row(self) -> Array:
-        """The linear functional of ``z - z_first`` that is u on the chord and on its cubic."""
+    def _cubic(self) -> tuple[Array, Array, Array]:
+        """The linear functional of ``z - z_first`` that is u on the chord and on its cubic, and
+        dz/du at both ends."""
         chord = self.last.z - self.first.z
         dual = self.curve.metric * chord
-        return np.asarray(dual / dual.dot(chord))
-
-    @cached_property
-    def _slopes(self) -> tuple[Array, Array]:
+        row = np.asarray(dual / dual.dot(chord))
         # dz/du with row . dz/du = 1: on the cubic row . (z - z0) then has the values 0 and 1 and
         # the slope 1 at both ends, and is u all along
         first, last = self.first.direction, self.last.direction
-        return first / self._row.dot(first), last / self._row.dot(last)
+        return row, first / row.dot(first), last / row.dot(last)
 
     def guess(self, u: float) -> tuple[Array, Array]:
         """Position and unit tangent on the cubic through both ends."""
         z0, z1 = self.first.z, self.last.z
-        d0, d1 = self._slopes
+        _, d0, d1 = self._cubic
         v = 1 - u
         # the Hermite basis v^2 (1 + 2u), u v^2, u^2 (1 + 2v), -u^2 v with v = 1 - u
         z = v * v * (1 + 2 * u) * z0 + u * v * v * d0 + u * u * (1 + 2 * v) * z1 - u * u * v * d1
@@ -79,7 +77,7 @@ class StepInterpolant:
         if answer:
             z, tangent, residual, _ = answer
         else:
-            solution = newton(curve, guess, self._row, tolerance=self.tolerance)
+            solution = newton(curve, guess, self._cubic[0], tolerance=self.tolerance)
             if not solution.converged:
                 raise Undefined("Newton's iteration failed between two points of the curve")
             z, tangent, residual = solution.z, None, solution.residual
@@ -92,7 +90,7 @@ class StepInterpolant:
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:
         """A polished solution and its u. Where curves cross, their tangents are known; elsewhere
         the tangent is solved for."""
-        u = float(self._row.dot(solution.z - self.first.z))
+        u = float(self._cubic[0].dot(solution.z - self.first.z))
         guess, slope = self.guess(min(max(u, 0.0), 1.0))
         self._near(guess, solution.z)
         if tangents:

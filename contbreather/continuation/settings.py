@@ -12,7 +12,7 @@ from ..checks import flag, real, shown
 from ..errors import BadInput
 from .point import Event, EventWithRule, Point
 from .problem import Problem
-from .step import LARGEST_STEP, RELATIVE
+from .step import longest
 
 Within = Mapping[str, tuple[float, float]]
 
@@ -66,10 +66,11 @@ class Steps:
                 raise BadInput(f"{entry.name} must be a number, got {shown(value)}")
             if entry.name != "most" and not 0 < size < math.inf:
                 raise BadInput(f"{entry.name} must be finite and positive, got {shown(value)}")
-        if not self.smallest <= min(self.first, self.longest(0.0)):
+        largest = longest(self.largest or math.nan, 0.0)
+        if not self.smallest <= min(self.first, largest):
             raise BadInput(
                 f"no step may be shorter than smallest = {self.smallest:g}, "
-                f"got first = {self.first:g} and largest = {self.longest(0.0):g}"
+                f"got first = {self.first:g} and largest = {largest:g}"
             )
         if self.growth <= 1:
             raise BadInput(f"growth must exceed 1, got {self.growth:g}")
@@ -79,10 +80,6 @@ class Steps:
             )
         if not issubclass(type(self.most), Integral) or self.most < 1:
             raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
-
-    def longest(self, length: float) -> float:
-        """How long a step may be where z has this length."""
-        return max(LARGEST_STEP, RELATIVE * length) if self.largest is None else self.largest
 
 
 _USUAL = Steps()

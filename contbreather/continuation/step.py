@@ -101,6 +101,7 @@ class Examined(NamedTuple):
     side: int  # sign of the determinant
     length: float
     turn: float
+    tangent: Any
 
 
 # --- many steps in one call -----------------------------------------------------------------------
@@ -114,7 +115,7 @@ def steps(
     d, count[0] = here.z.size, 0
     while count[0] < out.shape[0]:
         wanted = state[SIZE]
-        size = min(wanted, longest(rules, eq, here.z))
+        size = min(wanted, longest(rules.largest, norm(eq, here.z)))
         status, residual = FAILED, 0.0
         while status < 0 and size >= rules.smallest:
             state[SIZE] = size
@@ -171,7 +172,7 @@ def corrected(
     from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
     solution = newton(eq, across, here.there, tolerance, ITERATIONS)
     answer[0], answer[1], answer[2] = solution.status, solution.iterations, solution.residual
-    if solution.status == TAKEN and tangent_at(eq, slope, solution.z, here.ahead) == 0:
+    if solution.status == TAKEN and tangent_at(eq, slope, solution.z, here)[1] == 0:
         answer[0] = LOOK
 
 
@@ -225,17 +226,17 @@ def examined(eq: Any, here: Any, size: float, z: Any) -> Examined:
     length = apart(eq, z, here.z)
     # the corrector moves across the step: this far it has left for another piece of curve
     if not 0.0 < length <= 2.0 * size:
-        return Examined(LEFT, 0, length, 0.0)
-    side = tangent_at(eq, here.tangent, z, here.ahead)
-    turn = angle(eq, here.tangent, here.ahead)
+        return Examined(LEFT, 0, length, 0.0, here.tangent)
+    ahead, side = tangent_at(eq, here.tangent, z, here)
+    turn = angle(eq, here.tangent, ahead)
     # the chord as well: between tangents that are parallel a curve may turn and turn back
-    if turn > TURN or angle(eq, here.tangent, chord(here, z, length, here.between)) > TURN:
-        return Examined(TURNS, side, length, turn)
+    if turn > TURN or angle_to_chord(eq, here, z, length) > TURN:
+        return Examined(TURNS, side, length, turn, ahead)
     # One residual a third of the way along tells how far the curve is off the cubic: halfway,
     # tangents that are wrong alike would cancel.
-    if off_curve(eq, here, on_cubic(here, z, length, here.between), z) > STRAY * length:
-        return Examined(STRAYS, side, length, turn)
-    return Examined(TAKEN, side, length, turn)
+    if off_curve(eq, here, z, ahead, length) > STRAY * length:
+        return Examined(STRAYS, side, length, turn, ahead)
+    return Examined(TAKEN, side, length, turn, ahead)
 
 
 def next_size(iterations: int, turn: float, growth: float) -> float:
@@ -248,11 +249,9 @@ def next_size(iterations: int, turn: float, growth: float) -> float:
     return max(min(AIM / max(turn, 1e-12), effort, growth), 0.5)
 
 
-def longest(rules: Rules, eq: CompiledEquations, z: Any) -> float:
-    """How long a step may be: by the rules, or as the size of z has it."""
-    if rules.largest > 0.0:
-        return rules.largest
-    return max(LARGEST_STEP, RELATIVE * norm(eq, z))
+def longest(largest: float, size: float) -> float:
+    """How long a step may be: as was asked for or, for a NaN, as the size of z has it."""
+    return largest if largest > 0.0 else max(LARGEST_STEP, RELATIVE * size)
 
 
 @inlined
@@ -334,10 +333,10 @@ def correction(
 
 
 @inlined
-def tangent_at(eq: CompiledEquations, along: Any, z: Any, out: Any) -> int:
+def tangent_at(eq: CompiledEquations, along: Any, z: Any, here: Here) -> tuple[Any, int]:
     """The unit tangent at z on the side of `along`, and the sign of the determinant; `along`
     itself where that is 0."""
-    d = z.size
+    d, out = z.size, here.ahead
     for i in range(d):
         eq.right[i] = 0.0
     eq.right[d - 1] = 1.0
@@ -346,22 +345,34 @@ def tangent_at(eq: CompiledEquations, along: Any, z: Any, out: Any) -> int:
     if side == 0 or not 0.0 < size < math.inf:
         for i in range(d):
             out[i] = along[i]
-        return 0
+        return out, 0
     for i in range(d):
         # the row asks for t^T W t' = 1: t' is longer than 1 where the curve has turned
         out[i] = eq.right[i] / size
-    return side
+    return out, side
 
 
 @inlined
-def off_curve(eq: CompiledEquations, here: Here, between: Any, z: Any) -> float:
-    """How far the curve is from a place, by one correction; 0 beside a branch point, where the
-    residual says nothing."""
-    value, exists = residual(eq, between)
+def angle_to_chord(eq: CompiledEquations, here: Here, z: Any, length: float) -> float:
+    """Between the tangent and the way to z."""
+    for i in range(z.size):
+        here.between[i] = (z[i] - here.z[i]) / length
+    return angle(eq, here.tangent, here.between)
+
+
+@inlined
+def off_curve(eq: CompiledEquations, here: Here, z: Any, ahead: Any, length: float) -> float:
+    """How far the curve is from the Hermite cubic through both ends, a third of the way along, by
+    one correction; 0 beside a branch point, where the residual says nothing."""
+    for i in range(z.size):
+        # Hermite at u = 1/3: h00, h01, h10, h11 = (20, 7, 4, -2) / 27
+        bow = (4.0 * here.tangent[i] - 2.0 * ahead[i]) * length
+        here.between[i] = (20.0 * here.z[i] + 7.0 * z[i] + bow) / 27.0
+    value, exists = residual(eq, here.between)
     if not exists:
         return math.inf
     # H = J dz + O(dz^2): one correction is the distance to first order
-    step, regular = correction(eq, here.tangent, between, value, False)
+    step, regular = correction(eq, here.tangent, here.between, value, False)
     return norm(eq, step) if regular else 0.0
 
 
@@ -471,21 +482,6 @@ def predicted(here: Any, size: float, out: Any) -> Any:
     """``z + s t + s^2/2 dt/ds``."""
     for i in range(out.size):
         out[i] = here.z[i] + size * here.tangent[i] + 0.5 * size * size * here.bend[i]
-    return out
-
-
-def chord(here: Any, z: Any, length: float, out: Any) -> Any:
-    for i in range(out.size):
-        out[i] = (z[i] - here.z[i]) / length
-    return out
-
-
-def on_cubic(here: Any, z: Any, length: float, out: Any) -> Any:
-    """A third of the way along the Hermite cubic through both ends."""
-    for i in range(out.size):
-        # Hermite at u = 1/3: h00, h01, h10, h11 = (20, 7, 4, -2) / 27
-        bow = (4.0 * here.tangent[i] - 2.0 * here.ahead[i]) * length
-        out[i] = (20.0 * here.z[i] + 7.0 * z[i] + bow) / 27.0
     return out
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,18 @@ from .newton import Array, Solution, Undefined, correction, newton
 from .point import Point
 from .segment import StepInterpolant
 from .settings import Steps
-from .step import ITERATIONS, LEFT, STRAYS, TAKEN, TINY, TURNS, WIDEST, Here, Rules, next_size
+from .step import (
+    ITERATIONS,
+    LEFT,
+    STRAYS,
+    TAKEN,
+    TINY,
+    TURNS,
+    WIDEST,
+    Rules,
+    longest,
+    next_size,
+)
 
 LOG = logging.getLogger(__name__)
 
@@ -50,12 +60,10 @@ class StepFailed(Exception):
 
 @dataclass(frozen=True)
 class Step:
-    """One accepted step: its end, the size to try next, and whether the walk ends here."""
+    """One accepted step: its end, and whether the walk ends here."""
 
     point: Point
-    next_size: float = 0.0
-    side: int = 0  # sign of the bordered determinant at its end, 0 where unknown
-    crossing: Point | None = None  # the branch point where that sign changed
+    crossing: Point | None = None  # the branch point on it, where the determinant changes sign
     stop: Stop | None = None
 
 
@@ -70,17 +78,18 @@ class Stepper:
     rules
         What many steps in one call go by; None where there are none.
     points, used
-        Steps that were taken ahead, and how many of them were looked at.
+        Steps that were taken ahead, if any were, and how many of them were looked at.
     """
 
     def __init__(self, way: StartOnCurve, steps: Steps) -> None:
         self.start, self.bounds, self.steps = way.point, way.bounds, steps
+        self.largest = steps.largest or math.nan  # then the size of z says how long a step may be
         self.curve = way.point.curve
         self.crossed = way.side == 0  # whether the start is a branch point
         self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
         self.side, self.size, self.bend = way.side, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
-        self.points: Sequence[Point] = ()
+        self.points: Points | None = None
         self.used = 0
         able = self.curve.compiled is not None
         able = able and all(isinstance(bound.slot, int) for bound in self.bounds)
@@ -91,9 +100,9 @@ class Stepper:
 
     def fill(self, point: Point, most: int) -> None:
         """Take steps ahead, as many as come off, where all that were are looked at."""
-        if self.used < len(self.points):
+        if self.points is not None and self.used < len(self.points):
             return
-        self.points, self.used, compiled = (), 0, self.curve.compiled
+        self.points, self.used, compiled = None, 0, self.curve.compiled
         if self.rules is None or compiled is None:
             return
         state = np.array([point.arclength, self.size, self.side, self.longest])
@@ -105,7 +114,7 @@ class Stepper:
         self.bend = compiled.here.bend.copy()
         if len(rows[0]):
             self.side, self.longest, self.tiny = int(side), longest, 0
-        self.points = Points(self.curve, *rows)
+            self.points = Points(self.curve, *rows)
 
     def _strayed(self, z: Array, tangent: Array) -> bool:
         """Whether the derivative of compiled functions, differences with the steps that suited the
@@ -128,26 +137,32 @@ class Stepper:
                 if abs(bound.value(curve.start) - end) > off:
                     (low if side < 0 else high)[i] = end - side * off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
-        largest = steps.largest or math.nan  # then the size of z says how long a step may be
-        sizes = steps.tolerance, steps.smallest, largest, steps.growth
+        sizes = steps.tolerance, steps.smallest, self.largest, steps.growth
         return Rules(*sizes, slots, low, high, self.across, curve.start)
 
     # --- one by one ---
 
     def next(self, point: Point, count: int) -> Step:
         """The next of those taken ahead, or else one more, which may close a loop."""
-        if self.used < len(self.points):
+        if self.points is not None and self.used < len(self.points):
             self.used += 1
             return Step(self.points[self.used - 1])
-        step = self._advance(point)
+        try:
+            step = self._advance(point)
+        except StepFailed as failed:
+            if failed.stop is not Stop.NO_CONVERGENCE:
+                raise
+            # the scheme for derivatives was chosen, or those given were checked, at the start only
+            wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
+            if wrong:
+                raise StepFailed(failed.stop, wrong) from failed
+            step = self._advance(point)
         length = step.point.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
         self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
-        self.bend = (step.point.direction - point.direction) / length
-        self.size, self.side = step.next_size, step.side or self.side
         if count > 2 and self._closes(point, step.point):
             length = point.arclength + self.curve.length(self.start.z - point.z)
             step = replace(step, point=replace(self.start, arclength=length), stop=Stop.CLOSED)
@@ -173,10 +188,10 @@ class Stepper:
         gap = solution.z - start.z
         return self.curve.length(gap) <= _FINE * (1 + self.curve.length(solution.z))
 
-    def _advance(self, point: Point, reconsidered: bool = False) -> Step:
+    def _advance(self, point: Point) -> Step:
         """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
-        size = min(self.size, self.steps.longest(self.curve.length(point.z)))
+        size = min(self.size, longest(self.largest, self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, size)
@@ -188,14 +203,7 @@ class Stepper:
                 failed = reason
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
-        failed = failed or StepFailed(Stop.NO_CONVERGENCE)
-        if reconsidered or failed.stop is not Stop.NO_CONVERGENCE:
-            raise failed
-        # the scheme for derivatives was chosen, or those given were checked, at the start only
-        wrong = self.curve.reconsider(point.z + self.size * point.direction, point.z)
-        if wrong:
-            raise StepFailed(failed.stop, wrong) from failed
-        return self._advance(point, reconsidered=True)
+        raise failed or StepFailed(Stop.NO_CONVERGENCE)
 
     def _attempt(self, point: Point, size: float) -> Step:
         curve, bend, side = self.curve, self.bend, self.side
@@ -213,12 +221,11 @@ class Stepper:
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
-        here = Here(point.z, point.direction, bend, bend, np.empty_like(bend), bend)
-        end = _EXAMINED(curve, here, size, z)
+        end = _EXAMINED(curve, point, size, z)
         if end.status != TAKEN:
             raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[end.status])
         arclength = point.arclength + end.length
-        last = Point(curve, z, here.ahead, arclength, solution.residual)
+        last = Point(curve, z, end.tangent, arclength, solution.residual)
         branch_point = None
         if end.side * side < 0:
             segment = StepInterpolant(point, last, self.steps.tolerance)
@@ -233,9 +240,10 @@ class Stepper:
             end.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
         # adapt
-        factor = next_size(solution.iterations, end.turn, self.steps.growth)
-        stop = None if landing is None else Stop.BOUND
-        return Step(last, size * factor, end.side, branch_point, stop)
+        self.size = size * next_size(solution.iterations, end.turn, self.steps.growth)
+        self.side = end.side or side
+        self.bend = (end.tangent - point.direction) / (arclength - point.arclength)
+        return Step(last, branch_point, None if landing is None else Stop.BOUND)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance
@@ -332,26 +340,22 @@ class Stepper:
 # --- the text of `step` by numpy, LAPACK and SuperLU ----------------------------------------------
 
 
-def _tangent_at(curve: Curve, along: Array, z: Array, out: Array) -> int:
-    out[:], side = curve.tangent_at(z, along)
-    return side
-
-
-def _off_curve(curve: Curve, here: Here, between: Array, z: Array) -> float:
-    row, value = curve.metric * here.tangent, curve.equations(between)
+def _off_curve(curve: Curve, here: Point, z: Array, ahead: Array, length: float) -> float:
+    bow = (4 * here.direction - 2 * ahead) * length
+    between = (20 * here.z + 7 * z + bow) / 27
+    row, value = curve.metric * here.direction, curve.equations(between, curve.problem.roughly)
     # of large problems the factors at hand: no more than the size of the answer is asked for
     factors = curve.factors(z if z.size > WIDEST else between, row)
     change, singular = correction(factors, value, row)
     return 0.0 if singular else curve.length(change)
 
 
-_BY_NUMPY = {
-    "apart": lambda curve, z, other: curve.length(z - other),
-    "chord": lambda here, z, s, out: (z - here.z) / s,
-    "on_cubic": lambda here, z, s, out: (
-        (20 * here.z + 7 * z + (4 * here.tangent - 2 * here.ahead) * s) / 27
-    ),
-    "tangent_at": _tangent_at,
-    "off_curve": _off_curve,
-}
-_ANGLE, _EXAMINED = (kernels.bound(rule, **_BY_NUMPY) for rule in (rules.angle, rules.examined))
+_APART = {"apart": lambda curve, z, other: curve.length(z - other)}
+_ANGLE = kernels.bound(rules.angle, **_APART)
+_EXAMINED = kernels.bound(
+    rules.examined,
+    **_APART,
+    angle_to_chord=lambda curve, here, z, s: _ANGLE(curve, here.tangent, (z - here.z) / s),
+    tangent_at=lambda curve, along, z, here: curve.tangent_at(z, along),
+    off_curve=_off_curve,
+)

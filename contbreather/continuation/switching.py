@@ -276,7 +276,7 @@ def switch(
     listed = all_of(events)
     arms: list[Branch] = []
     with checkpoint(save, "arm", lambda: tuple(arms) or None) as kept:
-        inner = Inner(kept, lambda arm: (*arms, arm))
+        inner = kept and Inner(kept, lambda arm: (*arms, arm))
         for seed in seeds_at(point):
             if any(comes_back(arm, seed) for arm in arms):
                 continue
@@ -288,7 +288,8 @@ def switch(
                 )  # fmt: skip
             _keep_apart(arm, arms)
             arms.append(_with_image(arm, arms))
-        kept.finish(tuple(arms))
+        if kept:
+            kept.finish(tuple(arms))
     return Branches(arms)
 
 

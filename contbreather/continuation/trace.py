@@ -36,6 +36,7 @@ Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to se
 
 _MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
+_NOTHING = Found((), (), ())  # what happens where nothing is looked for
 
 
 class Startable(Protocol):
@@ -137,46 +138,40 @@ def trace(
     # once: what both find at the start is one event
     start = having(problem_in(start), free)
     walks: list[ContinuationIterator] = []
-
-    def so_far() -> Branch | None:
-        branch = _so_far(walks)
-        return branch and replace(branch, settings=settings, origin=origin)
-
+    so_far = partial(_joined, walks, settings=settings, origin=origin)
     with checkpoint(save, "branch", so_far) as kept, Counter(progress) as shown:
         finer: Finer | None = start, along
         while finer is not None:
             start, along = finer
-            walks.clear()
             problem, wanted = active_events(start, events, inadmissible=inadmissible)
             look = partial(start.finer, along=along)
             ways = starts_on_curve(problem, free, within, towards, along, steps.tolerance)
             for way in ways:
                 way.point.curve.asked = events
-            for one_way in [ContinuationIterator(way, wanted, steps) for way in ways]:
-                walks.append(one_way)
+            walks[:] = [ContinuationIterator(way, wanted, steps) for way in ways]
+            for one_way in walks:
                 finer = one_way.follow(shown, kept, so_far, look)
                 if finer is not None or one_way.end.stop is Stop.CLOSED:
                     break
-        whole = replace(_whole(walks), settings=settings, origin=origin)
-        kept.finish(whole)
+        whole = so_far()
+        assert whole is not None
+        if kept:
+            kept.finish(whole)
     return whole
 
 
-def _whole(walks: Sequence[ContinuationIterator]) -> Branch:
-    """Both sides as one branch, with its ends labelled."""
-    first, *second = map(ContinuationIterator.branch, walks)
-    if first.stop is Stop.CLOSED:
-        return first
-    return with_ends(first.reversed().join(second[0]) if second else first)
-
-
-def _so_far(walks: Sequence[ContinuationIterator]) -> Branch | None:
-    """What an interrupted walk leaves: nothing, one side, or more."""
-    walked = [one_way for one_way in walks if one_way.walked]
-    if len(walked) == 1 and walked[0].end.stop is not Stop.INTERRUPTED:
-        finished = walked[0].branch().reversed()  # the other side was to set out from its start
-        return with_ends(replace(finished, stop=Stop.INTERRUPTED))
-    return _whole(walked) if walked else None
+def _joined(walks: Sequence[ContinuationIterator], **about: Any) -> Branch | None:
+    """What has been walked as one branch, with its ends labelled; None where that is nothing."""
+    sides = [walk.branch() for walk in walks if walk.walked]
+    if not sides:
+        return None
+    branch = sides[0]
+    if len(sides) == 2:
+        branch = branch.reversed().join(sides[1])
+    elif len(walks) == 2 and branch.stop not in (Stop.INTERRUPTED, Stop.CLOSED):
+        # the other side was to set out from its start
+        branch = replace(branch.reversed(), stop=Stop.INTERRUPTED)
+    return replace(branch if branch.stop is Stop.CLOSED else with_ends(branch), **about)
 
 
 def iterate(
@@ -243,7 +238,7 @@ class ContinuationIterator:
     def follow(
         self,
         shown: Counter,
-        kept: Checkpoint,
+        kept: Checkpoint | None,
         so_far: Callable[[], Branch | None],
         look: Callable[[Point], Finer | None],
     ) -> Finer | None:
@@ -252,7 +247,8 @@ class ContinuationIterator:
         for piece in self.pieces():
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
-            kept.look(isinstance(piece, list) and any(map(attrgetter("kind"), piece)), so_far)
+            if kept:
+                kept.look(isinstance(piece, list) and any(point.kind for point in piece), so_far)
             if not unresolved(piece[-1]):
                 continue
             finer = look(piece[-1])
@@ -288,20 +284,20 @@ class ContinuationIterator:
                     # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
                     # adapt:    s so that the tangent turns by 0.15, in 4 iterations
                     # test: what no event has a candidate on is recorded as it is
-                    clear = self._without_candidates() if self.stepper.rules else ()
+                    clear = self._without_candidates() if self.stepper.rules else None
                     if not clear:
                         # or one step more: at an edge, a branch point, the start
                         step = self.stepper.next(self.point, self.count)
                         # locate
-                        line, stop = self._line_up(step)
+                        found = self._located(step) if self.events else _NOTHING
+                        line, stop = self._line_up(step, found)
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
                 break
             # record
             if clear:
-                points = Points.of(clear)
-                limit = self.growth.end(points.z, points.tangent)
-                yield points[: limit[0] + 1] if limit else points
+                limit = self.growth.end(clear.z, clear.tangent)
+                yield clear[: limit[0] + 1] if limit else clear
             else:
                 self.point, self.count = line[-1] if stop else step.point, self.count + 1
                 yield line
@@ -319,39 +315,40 @@ class ContinuationIterator:
 
     # --- test ---
 
-    def _without_candidates(self) -> Sequence[Point]:
+    def _without_candidates(self) -> Points | None:
         """The next of the steps that are taken many at once, as far as no event has anything to
         look for on them."""
-        buffer = self.stepper
-        buffer.fill(self.point, self.steps.most - self.count)
-        start = buffer.used
-        most = min(start + _TOGETHER, len(buffer.points))
-        if self.count and not self.events and buffer.points:
-            buffer.used, self.point = len(buffer.points), buffer.points[-1]
+        stepper = self.stepper
+        stepper.fill(self.point, self.steps.most - self.count)
+        points, start = stepper.points, stepper.used
+        if points is None:
+            return None
+        most = min(start + _TOGETHER, len(points))
+        if self.count and not self.events:
+            stepper.used, self.point = len(points), points[-1]
         # matrices say more of what is between two points than values do
         elif self.earlier and not any(isinstance(event.test, Singular) for event in self.events):
             # where there is no value, the reason is seen when the step is looked through
             with suppress(Undefined):
-                while buffer.used < most and self._take(min(buffer.used + self.ahead, most)):
+                while stepper.used < most:
+                    end = min(stepper.used + self.ahead, most)
+                    few = end - stepper.used < _MANY
+                    if few or not self._looked_ahead(points[stepper.used : end]):
+                        while stepper.used < end and self._has_no_candidate(points[stepper.used]):
+                            stepper.used += 1
+                    if stepper.used < end:
+                        self.ahead = 1
+                        break
                     self.ahead = min(4 * self.ahead, _TOGETHER)
-                self.ahead = 1 if buffer.used < most else self.ahead
-        self.count += buffer.used - start
-        return buffer.points[start : buffer.used]
+        self.count += stepper.used - start
+        return points[start : stepper.used]
 
-    def _take(self, end: int) -> bool:
-        """Take steps up to a number while no event has a candidate; whether all are taken."""
-        buffer = self.stepper
-        if end - buffer.used < _MANY or not self._looked_ahead(end):
-            while buffer.used < end and self._has_no_candidate(buffer.points[buffer.used]):
-                buffer.used += 1
-        return buffer.used == end
-
-    def _looked_ahead(self, end: int) -> bool:
-        """The same by tests of all points at once, if all events say these."""
-        buffer, events, earlier, point = self.stepper, self.events, self.earlier, self.point
+    def _looked_ahead(self, points: Points) -> bool:
+        """Take steps up to the first of these points before which an event has a candidate, by
+        tests of all at once; whether all events say these."""
+        events, earlier, point = self.events, self.earlier, self.point
         if earlier is None or not all(event.many for event in events):
             return False
-        points = Points.of(buffer.points[buffer.used : end])
         values = [value for event in events if (value := measure_many(event, points))]
         if len(values) < len(events):
             return False
@@ -369,8 +366,8 @@ class ContinuationIterator:
             self.tests = tuple(tests[:, n + 1].tolist())
             for z in points.z[max(n - PASSED, 0) : n]:
                 self.curve.passes(z)
-            buffer.used += n
-            self.point = buffer.points[buffer.used - 1]
+            self.stepper.used += n
+            self.point = points[n - 1]
         return True
 
     def _has_no_candidate(self, last: Point) -> bool:
@@ -393,7 +390,8 @@ class ContinuationIterator:
 
     # --- locate ---
 
-    def _locate(self, step: Step) -> Found:
+    def _located(self, step: Step) -> Found:
+        """What happens on this step."""
         segment = StepInterpolant(self.point, step.point, self.steps.tolerance)
         ends = Ends(self.count == 0, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
         try:
@@ -404,12 +402,10 @@ class ContinuationIterator:
         except Undefined as error:
             raise StepFailed(Stop.RIM, f"while locating an event: {error}") from error
 
-    def _line_up(self, step: Step) -> tuple[list[Point], Stop | None]:
+    def _line_up(self, step: Step, located: Found) -> tuple[list[Point], Stop | None]:
         """The points of this step, in order, and whether the walk ends with it."""
         point, begins = self.point, self.count == 0
-        if not self.events:
-            return [point, step.point] if begins else [step.point], step.stop
-        located, reach = self._locate(step), 1e-8 * (step.point.arclength - point.arclength)
+        reach = 1e-8 * (step.point.arclength - point.arclength)
         before, self.tests = self.tests, located.after
         starts, line = list[Point](), list[Point]()
         if begins:  # later, what the step before ended short of is found

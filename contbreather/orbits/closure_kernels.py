@@ -337,5 +337,5 @@ def contact_slopes(z: Any, data: Any, out: Any) -> int:
 listed("ppp", closure, closure_slopes, fold, fold_slopes, pitchfork, pitchfork_slopes)
 listed("ppp", pair, pair_slopes, contact, contact_slopes)
 # the engine's own fold, which knows no closed form
-_NULL = {"evaluate": closure, "derive": closure_slopes, "N": 2, "SHIFT": 0.0}
+_NULL = {"evaluate": closure, "derive": closure_slopes, "N": 2}
 listed("ppp", bound(null_vectors.conditions, **_NULL), bound(null_vectors.null_slopes, **_NULL))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -71,7 +71,7 @@ class Search:
     given: Mapping[str, tuple[float, float]]
     threshold: float
     past_folds: bool
-    kept: Checkpoint = field(default_factory=Checkpoint)
+    kept: Checkpoint | None = None
 
     def __post_init__(self) -> None:
         self.pair = PAIRS[self.name]
@@ -143,7 +143,8 @@ class Search:
         for point in points:
             if point.kind in KINDS and point.located and self._begins(point):
                 self._follow(point, shown)
-                self.kept.look(True, self.so_far)
+                if self.kept:
+                    self.kept.look(True, self.so_far)
 
     def _rows(self, x: float) -> list[Row] | None:
         """All upper breathers at one value of the first parameter, where they have closed forms."""

@@ -152,7 +152,8 @@ def zones(
     search = Search(name, value, model, windows(within), modulus, past_folds)
     with checkpoint(save, "zones", search.so_far) as search.kept, Counter(progress) as shown:
         search.run(shown)
-        search.kept.finish(search.zones())
+        if search.kept:
+            search.kept.finish(search.zones())
     return search.zones()
 
 
@@ -214,7 +215,8 @@ def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, 
     ):
         for value in values:
             # a file then holds the diagrams that are done and as much of this one as there is
-            inner = Inner(kept, lambda piece: (*done, piece))
+            inner = kept and Inner(kept, lambda piece: (*done, piece))
             done.append(zones(**{name: value}, **shared, save=inner))
-        kept.finish(tuple(done))
+        if kept:
+            kept.finish(tuple(done))
     return tuple(done)

@@ -117,6 +117,15 @@ def test_a_test_counts_measures_or_has_no_value() -> None:
 
 def test_steps_at_the_rims_of_what_can_be_made() -> None:
     assert cb.Steps(tolerance=1e-13, most=1, growth=1.0001, smallest=0.01).first == 0.01
-    assert cb.Steps().longest(0.0) == 0.1
-    assert cb.Steps().longest(500.0) == pytest.approx(5.0, rel=0.05)
-    assert cb.Steps(largest=0.3).longest(500.0) == 0.3
+
+
+@pytest.mark.parametrize(
+    ("size", "largest", "expected"), [(0.0, None, 0.1), (500.0, None, 5.0), (500.0, 0.3, 0.3)]
+)
+def test_steps_are_as_long_as_they_may_or_as_the_size_of_the_solution_has_it(
+    size: float, largest: float | None, expected: float
+) -> None:
+    line = cb.Problem(lambda x, p: x - size, {"x": size}, {"mu": 0.0})
+    steps = cb.Steps(largest=largest, most=30)
+    branch = cb.trace(line, "mu", within={"x": (-1.0, 501.0)}, towards="up", steps=steps)
+    assert np.diff(branch["arclength"]).max() == pytest.approx(expected, rel=0.05)
