@@ -126,12 +126,10 @@ def _fold_locus(point: Point) -> DefiningSystem:
 def _examine_fold(point: Point) -> str:
     curve, z, n = point.curve, point.z, point.curve.size
     whole = branch_points.balanced(point)
-    if point.tangent is not None and "null" not in point.detail and not is_sparse(whole):
-        return "a degenerate fold or a branch point: no null vector could be solved for"
     weak = systems.least_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
-    small = branch_points.GAP * (1 + curve.length(z)) * np.linalg.norm(change)
+    small = branch_points.GAP * np.linalg.norm(change * (1 + abs(z) / curve.scales))
     small += _EXACT * weak.largest
     if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= small:
         hint = "" if curve.length(z) > _SMALL else "; of unknowns this small give the `scales`"

@@ -35,6 +35,8 @@ _LOOKS = 400  # places looked at between several zeros of one step
 _LOW = 0.1  # a test this small within a step, relative to its ends, may vanish there
 _TOUCH = 1e-5  # and one this small does
 _STEEPER = 4.0  # how much steeper than beside it a test may be where it is least
+_BESIDE = 1e-2  # of a bracket: so far off a zero a test is seen to go through it
+_THROUGH = 0.1  # and at the zero, relative to there, it is no more than this
 
 
 def special(samples: StepSamples, point: Point, low: float, high: float, reason: str = "") -> Point:
@@ -133,7 +135,10 @@ def _zero(samples: StepSamples, left: float, right: float) -> Place | None:
     if place := _solved(samples, u, left, right):
         return place
     point, kind = samples.segment.at(u), samples.event.kind
-    if abs(value_of_test(samples.event, point)) <= 1e-6 * size:
+    left_over = abs(value_of_test(samples.event, point))
+    # rounding of a test may be more than that where its values are small all around
+    beside = (samples.look(v) for v in (u - _BESIDE * (u - left), u + _BESIDE * (right - u)))
+    if left_over <= 1e-6 * size or left_over <= _THROUGH * min(map(abs, beside)):
         return u - _NARROW, u + _NARROW, _isolated(samples, u, left, right)
     if samples.event.may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))

@@ -20,7 +20,7 @@ from ..errors import BadInput, NotConverged
 from .collocation import Collocation, TrajectorySegment, fitted, flown
 from .cycle_events import events_of
 from .equations import Equations, sizes_of
-from .filippov import Filippov
+from .filippov import Filippov, slid_along
 from .flow import Flow, Function, Params, value_at, values
 from .guards import root
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
@@ -126,6 +126,7 @@ def cycle(
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
+        _refuse_start(flows, t0, state, params, forcing)
         begin = _settled(run, state, length, t0, settle)
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
@@ -258,6 +259,23 @@ def _resolved(
     ) from failed
 
 
+def _refuse_start(
+    flows: Any, t0: float, state: Array, params: Params, forcing: Function | None
+) -> None:
+    """Refuse a false period before a simulation goes astray with it."""
+    if forcing is None:
+        return
+    if isinstance(flows, Filippov):
+        flows.begin(t0, state, params)
+        begun = flows.flows[:2]
+    else:
+        flows[0].check(t0, state, params)
+        begun = flows[:1]
+    whole, at_rest = period_at(forcing, params), partial(np.multiply.outer, state)
+    flight = fitted(Collocation(2, 2), t0, whole, lambda t: at_rest(np.ones(t.size)))
+    refuse_false_period(begun, [flight] * len(begun), forcing, params)
+
+
 def _settled(run: Run, state: Array, length: float | None, t0: float, settle: float) -> Begin:
     """Where the simulation is after the time to settle, a whole number of periods."""
     settle = number("settle", settle, 0.0, 1e300, "how long to simulate")
@@ -269,6 +287,11 @@ def _settled(run: Run, state: Array, length: float | None, t0: float, settle: fl
     last = ran.pieces[-1]
     if not ran.events:
         return t0 + settle, ran.final, last.number
+    if length is None:
+        moved = settle * values(last.flow.f, t0 + settle, ran.final[:, None], ran.params)[:, 0]
+        alike = [piece.x for piece in ran.pieces if len(piece.x) == moved.size]
+        if (abs(moved) <= _AT_REST * abs(np.hstack(alike)).max(axis=1)).all():  # each in its unit
+            _refuse_rest(0 * moved, ran.final, 0.0, slides=slid_along(last.flow) is not None)
     middle = 0.5 * float(last.t[0] + last.t[-1])  # its end may be just where the flow ends, too
     return middle, last(middle), last.number
 
@@ -350,15 +373,18 @@ def _returns(flow: Flow, ran: Trajectory, params: Params) -> list[tuple[float, f
     return [(float(abs(image(np.array([t])) - state).max()) / size, t) for t in times]
 
 
-def _refuse_rest(moved: Array, state: Array, size: float) -> None:
+def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = False) -> None:
     """Refuse an equilibrium, by its speed or its extent; beside 0 only the size of what came
     before tells how small is none."""
     size = max(size, float(abs(state).max()))
     if float(abs(moved).max()) <= _AT_REST * size:
         place = [float(f"{x:.6g}") if abs(x) > _AT_REST * size else 0.0 for x in state.tolist()]
+        if slides:
+            what, more = "a pseudo-equilibrium", "the motion along the surface comes to rest there"
+        else:
+            what, more = "an equilibrium", "cb.equilibrium continues it"
         raise NotConverged(
-            f"there is an equilibrium at {shown(place)}, not a cycle: cb.equilibrium "
-            "continues it; start elsewhere for a cycle"
+            f"there is {what} at {shown(place)}, not a cycle: {more}; start elsewhere for a cycle"
         )
 
 

@@ -1,4 +1,7 @@
-"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point."""
+"""What happens to cycles along a branch: LP, BP, PD, NS, and HB where they shrink to a point.
+
+A curve of folds ends there, too, at GH.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ from ..continuation.defining_systems import Singular, signed_smallest
 from ..continuation.equilibria import fold
 from ..continuation.linear_algebra import by_inverses
 from ..continuation.multiplier_events import least_beside, linked, meetings, unresolved
-from ..continuation.newton import OUT_OF_DOMAIN
-from ..continuation.point import Event, Examined, Point
+from ..continuation.newton import OUT_OF_DOMAIN, Array
+from ..continuation.point import DefiningSystem, Event, Examined, Point
 from ..continuation.sparse import Dense
 from .equations import Equations
 from .homoclinic import HOMOCLINIC
@@ -23,30 +26,59 @@ from .orbit import Cycle, equations_of
 from .walls import GRAZING, IMPACT, shrinking
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
+_FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
+_EXTENT = 100.0  # and in all it swings by no more than so many times this
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
 
 
-def _swing(point: Point) -> float:
-    """How far the orbit swings the way it did at first, relative to its size, less what counts as
-    an equilibrium: beyond one the curve goes on as the same cycles half a turn later."""
-    equations = equations_of(point.base_point)
-    first, states = equations.start[0].states, point.base_point.x[equations.layout.nodes[0]].T
+def _shrinks(equations: Equations) -> bool:
+    """Whether such a cycle may shrink to an equilibrium."""
+    return equations.autonomous and equations.smooth and equations.flows[0].reset is None
+
+
+def _amplitude(equations: Equations, x: Array) -> float:
+    """How far the orbit swings the way it did at first, relative to its size: beyond an equilibrium
+    the curve goes on as the same cycles half a turn later."""
+    first, states = equations.start[0].states, x[equations.layout.nodes[0]].T
     way = first - first.mean(axis=1, keepdims=True)
     swing = (states - states.mean(axis=1, keepdims=True)) * way
-    size = np.linalg.norm(way) * np.linalg.norm(first)
-    return float(swing.sum() / size) - _AT_REST
+    return float(swing.sum() / (np.linalg.norm(way) * np.linalg.norm(first)))
 
 
-def _examine_swing(point: Point) -> Examined:
+def _swing(least: float, point: Point) -> float:
+    """The same, less what counts as an equilibrium."""
+    return _amplitude(equations_of(point.base_point), point.base_point.x) - least
+
+
+def _examine_swing(least: float, point: Point) -> Examined:
     orbit: Cycle = point.base_point.solution
     states = orbit.flights[0].states
     extent, size = float(np.ptp(states, axis=1).max()), float(abs(states).max())
     first = orbit.equations.start[0].states
-    if extent < 100 * _AT_REST * max(size, float(np.linalg.norm(first))):
+    if extent < _EXTENT * least * max(size, float(np.linalg.norm(first))):
         return ""
     return f"it swings by {extent:.2g}: no equilibrium"
+
+
+def _examine_generalised(point: Point) -> Examined:
+    """The end of a curve of folds, and where that is: the parameters are off by c A^2, so by half
+    of A dp/dA."""
+    if reason := _examine_swing(_FLAT, point):
+        return reason
+    equations, (z, tangent) = equations_of(point.base_point), (point.z, point.direction)
+    left = _amplitude(equations, z) / _amplitude(equations, tangent)
+    names, slots = point.base_point.curve.free, point.curve.slots
+    places = (float(z[slots[name]] - 0.5 * left * tangent[slots[name]]) for name in names)
+    where = ", ".join(f"{name} = {at:.8g}" for name, at in zip(names, places, strict=True))
+    return {"said": f"the folds end at a generalised Hopf point, {where}"}
+
+
+_SHRUNK = Event(
+    "HB", partial(_swing, _AT_REST), examine=partial(_examine_swing, _AT_REST), ends="branch"
+)
+_GENERALISED = Event("GH", partial(_swing, _FLAT), examine=_examine_generalised, ends="branch")
 
 
 # --- the events -----------------------------------------------------------------------------
@@ -71,12 +103,20 @@ def _examine_fold(point: Point) -> Examined:
     if reason := unresolved(point) or _PLAIN.examine(point):
         return reason
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
-        return {"b": abs(normal_forms.cubic_at_cusp(point)[0].value)}
+        b = normal_forms.cubic_at_cusp(point)[0]
+        return {} if b.degenerate else {"b": abs(b.value)}  # of a canard it is rounding
     return ""
 
 
+def _fold_locus(point: Point) -> DefiningSystem:
+    assert _PLAIN.locus is not None
+    locus, ends = _PLAIN.locus(point), _shrinks(equations_of(point))
+    return replace(locus, events=(*locus.events, _GENERALISED)) if ends else locus
+
+
 _PLAIN = fold()
-_LINKED = linked(replace(_PLAIN, examine=_examine_fold), partial(least_beside, "", -1.0))
+_FOLD = replace(_PLAIN, locus=_fold_locus, examine=_examine_fold)
+_LINKED = linked(_FOLD, partial(least_beside, "", -1.0))
 _CROSSING = crossing_event(meetings("BP", _LINKED))
 _BRANCH_POINT = replace(
     _CROSSING,
@@ -84,13 +124,12 @@ _BRANCH_POINT = replace(
     count=None,
     examine=_examine_crossing,
 )
-_SHRUNK = Event("HB", _swing, examine=_examine_swing, ends="branch")
 
 
 def events_of(equations: Equations, tangency: str = "GR") -> tuple[Event, ...]:
     """What can happen to a cycle of these flows; one comes into being at a tangency, GR or SL."""
     events = [_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"]]
-    if equations.autonomous and equations.smooth and equations.flows[0].reset is None:
+    if _shrinks(equations):
         events.append(_SHRUNK)
     if equations.autonomous:
         events.append(HOMOCLINIC)

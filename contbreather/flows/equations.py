@@ -389,12 +389,14 @@ class Equations:
             )  # fmt: skip
             return replace(self, start=(twice,), turns=2 * self.turns)
         whole = sum(flight.duration for flight in flights)
-        again = (replace(f, start=f.start + whole) for f in flights)
-        # after half of a symmetric orbit the forcing is the mirror image of what it was: the mirror
-        # that ends the half takes it back to its beginning
-        back = partial(_earlier, self.period, self.turns) if self.smooth and self.period else None
-        flows = (*self.flows, *(flow.later(self.turns, back) for flow in self.flows))
+        again = [replace(flight, start=flight.start + whole) for flight in flights]
+        after = [flow.struck(f.last, p) for flow, f in zip(self.flows, again, strict=True)]
+        if self.smooth and self.period:
+            # after half of a symmetric orbit the forcing is the mirror image of what it was: the
+            # mirror that ends the half takes it back to its beginning
+            after = [flow.seen(partial(_earlier, self.period, self.turns)) for flow in after]
         start, sizes = (*flights, *again), self.sizes * 2
+        flows = (*self.flows, *after)
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
     def single_round(self, x: Array, p: Params) -> Equations:

@@ -157,3 +157,9 @@ class Filippov:
         h, slope = slopes(self.h, t, x[:, None], p)
         gradient = slope[0, :-1, 0]
         return x - gradient * (h[0, 0] / (gradient @ gradient))  # x - grad h h/|grad h|^2
+
+
+def slid_along(flow: Flow) -> Filippov | None:
+    """The system along whose surface a flow slides; None of any other flow."""
+    f: Any = flow.f
+    return f.__self__ if getattr(f, "__func__", None) is Filippov.sliding else None

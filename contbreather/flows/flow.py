@@ -160,16 +160,10 @@ class Flow:
         clock = self.until
         return replace(self, until=clock.at(t, p)) if isinstance(clock, Clock) else self
 
-    def later(self, periods: int, back: Function | None = None) -> Flow:
-        """The flow some periods later: a clock strikes then; what is taken `back` is as before."""
-        if back:
-            reset = self.reset and partial(back, self.reset)
-            walls = tuple(partial(back, wall) for wall in self.walls)
-            return replace(self, f=partial(back, self.f), reset=reset, walls=walls)
-        clock = self.until
-        if not isinstance(clock, Clock):
-            return self
-        return replace(self, until=replace(clock, number=clock.number + periods))
+    def seen(self, through: Callable[..., Any]) -> Flow:
+        """The flow with its field, reset and walls asked through a function of these."""
+        f, reset = partial(through, self.f), self.reset and partial(through, self.reset)
+        return replace(self, f=f, reset=reset, walls=tuple(partial(through, w) for w in self.walls))
 
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.

@@ -23,7 +23,8 @@ from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .equations import sizes_of
-from .flow import slopes, values
+from .filippov import slid_along
+from .flow import Function, slopes, values
 from .layout import Places
 from .orbit import Cycle, equations_of
 
@@ -50,6 +51,12 @@ class _Passage:
     state: Array
     sizes: Array
 
+    @property
+    def surface(self) -> Function | None:
+        """What is zero where it slides: equilibria are pseudo-equilibria then, of neither field."""
+        system = slid_along(self.orbit.equations.flows[self.flow])
+        return None if system is None else system.h
+
     def near(self, states: Array, place: Array) -> Any:
         return np.linalg.norm((states - place) / self.sizes, axis=-1) < _CLOSE
 
@@ -67,7 +74,11 @@ class _Passage:
         for _ in range(_ITERATIONS):
             velocity, derivative = slopes(f, 0.0, x[:, None], self.orbit.params)
             matrix = derivative[:, : x.size, 0]
-            step = np.linalg.lstsq(matrix, velocity[:, 0])[0]  # some states may always stay
+            rows, off = matrix, velocity
+            if self.surface:
+                h, slope = slopes(self.surface, 0.0, x[:, None], self.orbit.params)
+                rows, off = np.vstack([matrix, slope[:, : x.size, 0]]), np.vstack([velocity, h])
+            step = np.linalg.lstsq(rows, off[:, 0])[0]  # some states may always stay
             x = x - step
             if not self.near(x, self.state):
                 return None
@@ -76,6 +87,8 @@ class _Passage:
         values = np.linalg.eigvals(matrix)
         least = _NEUTRAL * abs(values).max()
         inwards, outwards = values[values.real < -least], values[values.real > least]
+        if self.surface and not inwards.size:  # orbits come to the surface in a finite time
+            inwards = np.array([-math.inf])
         if not (inwards.size and outwards.size):
             return None
         leading = np.array([inwards[inwards.real.argmax()], outwards[outwards.real.argmin()]])
@@ -142,7 +155,8 @@ def _examine(point: Point) -> Examined:
     there = slow.near(flight.at(np.linspace(0.0, 1.0, _LOOKS)).T, slow.state)
     if there.mean() * flight.duration < _MOSTLY * orbit.period:
         return "it is slow without an equilibrium"
-    said = f"{_GROWS}: an equilibrium is about to appear on it, at {_named(orbit, slow.state)}"
+    kind = "a pseudo-equilibrium" if slow.surface else "an equilibrium"
+    said = f"{_GROWS}: {kind} is about to appear on it, at {_named(orbit, slow.state)}"
     return {"equilibrium": slow.state, "said": said}
 
 
@@ -158,6 +172,7 @@ def _description(rests: list[_Saddle]) -> dict[str, Any]:
         said = f"{_GROWS}, to a heteroclinic cycle between the saddles {names}"
         return {"equilibrium": first.state, "said": said}
     kind = "saddle-focus" if first.leading.imag.any() else "saddle"
+    kind = f"pseudo-{kind}" if first.at.surface else kind
     times = f", which it passes {len(rests)} times" if len(rests) > 1 else ""
     said = f"to an orbit homoclinic to the {kind} {_named(orbit, first.state)}{times}; {first}"
     # Re lambda_s + Re lambda_u: its sign decides which cycles come from the orbit

@@ -21,10 +21,10 @@ from .filippov import Filippov
 from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
 from .guards import Watched
 
-_LONGEST = 1e4  # how long a flow is waited for where no time is given
+_LONGEST = 1e20  # how long a flow is waited for where no time is given: in any unit, but
+_PATIENT = 10_000  # steps without an event, which are some hundred oscillations
 _STEPS = 200_000  # of one run: by an explicit method a stiff system takes more
 _METHODS = ("DOP853", "LSODA", "Radau", "BDF")
-_PATIENT = 10_000  # steps without an event where no time is given: some hundred oscillations
 _SHORT = 1e-5  # flights so much shorter than the longest, and ever shorter, are a chatter
 _CHATTER = 4  # that many in a row
 
@@ -354,8 +354,8 @@ class _Walk:
         if hit is None and waited < end:
             raise NotConverged(
                 f"the condition of flow {mode} was not met within {t[-1] - t0:g} from t = {t0:g}, "
-                f"x = {shown(x0.tolist())}: a guard is positive inside and zero at the end "
-                "(cb.integrate waits longer with time=)"
+                f"x = {shown(x0.tolist())}, in {len(steps)} steps: a guard is positive inside and "
+                "zero at the end (cb.integrate waits longer with time=)"
             )
         if hit is None and struck <= end:
             hit = 0

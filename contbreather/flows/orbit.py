@@ -33,6 +33,7 @@ _PER, _PLACE = 8, 1e-10  # looks into each interval for extrema, and how far the
 _MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has more stays
 _ROUNDING = 1e-8  # of its size at the start: smaller orbits are
 _ROUGHLY = 1e-7  # error of slopes inside on the way to a solution, where the next is smaller
+_FAR = 1e3  # parameters larger than this are measured by their size
 _NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
@@ -271,7 +272,10 @@ class CycleProblem(Problem):
         return replace(self, residual=finer, start=finer.unknowns(finer.start))
 
     def unresolved(self, point: Point) -> str:
-        reason: str = point.solution.coarse
+        try:
+            reason: str = point.solution.coarse
+        except Undefined as error:  # it has come to rest
+            reason = str(error)
         return reason
 
     def sized(self, sizes: Mapping[str, int]) -> CycleProblem:
@@ -325,6 +329,8 @@ def problem_of(
         record[f"min({name})"] = partial(_extreme, name, -1.0)
     whole = sum(flight.duration for flight in equations.start)
     scales = {"orbit": size} | {name: whole for name in (times, "phase") if name in start}
+    # or steps would be all about what has large numbers, as the frequency of what is fast
+    scales |= {name: abs(value) for name, value in params.items() if abs(value) > _FAR}
     return CycleProblem(
         equations, start, dict(params), events=tuple(events), record=record, interpret=orbit_of,
         scales=scales, label=label,

@@ -138,7 +138,8 @@ def _mirrored(
         return _same(mirror @ now, values(flow.f, t + later, mirror @ x, p))
     after = values(flow.reset, flight.last, end, p)  # beside an impact -x, which the wall tells
     turned = after.shape == end.shape and np.isclose(after, -end, rtol=_SAME, atol=0)[end != 0]
-    return bool(np.any(turned)) and _same(-now, values(flow.f, t + later, -x, p))
+    unknown = not flight.slopes.any()  # a start alone is beside no impact
+    return (unknown or bool(np.any(turned))) and _same(-now, values(flow.f, t + later, -x, p))
 
 
 def _same(now: Array, then: Array, least: float = 0.0) -> bool:

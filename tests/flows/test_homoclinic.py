@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 import re
 
@@ -123,6 +124,25 @@ HALF = cb.Flow(well(-1.0), reset=lambda t, x, p: [-x[0], -x[1]])
 NEURON = cb.Flow(
     lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0.0]
 )
+# Up on a spiral around (0, 1) from where that is tangent to y = 0, at x = a, back along it: sliding
+# is at rest where (1 + a x) + (x - a) / p = 0.
+LANDS = cb.Filippov(
+    lambda t, x, p: [p["a"] * x[0] - x[1] + 1, x[0] + p["a"] * (x[1] - 1)],
+    lambda t, x, p: [-1.25, 1.0],
+    lambda t, x, p: x[1],
+)
+
+
+def landed(a: float) -> float:
+    """By how far beyond that place a turn of the spiral ends."""
+
+    def spiral(t: float) -> complex:
+        return (a - 1j) * cmath.exp((a + 1j) * t)
+
+    end = brentq(lambda t: spiral(t).imag + 1, 4.0, 6.2)
+    return float(spiral(end).real - (1.25 * a - 1) / (a + 1.25))
+
+
 EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalues -1.41421 and 1.4"
 
 
@@ -137,10 +157,12 @@ EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalu
          "a heteroclinic cycle between the saddles .* and .* and "),
         (CASES["pendulum clock"], {}, {"J": 0.5}, {}, 1.0, "cycle .* x = 3.14159, v = 0"),
         (CASES["rimless wheel"], {}, {"g": 0.15}, {}, STALLS, "homoclinic to the saddle a = 0, w"),
+        (LANDS, {"x": -0.1, "y": 0.0}, {"a": 0.02}, {}, brentq(landed, 0.02, 0.1),
+         r"to the pseudo-saddle x = -0.73848\d, y = 0; leading eigenvalues -inf and 0.725"),
         (NEURON, {"v": 0.0}, {"I": 1.5}, {}, 1.0, "equilibrium is about to appear on it, at v = "),
     ],
     ids=["figure of eight", "heteroclinic", "half of it", "May-Leonard", "pendulum clock",
-         "rimless wheel", "neuron"],
+         "rimless wheel", "sliding", "neuron"],
 )  # fmt: skip
 def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, end, words) -> None:
     problem = flows.problem() if start == {} else cb.cycle(flows, start, params, settle=60)

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, RADIUS, half_turned
+from .zoo import CASES, FHN, RADIUS, fitzhugh_nagumo, half_turned
 
 TAU = 2 * math.pi
 FEW = Collocation(intervals=8)
@@ -184,6 +184,41 @@ def test_folds_of_cycles_meet_in_a_cusp() -> None:
     assert [at.kind for at in line.special] == ["EP", "CP", "EP"]
     assert line.first("CP")["m"] == pytest.approx(0, abs=1e-7)
     assert line.first("CP")["c"] == pytest.approx(-TAU, rel=1e-6)
+
+
+def test_folds_of_cycles_end_where_a_fold_of_amplitudes_does() -> None:
+    """r' = r (mu + s r^2 - r^4): folds are mu = -s^2/4, r^2 = s/2."""
+
+    def f(t, x, p):
+        square = x[0] ** 2 + x[1] ** 2
+        growth = p["mu"] + p["s"] * square - square**2
+        return [growth * x[0] - x[1], x[0] + growth * x[1]]
+
+    cycles = cb.cycle(f, {"x": 0.94, "y": 0.0}, {"mu": -0.1, "s": 1.0}, settle=30)
+    fold = cb.trace(cycles, "mu", within={"mu": (-0.4, -0.05)}).first("LP")
+    line = cb.boundary(fold, ("s", "mu"), within={"s": (-1, 2)}, towards="down")
+    ends_at_generalised_hopf(line, {"s": 0.0, "mu": 0.0})
+    assert line["mu"] == pytest.approx(-(line["s"] ** 2) / 4, abs=1e-12)
+
+
+def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes() -> None:
+    """FitzHugh and Nagumo's equations: 1 - 2 b + b^2 eps = 0."""
+    at, eps = {**FHN, "eps": 0.6, "I": 0.0}, (2 * 0.8 - 1) / 0.8**2
+    rest = cb.equilibrium(fitzhugh_nagumo, {"v": -1.2, "w": -0.62}, at)
+    hopf = cb.trace(rest, "I", within={"I": (-0.5, 1)}, towards="up").first("HB")
+    (cycles,) = cb.switch(hopf, within={"I": (0, 1)})
+    line = cb.boundary(cycles.first("LP"), ("eps", "I"), within={"eps": (0.5, 2)}, towards="up")
+    v = -math.sqrt(1 - 0.8 * eps)
+    ends_at_generalised_hopf(line, {"eps": eps, "I": (v + 0.7) / 0.8 - v + v**3 / 3})
+
+
+def ends_at_generalised_hopf(line, place) -> None:
+    assert [at.kind for at in line.special] == ["EP", "GH"]
+    assert "the folds end at a generalised Hopf point" in line.reason
+    said = dict(part.split(" = ") for part in line.reason.split(", ")[1:])
+    assert {name: float(value) for name, value in said.items()} == pytest.approx(place, abs=1e-7)
+    for name, value in place.items():
+        assert line[-1][name] == pytest.approx(value, abs=2e-5)
 
 
 # --- what has none ----------------------------------------------------------------------------

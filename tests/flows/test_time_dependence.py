@@ -155,6 +155,11 @@ def never_met() -> cb.Problem:
                           {"x": 2.0, "v": 0.0}, {}, period=6.66), "does not depend on time"),
         (lambda: cb.cycle(STICK_SLIP, {"x": 0.0, "v": 0.5}, {"F": 1.0, "V": 1.0, "d": 0.1},
                           period=6.44, settle=60), "does not depend on time"),
+        # before the simulation ends in a chatter, or leaves its domain
+        (lambda: cb.cycle(TABLE, {"y": 0.46, "v": 3.1}, {"A": 0.3, "e": 0.3}, period=3.0, t0=0.9,
+                          settle=40), "until is not periodic in t with the period 3"),
+        (lambda: cb.cycle(lambda t, x, p: [np.sqrt(1.5 - x[0]) + np.cos(t)], {"x": 0.0}, {},
+                          period=5.0, settle=9), "f is not periodic in t with the period 5"),
         (true_or_false, r"until is True at t = 0.*; a number was expected, positive"),
         (never_met, r"was not met within \d{3,4}(\.\d+)? from t = 0"),
     ],
