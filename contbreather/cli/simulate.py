@@ -208,6 +208,11 @@ def simulate(
     """
     options.check(where, into)
     summary = options.simulate(where)
+    if where.given.get("damping") and not (where.lattice or options.start or options.smooth):
+        inform(
+            "it started on the breather without damping, which is no orbit of the damped ring: "
+            f"--lattice ring:{where.sites or SITES} starts on the one with damping"
+        )
     if summary.interrupted:
         inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
