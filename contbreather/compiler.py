@@ -218,7 +218,7 @@ def _missing(folder: Path) -> tuple[dict[str, Kernel], list[str]]:
         import_module(text)
     names = {kernel.file: kernel for kernel in kernels.KERNELS}
     # what was installed serves a session, but is not what an installation looks for
-    stored = machine_code.at_hand().files if folder == machine_code.place() else {}
+    stored = machine_code.at_hand().files if folder == machine_code.cache_directory() else {}
     lacks = {
         name: kernel
         for name, kernel in names.items()

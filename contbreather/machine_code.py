@@ -89,7 +89,7 @@ def at_hand() -> AtHand:
     """What there is when it is asked for first: later it is the same, whatever happens on disk."""
     files: dict[str, Path] = {}
     refused = []
-    for folder in (place(), OBJECTS):
+    for folder in (cache_directory(), OBJECTS):
         if folder is None or not folder.is_dir():
             continue
         reason = distrust(folder)
@@ -100,7 +100,7 @@ def at_hand() -> AtHand:
     return AtHand(files, tuple(refused))
 
 
-def place() -> Path | None:
+def cache_directory() -> Path | None:
     """Where code is kept that was compiled later than at the installation; None without a home."""
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         if os.environ.get(name):
@@ -284,7 +284,7 @@ def workers_process() -> bool:
 
 def missing(name: str) -> str:
     """Why there is no such file, and what is done about it: the compiler is started, once."""
-    folder = place()
+    folder = cache_directory()
     if folder is not None and not distrust(folder):
         with suppress(OSError):
             note = folder / f"{name}.failed"
@@ -298,7 +298,7 @@ def _begun() -> str:
     """What becomes of what is missing."""
     from contbreather.files import alone
 
-    folder = place()
+    folder = cache_directory()
     if os.environ.get(ASKED) == "0":
         return f"nothing is compiled, by {ASKED}=0"
     if workers_process():

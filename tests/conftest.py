@@ -48,7 +48,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    place = machine_code.place()
+    place = machine_code.cache_directory()
     if os.environ.get(machine_code.ASKED) != "0" and place is not None and find_spec("numba"):
         os.environ[machine_code.ASKED] = "0"  # of other processes, those of xdist among them
         subprocess.run(

@@ -226,7 +226,7 @@ def test_one_compiler_works_at_a_time(nothing_at_hand: list[Any], tmp_path: Path
         (lambda at: at.setattr(machine_code, "workers_process", lambda: True), "worker processes"),
         (lambda at: at.setattr(machine_code, "find_spec", lambda name: None), "pip install numba"),
         (
-            lambda at: at.setattr(machine_code, "place", lambda: None),
+            lambda at: at.setattr(machine_code, "cache_directory", lambda: None),
             "without a home there is no place",
         ),
     ],
@@ -280,7 +280,8 @@ from contbreather import machine_code
 from contbreather.lattice.modal_flow import PROPAGATORS
 before = PROPAGATORS.code is not None
 end = time.monotonic() + 500
-while "wait" in sys.argv and time.monotonic() < end and not [*machine_code.place().glob("*.o")]:
+cache = machine_code.cache_directory()
+while "wait" in sys.argv and time.monotonic() < end and not [*cache.glob("*.o")]:
     time.sleep(0.1)
 import contbreather as cb
 two = cb.multibreather([0, 3], a=0.5, gamma=0.02, k=0.8, lattice=cb.Ring(12))
@@ -454,16 +455,16 @@ def test_code_is_kept_where_the_user_may_write(tmp_path, monkeypatch) -> None:
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(machine_code.Path, "home", lambda: tmp_path)
-    assert machine_code.place() == tmp_path / ".cache" / "contbreather"
+    assert machine_code.cache_directory() == tmp_path / ".cache" / "contbreather"
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
-    assert machine_code.place() == tmp_path / "other" / "contbreather"
+    assert machine_code.cache_directory() == tmp_path / "other" / "contbreather"
 
     def nobody() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(machine_code.Path, "home", nobody)
-    assert machine_code.place() is None
+    assert machine_code.cache_directory() is None
 
 
 def test_the_version_says_more_if_it_is_asked(run: Any) -> None:

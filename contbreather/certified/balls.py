@@ -77,7 +77,7 @@ def nearest_float(x: Ball) -> float:
     return float(x.mid())
 
 
-def root(x: Ball) -> Ball:
+def square_root(x: Ball) -> Ball:
     """The square root of what is known not to be negative, though its ball may reach below 0."""
     low, high = x.lower(), x.upper()
     return (low.sqrt() if low > 0 else arb(0)).union(high.sqrt())

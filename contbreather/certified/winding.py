@@ -50,7 +50,7 @@ from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.averages import saltation
-from contbreather.certified.balls import Ball, hull, nearest_float, parts, root, working
+from contbreather.certified.balls import Ball, hull, nearest_float, parts, square_root, working
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less
@@ -136,15 +136,15 @@ class Circle:
     def on_band(self, low: float, high: float) -> Rectangle:
         """``nu = 2 sqrt(gamma) sin(pi x/2)``, x from 0 to 1."""
         s, c = (hull(low, high) / 2).sin_cos_pi()
-        edge = 2 * root(self.gamma)
+        edge = 2 * square_root(self.gamma)
         nu = edge * s
         return self.value(nu, nu * edge * c.nonnegative_part(), band=True)
 
     def beyond(self, low: float, high: float) -> Rectangle:
         """``nu = 2 sqrt(gamma) + x (1 - 2 sqrt(gamma))``, x from 0 to 1."""
-        x, edge = hull(low, high), 2 * root(self.gamma)
+        x, edge = hull(low, high), 2 * square_root(self.gamma)
         nu = edge + x * (1 - edge)
-        return self.value(nu, nu * root(x * (1 - edge) * (nu + edge)), band=False)
+        return self.value(nu, nu * square_root(x * (1 - edge) * (nu + edge)), band=False)
 
 
 # --- the turning --------------------------------------------------------------------------------

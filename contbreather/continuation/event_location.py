@@ -23,7 +23,7 @@ from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import DefiningSystem, Examined, Level, Point
 from .segment import ASIDE, StepSamples, count_at, counts_apart, value_of_test
 
-Place = tuple[float, float, Point]  # bracket and point
+Located = tuple[float, float, Point]  # bracket and point
 
 _SHARP = 1e-13  # width of a bracket, relative to the step, at which bisection of a jump ends
 _NARROW = 1e-14  # and half of that around a zero
@@ -78,7 +78,7 @@ def locate(samples: StepSamples) -> Iterator[Point]:
 
 def _in_bracket(samples: StepSamples, left: float, right: float) -> Iterator[Point]:
     jumps = samples.jumps
-    places: Iterable[Place | None] = (
+    places: Iterable[Located | None] = (
         _jumps(samples, left, right) if jumps else [_zero(samples, left, right)]
     )
     for number, (low, high, point) in enumerate(filter(None, places)):
@@ -109,7 +109,7 @@ def at_end(samples: StepSamples, u: float) -> Point:
 # --- zeros and jumps --------------------------------------------------------------------------
 
 
-def _zero(samples: StepSamples, left: float, right: float) -> Place | None:
+def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     """The zero of a float test in a bracket; None where what was seen on the cubic is not there."""
     a, b = float(samples.values[left]), float(samples.values[right])
     if b == 0:
@@ -169,7 +169,7 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     return replace(point, detail={"reason": reason})
 
 
-def _at_crossing(samples: StepSamples, u: float, size: float) -> Place:
+def _at_crossing(samples: StepSamples, u: float, size: float) -> Located:
     """A zero where another curve crosses as well, as grazing does at a pitchfork: the corrector
     fails beside it, so the branch point is solved for."""
     segment = samples.segment
@@ -185,7 +185,7 @@ def _at_crossing(samples: StepSamples, u: float, size: float) -> Place:
 
 def _jumps(
     samples: StepSamples, left: float, right: float, attempt: float = 0.3
-) -> Iterator[Place]:
+) -> Iterator[Located]:
     """Each jump of an integer test in a bracket: by its defining system once that agrees, else by
     bisection. The system is tried when the bracket has shrunk to `attempt`, and then at every
     eighth of it."""
@@ -218,7 +218,7 @@ def first_jump(samples: StepSamples, low: float, high: float, width: float) -> t
     return low, high
 
 
-def _solved(samples: StepSamples, u: float, left: float, right: float) -> Place | None:
+def _solved(samples: StepSamples, u: float, left: float, right: float) -> Located | None:
     """Newton's method on the problem and the defining system of the event together, if it ends
     inside the bracket at a place where the test does change."""
     segment, event = samples.segment, samples.event

@@ -144,7 +144,7 @@ def responses_at(responses: Responses, since: Vector, rows: Counts, out: Matrix)
         out[0, i], out[1, i], out[2, i], out[3, i] = h, dh, d2h, d3h
 
 
-def meetings(responses: Responses, times: Vector, out: Cube) -> None:
+def interactions(responses: Responses, times: Vector, out: Cube) -> None:
     """What impacts do to each other: ``h_ij`` and its first three derivatives at ``t_i - t_j``.
 
     On the diagonal the first derivative is left out: its jump is in the reset law.
@@ -158,7 +158,7 @@ def meetings(responses: Responses, times: Vector, out: Cube) -> None:
             out[0, j, i], out[1, j, i], out[2, j, i], out[3, j, i] = h, -dh, d2h, -d3h
 
 
-RESPONSES, MEETINGS = Kernel(responses_at), Kernel(meetings)
+RESPONSES, INTERACTIONS = Kernel(responses_at), Kernel(interactions)
 
 
 # --- their tables ---------------------------------------------------------------------------------

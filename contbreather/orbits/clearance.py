@@ -31,7 +31,7 @@ from contbreather.orbits.site_motion import IMPULSE, TIME, USUAL, SiteMotion, po
 from contbreather.tables import Column, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
-Place = tuple[int | None, float]  # a site, None for the far field, and a time
+SiteTime = tuple[int | None, float]  # a site, None for the far field, and a time
 
 LIMIT = 1e-9  # a margin this small is said to be at the limit; whether it is ok its sign decides
 
@@ -72,7 +72,7 @@ class Admissibility(HtmlRepr):
     neighbours: float
     centre: float
     far: float
-    places: Mapping[str, Place]
+    places: Mapping[str, SiteTime]
 
     def __bool__(self) -> bool:
         return self.ok

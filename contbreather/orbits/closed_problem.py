@@ -34,10 +34,10 @@ from contbreather.orbits.closure import (
     closure_derivative,
     closure_equations,
     crests,
-    crossing,
     fold_derivative,
     fold_scalar,
     forcing_at,
+    level_crossing,
     pitchfork_derivative,
     pitchfork_scalar,
     reduced,
@@ -62,7 +62,7 @@ Breather = Any  # `ClosedForm`, whose methods fetch what is here
 DOMAIN = {name: NUMBERS[name].domain for name in NEEDED} | {"p": (1e-14, math.inf)}
 
 
-class Place(NamedTuple):
+class ClosurePoint(NamedTuple):
     """Where (11) is asked: what a `ClosedForm` has, of any numbers."""
 
     p: float
@@ -139,7 +139,7 @@ class Closure:
         for start, end in pairwise([extrema[-1] - 2.0 * math.pi, *extrema]):
             if series.at(end, 0) > max(level, series.at(start, 0)):
                 rises = series.at(start, 0) < level
-                yield (crossing(series, level, start, end) if rises else start), end
+                yield (level_crossing(series, level, start, end) if rises else start), end
 
     def _without_momentum(self, params: Mapping[str, float]) -> tuple[TrigonometricSeries, float]:
         """``chi f' + q f`` and q."""
@@ -147,7 +147,7 @@ class Closure:
         q = restitution_ratio(params["k"])
         return reduced(self.forcing, chi, q), q
 
-    def _at(self, x: Array, params: Mapping[str, float]) -> Place:
+    def _at(self, x: Array, params: Mapping[str, float]) -> ClosurePoint:
         p, phi = float(x[0]), float(x[1])
         a, gamma, k = float(params["a"]), float(params["gamma"]), float(params["k"])
         if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
@@ -156,7 +156,7 @@ class Closure:
         if not 0.0 <= gamma < 0.25:
             check_gamma(gamma, self.lattice.spring)  # says it
         f = forcing_at(self.forcing, params)
-        return Place(p, phi, a, gamma, k, f, sprung(self.lattice, f))
+        return ClosurePoint(p, phi, a, gamma, k, f, sprung(self.lattice, f))
 
 
 def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:

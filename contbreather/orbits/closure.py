@@ -227,7 +227,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     for i, left in enumerate(extrema):
         right = extrema[i + 1] if i + 1 < len(extrema) else extrema[0] + 2.0 * math.pi
         if heights[i] * heights[(i + 1) % len(extrema)] < 0.0:
-            phases.append(crossing(series, q / a, left, right))
+            phases.append(level_crossing(series, q / a, left, right))
     solutions = []
     for phi in phases:
         p = (1.0 - a * forcing.f(phi)) / chi
@@ -236,7 +236,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
     return solutions
 
 
-def crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
+def level_crossing(series: TrigonometricSeries, level: float, left: float, right: float) -> float:
     """Where a series passes a level between two of its neighbouring extrema."""
     rises = series.at(right, 0) > series.at(left, 0)
     # by bisection, as scipy.optimize is dear to import

@@ -31,7 +31,7 @@ from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, restitution_ratio
 from contbreather.lattice.forcing import Forcing, Harmonic
-from contbreather.lattice.periodic_green import MEETINGS, Responses, periodic_green
+from contbreather.lattice.periodic_green import INTERACTIONS, Responses, periodic_green
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.section import Section, check_both_walls, told_apart, told_apart_slopes
 
@@ -102,13 +102,13 @@ class OrbitEquations:
             stiffness[j, i] += 1.0 / bonds
         return stiffness
 
-    def meetings(self, gamma: float, times: FloatArray, by: str = "") -> FloatArray:
+    def interactions(self, gamma: float, times: FloatArray, by: str = "") -> FloatArray:
         """``h_ij`` and its first three derivatives at t_i - t_j, shape (4, m, m).
 
         On the diagonal the first derivative is left out: its jump is in the reset law.
         """
         out = np.empty((4, times.size, times.size))
-        MEETINGS(self._responses(gamma, by), np.ascontiguousarray(times, dtype=float), out)
+        INTERACTIONS(self._responses(gamma, by), np.ascontiguousarray(times, dtype=float), out)
         return out
 
     def _responses(self, gamma: float, by: str = "") -> Responses:
@@ -135,7 +135,7 @@ class OrbitEquations:
         """All equations, shape (2m + sites,): walls, reset laws, balance of mean impulses."""
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, offsets = self.split(x)
-        h = self._in_turn(self.meetings(gamma, times), times)
+        h = self._in_turn(self.interactions(gamma, times), times)
         q = (1.0 - k) / (1.0 + k)  # the mean velocity at an impact is -q J/2
         return np.concatenate(
             [
@@ -169,7 +169,7 @@ class OrbitEquations:
         """Derivatives with respect to x."""
         a, gamma, k, f = self._unpack(x, params)
         times, impulses, _ = self.split(x)
-        h = self._in_turn(self.meetings(gamma, times), times)
+        h = self._in_turn(self.interactions(gamma, times), times)
         m, r = self.section.count, len(self.section.hit)
         diagonal = np.arange(m)
         out = np.zeros((2 * m + r, 2 * m + r))
@@ -199,7 +199,7 @@ class OrbitEquations:
         if name == "a":
             walls, resets = f.f(times), f.df(times)
         elif name == "gamma":
-            h = self.meetings(gamma, times, name)
+            h = self.interactions(gamma, times, name)
             walls, resets = h[0] @ impulses, h[1] @ impulses
             balance = self.section.period * (self.links @ offsets)
         elif name == "k":

@@ -126,7 +126,7 @@ class GreensFunction:
     def accelerations(self) -> FloatArray:
         times, impulses, _ = self.equations.split(self.x)
         on = self.conditions
-        h = self.equations.meetings(on.gamma, times)
+        h = self.equations.interactions(on.gamma, times)
         return np.asarray(on.a * on.forcing.d2f(times) + h[2] @ impulses)
 
     @cached_property

@@ -35,7 +35,7 @@ from contbreather.simulation.event_loop import (
     FULL,
     HIT,
 )
-from contbreather.simulation.states import PERIOD, State, reduced, wall_rows
+from contbreather.simulation.states import PERIOD, State, wall_rows, within_period
 from contbreather.simulation.taylor import (
     STEP,
     Couplings,
@@ -401,7 +401,7 @@ class Noisy(EventDriven):
         ends = [0.0, *(dt * (np.arange(count) + 0.5)).tolist(), span]
         chunks = []
         for i, (begin, end) in enumerate(pairwise(ends)):
-            self.t0 = reduced(t0 + begin)
+            self.t0 = within_period(t0 + begin)
             chunks.append(super().advance(1, period, span=end - begin))
             self.t0 = t0
             for table in (chunks[-1].impacts, chunks[-1].rests):

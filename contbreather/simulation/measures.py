@@ -38,7 +38,7 @@ from contbreather.simulation.states import (
     State,
     check_state,
     conditions_of,
-    reduced,
+    within_period,
 )
 from contbreather.simulation.variation import variations_along
 
@@ -383,7 +383,7 @@ def exponents(
     du, dv = rng.normal(size=(2, count, state.u.size))
     columns = np.linalg.qr(np.concatenate([du, dv], axis=1).T)[0]
     growth = []
-    for turned in variations_along(state, conditions, settle + periods, reduced(t0)):
+    for turned in variations_along(state, conditions, settle + periods, within_period(t0)):
         # column i of Q R grows by R_ii beyond those before it; Householder's Q is orthonormal where
         # k = 0 annihilates a direction, too, of which the logarithm is then -inf
         columns, sizes = np.linalg.qr(turned(columns))

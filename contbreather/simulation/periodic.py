@@ -39,7 +39,7 @@ from contbreather.simulation.states import (
     State,
     check_state,
     conditions_of,
-    reduced,
+    within_period,
 )
 from contbreather.simulation.variation import variation
 from contbreather.storage.serialise import serialised
@@ -84,7 +84,7 @@ class PoincareMap:
 
     def _asked(self, x: Array, params: Params) -> Asked:
         span = 0.5 if self.half else 1.0  # periods of the forcing
-        return self.on.at(params), x.tobytes(), reduced(self.t0), span
+        return self.on.at(params), x.tobytes(), within_period(self.t0), span
 
 
 Asked = tuple[Conditions | SmoothConditions, bytes, float, float]

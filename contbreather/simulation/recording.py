@@ -56,8 +56,8 @@ from contbreather.simulation.states import (
     check_state,
     conditions_of,
     ranged,
-    reduced,
     within,
+    within_period,
 )
 from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
 
@@ -234,7 +234,7 @@ def _go_on(run: Recording, done: int, count: int, progress: bool | Bar | None) -
     """Simulate and write; whether Ctrl-C ended it. What is on disk is a run: only shorter."""
     pending: list[Chunk] = []
     began = time.monotonic()
-    integrator = EventDriven(run.final, run.conditions, reduced(run.t0), run.sample)
+    integrator = EventDriven(run.final, run.conditions, within_period(run.t0), run.sample)
     ahead = in_chunks(integrator, periods=count - done, first=done, progress=False)
     with Bar(progress, count) as bar:
         try:

@@ -44,8 +44,8 @@ from contbreather.simulation.states import (
     State,
     check_state,
     conditions_of,
-    reduced,
     within,
+    within_period,
 )
 from contbreather.storage.netcdf import check_lengths
 from contbreather.storage.serialise import NotSerialisable, serialised, to_dict
@@ -366,9 +366,9 @@ def let_go(
     shared: Any = {"periods": periods, "t0": t0, "progress": progress}
     if isinstance(on, SmoothConditions):
         how = Explicit() if solver is None else solver
-        left = gathered(SmoothIntegrator(state, on, reduced(t0), sample, how), **shared)
+        left = gathered(SmoothIntegrator(state, on, within_period(t0), sample, how), **shared)
         return SmoothRun(**{name: x for name, x in left.items() if name not in EVENTS})
-    start = within(state, on.walls), on, reduced(t0), sample
+    start = within(state, on.walls), on, within_period(t0), sample
     if noise and sample is not None:
         raise BadInput("sample: sites are not recorded densely under noise; leave one out")
     integrator = Noisy(*start, noise, seed) if noise else EventDriven(*start)

@@ -231,7 +231,7 @@ def wall_rows(walls: Walls, sites: int) -> tuple[Array, Array]:
     return low, high
 
 
-def reduced(t0: ArrayLike) -> float:
+def within_period(t0: ArrayLike) -> float:
     """A time within one period of the forcing, [0, 2 pi)."""
     t = number("t0", t0, -1e300, 1e300, "a time")
     return t % PERIOD

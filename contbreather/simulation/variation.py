@@ -27,7 +27,7 @@ from contbreather.simulation.event_loop import TANGENT_FLOW, begin_period
 from contbreather.simulation.integrator import EventDriven, in_chunks, parameters_of, workspace_of
 from contbreather.simulation.simulate import SimulationRun, SmoothRun
 from contbreather.simulation.smooth import state_after
-from contbreather.simulation.states import PERIOD, SmoothConditions, State, reduced, within
+from contbreather.simulation.states import PERIOD, SmoothConditions, State, within, within_period
 
 Array = NDArray[Any]
 Events = tuple[Array, Array, Array]  # times in their period, sites, entries b (or codes)
@@ -64,7 +64,7 @@ def variation(run: SimulationRun | SmoothRun, vectors: ArrayLike | None = None) 
             f"perturbations of {sites} sites are columns of length {2 * sites}; "
             f"an array of shape {columns.shape} was given."
         )
-    start, t0 = State(run.strobe.u[0], run.strobe.v[0]), reduced(run.times[0])
+    start, t0 = State(run.strobe.u[0], run.strobe.v[0]), within_period(run.times[0])
     if isinstance(run, SmoothRun):
         span = (run.end - run.times[0]) / PERIOD
         if span == 0.0:

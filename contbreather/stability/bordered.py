@@ -200,17 +200,17 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
             for d in range(orbit.moments.shape[0]):
                 put(room.answers, a + NEAR, d, answer)
                 answer = answer * r
-    turn, reach, pull = propagators(orbit, room, kappa, 0, 0)
+    turn, reach, pull = mean_propagators(orbit, room, kappa, 0, 0)
     for i in range(m):
         kicked(orbit, room.matrix, i, i, turn, reach, pull)
     for i in range(m):
         for j in range(i):
-            turn, reach, pull = propagators(orbit, room, kappa, i, j)
+            turn, reach, pull = mean_propagators(orbit, room, kappa, i, j)
             kicked(orbit, room.matrix, i, j, turn, reach, pull)
             if kappa.imag == 0.0:  # there the far aliases are real, and back is the conjugate
                 turn, reach, pull = -turn.conjugate(), reach.conjugate(), pull.conjugate()
             else:
-                turn, reach, pull = propagators(orbit, room, kappa, j, i)
+                turn, reach, pull = mean_propagators(orbit, room, kappa, j, i)
             kicked(orbit, room.matrix, j, i, turn, reach, pull)
     for i in range(2 * m):
         room.matrix[i, i, 0] += 1.0
@@ -219,7 +219,7 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
     return -pivoted_determinant(room.matrix, 2 * m + 2 * BORDER + 1)
 
 
-def propagators(
+def mean_propagators(
     orbit: Impacts, room: CountWorkspace, kappa: complex, i: int, j: int
 ) -> tuple[complex, complex, complex]:
     """Turn, reach and pull from impact j to impact i, over 2 pi, without what the border brings."""

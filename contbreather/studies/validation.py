@@ -22,8 +22,8 @@ from contbreather.plotting.canvas import FIGURES
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.studies.schema import KINDS, Chain, Figure, FromPoint, GridTask, Study, part
 
-Place = tuple[str, ...]
-Fault = tuple[Place, str]  # where it is said, and what is wrong
+KeyPath = tuple[str, ...]
+Fault = tuple[KeyPath, str]  # where it is said, and what is wrong
 EVENTS = {"arms": ("PF", "PD", "BP"), "boundary": ("LP", "PF", "PD", "NS", "GR", "VI", "BP")}
 MEASURES = ("p", "phi", "c", "asymmetry", "unstable", "condition", "nu", "arclength", "residual")
 NUMBERED = re.compile(r"[tpJc]\d*|norm\([qr]\)")  # columns that some branches have more than one of
@@ -134,7 +134,7 @@ def _typed(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
-def _guess(place: Place) -> str:
+def _guess(place: KeyPath) -> str:
     """The keys that are known where an unknown one is."""
     model: Any = Study
     for task in place[:-1]:
@@ -150,9 +150,9 @@ def _guess(place: Place) -> str:
 # --- lines ------------------------------------------------------------------------------------
 
 
-def _lines(text: str) -> Iterator[tuple[Place, int]]:
+def _lines(text: str) -> Iterator[tuple[KeyPath, int]]:
     """Where tables and keys begin: what tomllib does not keep."""
-    table: Place = ()
+    table: KeyPath = ()
     for line, content in enumerate(text.splitlines(), start=1):
         header = _HEADER.match(content)
         if header:
@@ -164,11 +164,11 @@ def _lines(text: str) -> Iterator[tuple[Place, int]]:
             yield (*table, *_dotted(key.group(1))), line
 
 
-def _dotted(name: str) -> Place:
+def _dotted(name: str) -> KeyPath:
     return tuple(task.strip().strip("\"'") for task in name.split("."))
 
 
-def _line(lines: Mapping[Place, int], place: Place) -> int:
+def _line(lines: Mapping[KeyPath, int], place: KeyPath) -> int:
     """That of the key or of what is in it, or of the innermost table that is there."""
     for size in range(len(place), 0, -1):
         inside = [line for at, line in lines.items() if at[:size] == place[:size]]
@@ -177,7 +177,7 @@ def _line(lines: Mapping[Place, int], place: Place) -> int:
     return 1
 
 
-def _listed(name: str, faults: Sequence[tuple[int, Place, str]]) -> str:
+def _listed(name: str, faults: Sequence[tuple[int, KeyPath, str]]) -> str:
     mistakes = [
         f"line {line}{', ' + '.'.join(place) if place else ''}: {why}"
         for line, place, why in sorted(faults, key=lambda fault: fault[0])
@@ -247,7 +247,9 @@ def _references(study: Study, unread: Collection[str]) -> Iterator[Fault]:
             yield from _no_event(study, kind, name)
 
 
-def _no_member(study: Study, place: Place, named: str, unread: Collection[str]) -> Iterator[Fault]:
+def _no_member(
+    study: Study, place: KeyPath, named: str, unread: Collection[str]
+) -> Iterator[Fault]:
     """A member of a scan that is not in it."""
     wanted = part(named)
     if not wanted.member or {*_origins(study, wanted.family)} & {*unread}:
