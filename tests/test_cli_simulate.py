@@ -57,7 +57,9 @@ def test_breather_that_is_lost_is_said_to_be_and_when(run):
     start = cb.symmetric(0.2, 0.104, 0.8).state(20)
     own = cb.simulate(start, a=0.2, gamma=0.104, k=0.8, damping=0.005, periods=lost)
     assert set(own.impacts["site"]) == {0}
-    assert f"{lost} periods" in run(f"{LOST} --periods 160")[1]
+    _, said, aside = run(f"{LOST} --periods 160")
+    assert f"{lost} periods" in said
+    assert "--lattice ring:20 starts on the one with damping" in aside
 
 
 def test_torus_has_its_rotation_number(run):

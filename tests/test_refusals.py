@@ -59,6 +59,10 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: problem(record=[1.0]), r"record must be a dict of names and values"),
     (lambda: problem(start={}), r"at least one unknown: start is empty"),
     (lambda: problem(params={"x": 1.0}), r"\['x'\] are named both as unknowns and as parameters"),
+    (
+        lambda: problem(params={"mu": 1.0, "size": 2.0}, record={"size": lambda point: 0.0}),
+        r"\['size'\] are columns of this problem: give the parameters, .* other names",
+    ),
     (lambda: problem(scales={"x": 0.0}), r"scale of 'x' must be finite and positive, got 0\.0"),
     (lambda: problem(scales={"x": -1.0}), r"scale of 'x' must be finite and positive, got -1\.0"),
     (lambda: problem(scales={"x": math.inf}), r"scale of 'x' must be finite and positive"),

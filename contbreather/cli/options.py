@@ -225,7 +225,7 @@ def _assignment(text: str) -> tuple[str, float]:
     except ValueError:
         number = None
     if not equals or not name.strip().isidentifier() or number is None:
-        raise BadInput(f"--set {text!r}: NAME=VALUE was expected, for instance --set c=2.7")
+        raise BadInput(f"--set {text!r}: NAME=VALUE was expected, for instance --set c3=2.7")
     return letter(name), number
 
 

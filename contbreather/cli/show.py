@@ -119,7 +119,10 @@ def _chosen(run: cb.Run, name: str | None) -> tuple[cb.Branch, Any, str]:
     """The branch, the file it is in, and its name there."""
     branches = [key for key, result in run.items() if isinstance(result, cb.Branch)]
     if not branches:
-        raise BadInput(f"{run.path} has no branch or boundary to extend, only {', '.join(run)}")
+        raise BadInput(
+            f"{run.path} has no branch or boundary to extend, only {', '.join(run)}; a branch of a "
+            "diagram is extended from Python, cb.extend(diagram.branches[0])"
+        )
     if name is None and len(branches) > 1:
         there = ", ".join(branches)
         raise BadInput(f"which branch of {run.path}? There are {there}; give the name of one")

@@ -212,6 +212,12 @@ def simulate(
         inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
     summary = judged(summary)
+    undamped = where.given.get("damping") and not (where.lattice or options.start or options.smooth)
+    if undamped and summary.lost is not None:
+        inform(
+            "it started on the breather without damping, which is no orbit of the damped ring: "
+            f"--lattice ring:{where.sites or SITES} starts on the one with damping"
+        )
     aside = printed(into.csv, options.impacts, options.final)
     if into.json:
         params = where.need(*NEEDED)

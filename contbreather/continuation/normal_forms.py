@@ -376,10 +376,11 @@ def rotation_coefficient(point: Point, angle: float, agreed: float = _AGREED) ->
 
     Its real part negative: a stable closed curve appears (supercritical).
 
-    Raises `Undefined` at the strong resonances 1:1 to 1:3, where the normal form is another.
+    Raises `Undefined` at the strong resonances 1:1 to 1:4, where the normal form is another: at 1:4
+    the cube of the conjugate of w decides as well.
     """
     mu, forms = np.exp(1j * angle), Forms(point, agreed)
-    if min(abs(mu**k - 1) for k in (1, 2, 3)) < _DEFECTIVE:
+    if min(abs(mu**k - 1) for k in (1, 2, 3, 4)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
     coefficient = _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
     return replace(coefficient, rounding=max(_ROUNDING, agreed))

@@ -200,7 +200,10 @@ class Problem:
             raise BadInput("a problem needs at least one unknown: start is empty")
         clash = set(self.start) & set(self.params)
         if clash:
-            raise BadInput(f"{sorted(clash)} are named both as unknowns and as parameters")
+            raise BadInput(
+                f"{sorted(clash)} are named both as unknowns and as parameters: give the "
+                "parameters, those of a forcing formula for instance, other names"
+            )
         for name, value in (*self.start.items(), *self.params.items()):
             array = numbers(name, value)
             if not array.size:
@@ -210,6 +213,11 @@ class Problem:
         taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
         if taken:
             raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
+        if hidden := sorted({*self.record} & {*self.params}):
+            raise BadInput(
+                f"{hidden} are columns of this problem: give the parameters, those of a forcing "
+                "formula for instance, other names"
+            )
         self.check_names((*self.scales, *self.domain))
         for name, size in self.scales.items():
             if not 0 < real(size) < math.inf:

@@ -310,8 +310,10 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     why, lift = _nothing(point), lift_of(point)
     if not why and lift is None:
         why = f": no other branch is known to leave points of kind {point.kind}"
-        if point.kind == "HB":
-            why += "; the cycles that leave it need the flow: begin with cb.equilibrium"
+        why += {
+            "HB": "; the cycles that leave it need the flow: begin with cb.equilibrium",
+            "NS": "; a torus does, which no fixed number of equations describes",
+        }.get(point.kind, "")
     if why or lift is None:
         raise NothingToSwitch(f"{point!r}{why}", point)
     try:

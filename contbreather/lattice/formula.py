@@ -295,8 +295,8 @@ class Symbolic(Periodic):
 
     Examples
     --------
-    >>> forcing = Symbolic("-cos(t) - c*cos(3*t)", c=2.7)
-    >>> round(forcing.f(0.0), 14), round(forcing.at(c=0.9).f(0.0), 14)
+    >>> forcing = Symbolic("-cos(t) - c3*cos(3*t)", c3=2.7)
+    >>> round(forcing.f(0.0), 14), round(forcing.at(c3=0.9).f(0.0), 14)
     (1.3, 1.1)
     """
 

@@ -307,7 +307,7 @@ def test_a_double_eigenvalue_has_no_simple_normal_form() -> None:
         forms.cubic_at_cusp(Point(curve, np.zeros(3)))
 
 
-@pytest.mark.parametrize("angle", [0.0, math.pi, 2 * math.pi / 3])
+@pytest.mark.parametrize("angle", [0.0, math.pi, 2 * math.pi / 3, math.pi / 2])
 def test_strong_resonances_have_another_normal_form(angle: float) -> None:
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     mine = FixedPoint(lambda u, p: p["s"] * turn @ u, {"u": np.zeros(2)}, {"s": 1.0})
