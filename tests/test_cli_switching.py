@@ -186,6 +186,8 @@ def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_poi
     assert [text.get_text() for text in on_arms.texts].count("PF1") == 1
     with pytest.raises(cb.BadInput, match="no branch has a column 'q'; there are"):
         cb.plotting.plot_diagram(tree, y="q")
+    with pytest.raises(cb.BadInput, match="a function of a point, was expected, got"):
+        cb.plotting.plot_diagram(tree, y=3)  # type: ignore[arg-type]
     with pytest.raises(cb.BadInput, match="no branch to draw"):
         cb.plotting.plot_diagram([])
 

@@ -542,6 +542,18 @@ def test_multipliers_off_the_band_are_labelled_with_their_values(half: bool, lab
     assert {text.get_text() for text in words(ax)} == labels
 
 
+def test_no_word_stands_nearer_to_another_multiplier() -> None:
+    orbit = cb.multibreather([0, 1], a=0.5, gamma=0.005, k=0.8, lattice=cb.Ring(10))
+    ax = plot_multipliers(orbit, half=True).axes
+    lines = [line.get_xydata() for line in ax.get_lines() if line.get_marker() == "o"]
+    dots = ax.transData.transform(np.concatenate(lines))
+    for text in words(ax):
+        box = text.get_window_extent()
+        gaps = np.hypot(*np.maximum(np.maximum(box.min - dots, dots - box.max), 0.0).T)
+        assert dots[gaps.argmin()] == pytest.approx(ax.transData.transform(text.xy))
+    assert len(words(ax)) > 1
+
+
 def test_leaders_do_not_cross_the_disc() -> None:
     """Fig. 3 (b): the word for the pair outside stands within a radius of it."""
     from contbreather.paper import figure3

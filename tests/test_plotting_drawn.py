@@ -534,6 +534,7 @@ def test_sites_of_a_grid_are_tiles_in_its_rows() -> None:
     on_grid = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Grid(3, 5), site=7)
     (tiles,) = plot_profile(on_grid).axes.images
     assert tiles.get_array().shape == (3, 5)
+    assert tiles.get_clim() == (-np.abs(tiles.get_array()).max(), np.abs(tiles.get_array()).max())
     np.testing.assert_allclose(np.ravel(tiles.get_array()), on_grid.state(t=0.0)[0], atol=1e-12)
     assert plot_profile(on_grid, shape=(5, 3)).axes.images[0].get_array().shape == (5, 3)
     assert not plot_profile(on_grid, sites=range(15)).axes.images
@@ -548,6 +549,7 @@ def test_a_run_over_space_and_time_has_its_sites_in_order(run, dense: bool) -> N
     want = run.record.u[:, [0, 1, 2]] if dense else run.strobe.u
     assert run.record.sites == (0, 1, 9)
     np.testing.assert_array_equal(np.reshape(mesh.get_array(), want.shape), want)
+    assert mesh.get_clim() == (-np.abs(want).max(), np.abs(want).max())
 
 
 def test_a_grid_over_space_and_time_is_the_row_of_the_site_that_hits() -> None:

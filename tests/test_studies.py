@@ -444,6 +444,12 @@ def test_a_study_with_a_mistake_is_refused(text: str, reason: str, tmp_path: Pat
     assert reason in str(refused.value)
 
 
+def test_lower_breathers_are_asked_for_on_a_ring_that_says_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(RING + "[zones.z]\nk = 0.8\npast_folds = true")
+    assert read(path).zones["z"].past_folds
+
+
 def test_the_file_of_a_lattice_is_looked_for_beside_the_study(tmp_path: Path) -> None:
     (tmp_path / "spring.csv").write_text("1, -1\n-1, 1\n")
     path = tmp_path / "study.toml"

@@ -245,7 +245,6 @@ def refused(point: object) -> NothingToSwitch:
     return caught.value
 
 
-@pytest.mark.slow
 def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
     branch = trace_case(LORENZ)
     assert "is not a special point" in str(refused(branch[3]))
@@ -253,7 +252,7 @@ def test_points_that_no_branch_leaves_are_refused_with_the_point() -> None:
     hopf = str(refused(branch.first("HB")))
     assert "known to leave points of kind HB; " in hopf
     assert "begin with cb.equilibrium" in hopf
-    assert "leave points of kind LP" in str(refused(trace_case(CIRCLE).first("LP")))
+    assert str(refused(trace_case(CIRCLE).first("LP"))).endswith("leave points of kind LP")
 
 
 def test_the_start_of_an_arm_says_where_to_switch_instead() -> None:

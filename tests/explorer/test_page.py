@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from panel.widgets import Button, FileDownload
 
 import contbreather as cb
 from contbreather.errors import BadInput
@@ -296,6 +297,15 @@ def test_each_field_takes_its_range_with_both_ends_and_nothing_beyond(bare: Page
         for text in bad:
             with pytest.raises(BadInput):
                 field.read(text)
+
+
+def test_every_button_says_what_it_does(bare: Page) -> None:
+    shown = bare.layout.select(lambda one: isinstance(one, Button | FileDownload))
+    assert [one.label for one in shown] == [
+        "Stop", "Remove curve", "Undo", "Show", "Continue", "Switch branch here",
+        "Trace this boundary", "Simulate from here", "Save all curves", "Export figure",
+        "Export Python code",
+    ]  # fmt: skip
 
 
 def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library(

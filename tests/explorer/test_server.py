@@ -10,11 +10,14 @@ import subprocess
 import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from contbreather import explorer
 from contbreather.errors import BadInput
 from contbreather.explorer import server_for
 
@@ -76,6 +79,22 @@ def test_pages_from_elsewhere_may_not_talk_to_it(served: Any) -> None:
     assert answer(url, handshake("http://evil.example:80")).split()[1] == "403"
     # its own origin is let in; what is missing then is the token of a session
     assert answer(url, handshake(own)).split()[1] != "403"
+
+
+@pytest.mark.parametrize(("more", "opened"), [("", ["/"]), (" --headless", [])])
+def test_a_browser_is_opened_once_it_serves(
+    more: str, opened: list[str], run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[str] = []
+    later: list[Callable[[], None]] = []
+    loop = SimpleNamespace(
+        add_callback=lambda do, *given: later.append(partial(do, *given)),
+        start=lambda: [do() for do in later],
+    )
+    server = SimpleNamespace(io_loop=loop, show=seen.append, start=lambda: None)
+    monkeypatch.setattr(explorer, "server_for", lambda *given, **options: (server, "http://x/"))
+    assert run(f"explore{more}")[0] == 130
+    assert seen == opened
 
 
 def test_a_port_that_is_taken_is_refused(run: Run) -> None:

@@ -485,6 +485,9 @@ def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
         (r"a pseudo-equilibrium at \[0.0\], .* along the surface comes to rest",
          cb.Filippov(lambda t, x, p: [-1.0], lambda t, x, p: [1.0], lambda t, x, p: x[0]),
          {"x": 1.0}, {}, {"settle": 5}),
+        ("reset of flow 0 gives 1 states; the flow that follows has 2",
+         cb.Flow(lambda t, x, p: [x[1], np.cos(t) - x[0] - x[1]], reset=lambda t, x, p: [x[0]]),
+         {"x": 0.0, "v": 0.0}, {}, {"period": TAU, "settle": 5}),
     ],
 )  # fmt: skip
 def test_what_is_no_cycle_is_refused_with_a_sentence(words, f, start, params, how) -> None:

@@ -121,6 +121,10 @@ def test_figure_is_drawn_with_all_its_panels_and_rows(figures, number, tmp_path)
     assert set(rows[0]) == {"panel", "curve", "site", "t", "u"}
     assert {row["panel"] for row in rows} == set("abcd"[: len(figure.panels)])
     assert all(math.isfinite(row["u"]) for row in rows)
+    if number == 6:  # a sentence for each panel
+        assert re.findall(r"\((\w)\) a = (0\.\d): lost", figure.caption) == [
+            ("a", "0.1"), ("b", "0.2"), ("c", "0.7"),
+        ]  # fmt: skip
     assert save_figure(drawn, tmp_path / "figure.png").stat().st_size > 10_000
 
 

@@ -177,7 +177,6 @@ def test_without_damping_no_count_is_held_against_a_branch():
 # --- columns of branches --------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_columns_of_a_smooth_orbit_are_about_its_whole_period(symmetric: bool) -> None:
     state = cb.symmetric(0.1, 0.08, 0.8).state(4)

@@ -65,6 +65,25 @@ def test_a_verdict_says_what_it_is_about():
     assert f"rounding, at the angle {nu:.6g} pi" in stability(0.12, 0.8, b).describe()
 
 
+@pytest.mark.parametrize(("a", "gamma"), [(0.8, 0.05), (0.8, 0.045)])
+def test_rows_of_a_verdict_are_what_their_names_say(a, gamma):
+    """Of nothing where an impact vanishes; the infinite chain has no threshold."""
+    b = b_of(a, gamma, 0.8)
+    chain, ring = stability(gamma, 0.8, b), stability(gamma, 0.8, b, sites=20)
+    for verdict, mu, threshold in (
+        (chain, chain.map.unstable_multipliers(), 1.0),
+        (ring, half_multipliers(Ring(20), gamma, 0.8, b) ** 2, 1.005),
+    ):
+        beyond = mu[np.abs(mu) > threshold]
+        rows = [("stable", "no" if beyond.size else "yes"), ("multipliers beyond", beyond.size)]
+        if verdict is ring:
+            largest = pytest.approx(np.abs(mu).max())
+            rows += [("threshold", 1.005), ("largest |multiplier|", largest)]
+        assert verdict.table().rows == rows + [("multiplier", pytest.approx(one)) for one in beyond]
+        unknown = [(name, 1.005 if name == "threshold" else None) for name, _ in rows]
+        assert verdict.blank().table().rows == unknown
+
+
 def test_short_rings_have_no_neutral_modes_to_stop_at():
     assert stability(0.1, 0.3, 0.1, sites=1).largest < 1
     assert stability(0.1, 0.3, 0.35, sites=3).largest == 1.0
