@@ -179,7 +179,7 @@ def test_surfaces_are_spanned_between_the_nearest_curves_whichever_way_they_run(
         np.testing.assert_allclose(one, wanted, atol=1e-12)
         np.testing.assert_allclose(its, wanted + up, atol=1e-12)
     axes = plot_atlas(found, over="c3", at={"k": 0.8}).axes
-    assert [getattr(axes, f"get_{one}label")() for one in "xyz"] == [r"$\gamma$", "c3", "$a$"]
+    assert [getattr(axes, f"get_{one}label")() for one in "xyz"] == [r"$\gamma$", r"$c_{3}$", "$a$"]
     assert [one.get_alpha() for one in axes.collections] == [0.25] * 3
 
 

@@ -39,7 +39,7 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, owner: type = Counter) -> None:
         self.asked, self.last = 0, math.inf
-        name = "advance" if owner is Counter else "chi"
+        name = "advance" if owner is Counter else "mean"
         method = getattr(owner, name)
 
         def counted(*given: Any) -> Any:

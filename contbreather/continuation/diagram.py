@@ -409,7 +409,7 @@ class _Growth:
         index, later = len(self.tree), list[Place]()
         places: list[Place] = []
         for point in branch.special:
-            if point.parent is not None or (point.kind == "EP" and branch.stop is Stop.CLOSED):
+            if point.parent is not None:
                 continue  # where an arm set out is the place it was born at
             earlier = self._known_place(point, places)
             places.append(earlier or Place(index, point))

@@ -171,7 +171,8 @@ def test_near_miss_is_no_impact(excess):
 @given(
     seed=st.integers(0, 10**6),
     sites=st.integers(1, 9) | st.integers(60, 90),
-    a=st.floats(0.0, 2.0),
+    # what smaller forces move in a period is below the velocity that counts as rest, 1e-12
+    a=st.just(0.0) | st.floats(1e-9, 2.0),
     gamma=st.floats(0.0, 0.2499),
     k=st.floats(0.0, 1.0),
     damping=st.sampled_from([0.0, 0.05, 1.0]),
