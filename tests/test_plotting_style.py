@@ -440,3 +440,11 @@ def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile(
     cb.plot(cb.trace(many, "mu", within={"mu": (0.0, 1.0)}, events=())[-1], ax=below)
     assert below.get_lines()[0].get_ydata() == pytest.approx(np.arange(4.0))
     assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "$u$")
+
+
+def test_words_of_a_legend_are_no_larger_than_those_of_the_axes_they_are_given() -> None:
+    _, (axes,) = new_figure()
+    branch = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.1, 0.9)})
+    cb.plot(branch, x="a", y="p", ax=axes)
+    (word, *_), label = axes.get_legend().get_texts(), axes.xaxis.label
+    assert word.get_fontsize() < label.get_fontsize()

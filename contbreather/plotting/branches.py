@@ -26,6 +26,7 @@ from contbreather.plotting.canvas import (
     Labels,
     drawing,
     ink,
+    legend_size,
     marker,
     size,
     symbol,
@@ -360,7 +361,8 @@ def _legend(paper: Labels, entries: dict[str, dict[str, Any]]) -> None:
     if not entries:
         return
     handles = [Line2D([], [], **look) for look in entries.values()]
-    legend = partial(paper.ax.legend, handles, list(entries), frameon=False, handlelength=2.2)
+    look = {"frameon": False, "handlelength": 2.2, "fontsize": legend_size(paper.ax)}
+    legend = partial(paper.ax.legend, handles, list(entries), **look)
     if len(entries) < len(CYCLE):
         inside = legend(loc="best")
         paper.lay_out()

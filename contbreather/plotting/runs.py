@@ -22,6 +22,7 @@ from contbreather.plotting.canvas import (
     Drawn,
     drawing,
     legend_above,
+    legend_size,
     symbol,
 )
 from contbreather.plotting.orbits import draw_states
@@ -130,7 +131,7 @@ def plot_motion(
                 axes.plot(t, u, "-", linewidth=1.0, **look)
         axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
         axes.margins(x=0.0)
-        legend_above(axes, fontsize=_size(axes))
+        legend_above(axes, fontsize=legend_size(axes))
     return drawn
 
 
@@ -161,11 +162,6 @@ def _envelope(t: Array, u: Array) -> tuple[Array, Array, Array]:
     low, high = np.minimum.reduceat(u, begins), np.maximum.reduceat(u, begins)
     # a step goes from where its value stands: the last one to the end
     return np.append(low, low[-1]), np.append(high, high[-1]), np.append(t[begins], t[-1])
-
-
-def _size(axes: Axes) -> float:
-    """Of the words of a legend: a little smaller than those of the axes."""
-    return 0.9 * float(axes.xaxis.label.get_fontsize())
 
 
 def plot_section(
@@ -256,7 +252,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
             )  # fmt: skip
             named.add(way)
         axes.set(xlabel=symbol(sweep.name), ylabel=COLUMNS[y])
-        axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=_size(axes))
+        axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=legend_size(axes))
     return drawn
 
 
@@ -299,7 +295,7 @@ def plot_basin(basin: Basin, *, ax: Axes | None = None) -> Drawn:
         ]
         axes.legend(
             handles=patches, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
-            handlelength=1.0, handletextpad=0.4, columnspacing=1.0, fontsize=_size(axes),
+            handlelength=1.0, handletextpad=0.4, columnspacing=1.0, fontsize=legend_size(axes),
         )  # fmt: skip
     return drawn
 
