@@ -11,7 +11,7 @@ import pytest
 from contbreather.errors import BadInput
 from contbreather.lattice import InfiniteChain, Ring
 from contbreather.lattice.periodic_green import (
-    MEETINGS,
+    INTERACTIONS,
     check_coupling,
     periodic_green,
     sinc,
@@ -175,7 +175,7 @@ def test_what_impacts_do_to_each_other_is_told_by_kernels_alike(lattice, gamma, 
     found = np.empty((4, len(sites), len(sites)))
     mutual = periodic_green(lattice, gamma, sites, sites, periods, by)
     assert (mutual.waves.size > 0) == (lattice == Ring(10))
-    MEETINGS(mutual, times, found)
+    INTERACTIONS(mutual, times, found)
     for i, j in np.ndindex(len(sites), len(sites)):
         one = periodic_green(lattice, gamma, (sites[i],), (sites[j],), periods, by)
         wanted = one.at(abs(times[i] - times[j]))
