@@ -126,7 +126,7 @@ def cycle(
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
-        _refuse_start(flows, t0, state, params, forcing)
+        _check_period(flows, t0, state, params, forcing)
         begin = _settled(run, state, length, t0, settle)
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
@@ -259,7 +259,7 @@ def _resolved(
     ) from failed
 
 
-def _refuse_start(
+def _check_period(
     flows: Any, t0: float, state: Array, params: Params, forcing: Function | None
 ) -> None:
     """Refuse a false period before a simulation goes astray with it."""
@@ -271,8 +271,9 @@ def _refuse_start(
     else:
         flows[0].check(t0, state, params)
         begun = flows[:1]
-    whole, at_rest = period_at(forcing, params), partial(np.multiply.outer, state)
-    flight = fitted(Collocation(2, 2), t0, whole, lambda t: at_rest(np.ones(t.size)))
+    # a flight that stays where it starts: what is asked is how the fields depend on the time
+    whole = period_at(forcing, params)
+    flight = fitted(Collocation(2, 2), t0, whole, lambda t: np.outer(state, np.ones_like(t)))
     refuse_false_period(begun, [flight] * len(begun), forcing, params)
 
 
