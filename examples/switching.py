@@ -16,8 +16,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined, with_columns
-from contbreather.plotting import new_figure, save_figure
-from contbreather.plotting.canvas import style
+from contbreather.plotting import new_figure, save_figure, style
 
 WITHIN = {"gamma": (0.0, 0.08), "a": (0.0, 1.0)}
 COLOURS = {"PF": "C0", "PD": "C1", "GR": "C2"}
