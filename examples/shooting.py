@@ -50,22 +50,22 @@ def cascade(generations: int = 3) -> list[cb.Branch]:
 
 def main(folder: Path = Path()) -> list[Path]:
     """Draw the arms and the cascade into a folder."""
-    figure, (above, below) = new_figure(2)
     with style():
+        figure, (above, below) = new_figure(2)
         cb.plotting.plot_diagram(arms_on_a_ring(), x="a", y="asymmetry", ax=above)
-    above.set(ylabel="$t_2 - t_1 - \\pi$", xticks=np.arange(0.7, 0.91, 0.05))
-    for i, branch in enumerate(refined(branch, 60) for branch in cascade()[1:]):
-        # half the momentum of every impact on the wall at +1
-        p = [
-            [0.5 * (hit.before - hit.after) for hit in point.solution.hits if hit.wall > 0]
-            for point in branch
-        ]
-        # stable up to the doubling, which belongs to both lines: there they join
-        doubling = [point.kind for point in branch].index("PD")
-        for side, line in ((slice(doubling + 1), "-"), (slice(doubling, None), "--")):
-            below.plot(branch["a"][side], p[side], line, color=f"C{i}", lw=1)
-    below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.22, 1.54))
-    return [save_figure(figure, folder / "shooting.png")]
+        above.set(ylabel="$t_2 - t_1 - \\pi$", xticks=np.arange(0.7, 0.91, 0.05))
+        for i, branch in enumerate(refined(branch, 60) for branch in cascade()[1:]):
+            # half the momentum of every impact on the wall at +1
+            p = [
+                [0.5 * (hit.before - hit.after) for hit in point.solution.hits if hit.wall > 0]
+                for point in branch
+            ]
+            # stable up to the doubling, which belongs to both lines: there they join
+            doubling = [point.kind for point in branch].index("PD")
+            for side, line in ((slice(doubling + 1), "-"), (slice(doubling, None), "--")):
+                below.plot(branch["a"][side], p[side], line, color=f"C{i}", lw=1)
+        below.set(xlabel="$a$", ylabel="$p$ of impacts on +1", xlim=(0.9, 1.0), ylim=(1.22, 1.54))
+        return [save_figure(figure, folder / "shooting.png")]
 
 
 if __name__ == "__main__":

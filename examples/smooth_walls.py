@@ -40,6 +40,7 @@ def main(folder: Path = Path(), hardnesses: tuple[int, ...] = (6,), points: int 
     """Draw the branches (with at least so many points), and the folds in (m, a)."""
     found = branches(hardnesses)
     exact = cb.trace(cb.symmetric(a=0.3, gamma=0.04, k=0.8), "a", within=WINDOW, progress=False)
+    exact = refined(exact, 60)
     height = [point.solution.displacement(0, 0.0) for point in exact]
     fold = found[f"m = {hardnesses[0]}"].first("LP")
     line = cb.boundary(

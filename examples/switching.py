@@ -68,7 +68,7 @@ def doubling(folder: Path) -> Path:
     axes.text(0.0015, 0.932, "$4\\pi$", **small)
     axes.text(0.047, 0.95, "neighbour hits wall", **small)
     axes.set(xlabel="$\\gamma$", ylabel="$a$", xlim=(0, 0.08), ylim=(0.55, 1.02))
-    axes.legend(frameon=False, loc="lower right", **small)
+    axes.legend(loc="lower right", **small)
     return save_figure(figure, folder / "doubling.png")
 
 
