@@ -219,7 +219,7 @@ def type_size(axes: Axes, name: str) -> float:
     of another style than the one in force."""
     from matplotlib.font_manager import font_scalings
 
-    return float(font_scalings[name] * axes.xaxis.label.get_fontsize())
+    return font_scalings[name] * float(axes.xaxis.label.get_fontsize())
 
 
 def legend_above(axes: Any, **more: Any) -> None:
