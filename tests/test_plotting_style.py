@@ -442,9 +442,7 @@ def test_a_point_of_anybody_s_problem_is_drawn_with_its_tangent_or_as_a_profile(
     assert (below.get_xlabel(), below.get_ylabel()) == ("entry", "$u$")
 
 
-def test_words_of_a_legend_and_beside_points_are_smaller_than_those_of_the_axes_they_are_in() -> (
-    None
-):
+def test_words_of_a_legend_and_of_points_are_smaller_than_those_of_their_axes() -> None:
     _, (axes,) = new_figure()
     branch = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.1, 0.9)})
     cb.plot(branch, x="a", y="p", ax=axes)
