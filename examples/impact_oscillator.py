@@ -17,12 +17,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 import contbreather as cb
-from contbreather.flows import Collocation
 from contbreather.plotting import new_figure, plot_orbit, save_figure, style
 
 PARAMS = {"z": 0.02, "e": 0.8, "s": 0.1, "w": 2.2}  # damping, restitution, wall, frequency
 START = {"x": -0.2, "v": 0.0}
-MESH = {"collocation": Collocation(intervals=8)}
+MESH = {"collocation": cb.Collocation(intervals=8)}
 WINDOW = {"w": (2.1, 4.2)}
 
 

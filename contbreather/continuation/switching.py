@@ -233,7 +233,8 @@ def switch(
         breathers, the PD of a map.
     within, events, steps, progress, save
         As for `trace`. The arms are walked in the parameter of the branch the point is on, and look
-        for what that branch did; an arm whose problem has other events looks for these by default. Where the walls of that branch are lifted, those of the arms are.
+        for what that branch did; one whose problem has other events looks for these by default.
+        Where the walls of that branch are lifted, those of the arms are.
 
     Returns
     -------

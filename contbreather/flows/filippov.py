@@ -21,7 +21,16 @@ from numpy.typing import NDArray
 from ..checks import shown
 from ..continuation.newton import Array
 from ..errors import BadInput
-from .flow import Flow, Function, Params, check_function, place, rows_of, slopes
+from .flow import (
+    Flow,
+    Function,
+    Params,
+    check_function,
+    place,
+    rows_of,
+    slopes,
+    undecorated,
+)
 
 # Central differences of order 8, exact for polynomials of degree 8: of h along a field, where no
 # complex step can be taken because the state may be complex already.
@@ -73,6 +82,7 @@ class Filippov:
         for name in ("f_plus", "f_minus", "h"):
             if not callable(function := getattr(self, name)):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
+            object.__setattr__(self, name, undecorated(function))  # they are asked inside of others
 
     @cached_property
     def flows(self) -> tuple[Flow, Flow, Flow, Flow]:

@@ -133,7 +133,8 @@ class Flow:
             if not callable(function):
                 raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
         if self.mass is not None:
-            object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), self.f))
+            f = undecorated(self.f)
+            object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), f))
             object.__setattr__(self, "mass", None)  # it is in f now
 
     @property
@@ -187,7 +188,7 @@ def check_function(
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
     where, given, params = place(t, x, p), x.copy(), dict(p)
     try:
-        returned = function(t, given, params)
+        returned = undecorated(function)(t, given, params)
         value = np.asarray(returned, dtype=float)
     except KeyError as error:
         if error.args[0] in p:
@@ -241,13 +242,14 @@ def _divided(inverse: Array, f: Function, t: Any, x: Any, p: Params) -> Any:
 
 @dataclass(frozen=True)
 class _Calling:
-    """How a function of so many states is called, its plain text, its rows, and whether it takes
-    many states at once; and how it is differentiated, for each choice of parameters."""
+    """How a function of so many states is called: its plain text, its rows, and what takes many
+    states at once, if anything does; and how it is differentiated, for each choice of parameters.
+    """
 
     function: Function
     rows: int
     scalar: bool
-    vectorised: bool
+    at_once: Function | None
     schemes: dict[Any, Array | None] = field(default_factory=dict)
 
 
@@ -268,9 +270,9 @@ def values(function: Function, t: Any, x: NDArray[Any], p: Params) -> NDArray[An
 
 def _call(how: _Calling, t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
     with np.errstate(all="ignore"):  # NaN and infinity are for the caller to see
-        if how.vectorised:
+        if how.at_once is not None:
             try:
-                return _rows(how.function(t, x, p), how, x)
+                return _rows(how.at_once(t, x, p), how, x)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", _name(how.function), t.size)
         columns = [at_state(how.function, *at, p) for at in zip(t, x.T, strict=True)]
@@ -341,17 +343,43 @@ def _decide_calling(function: Function, t: Array, x: Array, p: Params) -> _Calli
         except Undefined:  # outside of its domain
             singly = [at_state(plain, *at, p) for at in zip(t, x.T, strict=True)]
         scalar = np.ndim(plain(t[0], x[:, 0], p)) == 0
-    how = _Calling(plain, singly[0].size, scalar, vectorised=True)
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
+    how = _Calling(plain, singly[0].size, scalar, None)
+    for at_once in [plain] if plain is function else [_looped(function, how), plain]:
+        # what was written for one state may raise anything for three, and numba refuse it
+        with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("error")
-            at_once = _rows(plain(t, x, p), how, x)
-        same = np.allclose(at_once, np.stack(singly, axis=-1), rtol=_SAME, atol=0, equal_nan=True)
-    except Exception:  # noqa: BLE001 - what was written for one state may raise anything for three
-        same = False
-    if not same:
-        _LOG.debug("%s takes one state at a time, which is slower", _name(plain))
-    return replace(how, vectorised=same)
+            together, alone = _rows(at_once(t, x, p), how, x), np.stack(singly, axis=-1)
+            if np.allclose(together, alone, rtol=_SAME, atol=0, equal_nan=True):
+                return replace(how, at_once=at_once)
+    _LOG.debug("%s takes one state at a time, which is slower", _name(plain))
+    return how
+
+
+def _looped(function: Function, how: _Calling) -> Function:
+    """A function that `numba.njit` decorated at many states in one call. In place of a dict it gets
+    a record, which is indexed by names just so."""
+    from numba import njit
+
+    entry = njit((lambda value, i: value) if how.scalar else (lambda value, i: value[i]))
+
+    def loop(t: Any, x: Any, p: Any, out: Any) -> None:
+        for j in range(t.size):
+            value = function(t[j], x[j], p[0])
+            for i in range(out.shape[0]):
+                out[i, j] = entry(value, i)
+
+    compiled = njit(loop)
+
+    def at_once(t: NDArray[Any], x: NDArray[Any], p: Params) -> NDArray[Any]:
+        numbers = (*p.values(),)
+        kinds = (t.dtype.kind, x.dtype.kind, *(np.asarray(value).dtype.kind for value in numbers))
+        kind = complex if "c" in kinds else float
+        record = np.array([numbers], dtype=[(name, kind) for name in p])
+        out = np.empty((how.rows, t.size), kind)
+        compiled(t.astype(kind), np.ascontiguousarray(x.T, dtype=kind), record, out)
+        return out[0] if how.scalar else out
+
+    return at_once
 
 
 def _aside(x: Array) -> Array:

@@ -337,8 +337,10 @@ def test_a_ball_bounces_twice_in_its_period_beyond_the_doubling_alone(A, bounces
 
 
 def test_doubled_bounces_set_out_at_the_doubling(ball: cb.Problem) -> None:
-    branch = cb.trace(ball, "A", within={"A": (0.6, 1.5)}, towards="up")
+    events = (*ball.events, cb.Event("ZZ", lambda point: point["A"] - 1.08))
+    branch = cb.trace(ball, "A", within={"A": (0.6, 1.5)}, towards="up", events=events)
     (arm,) = cb.switch(branch.first("PD"), within={"A": (0.6, 1.5)})
+    assert arm.first("ZZ")["A"] == pytest.approx(1.08, abs=1e-9)  # what the branch looked for
     assert arm[-1].solution.equations.turns == 2
     assert len(arm[-1].solution.flights) == 2
     run = cb.integrate(

@@ -118,10 +118,43 @@ def test_small_and_large_units_are_differentiated_alike() -> None:
     np.testing.assert_allclose(slope[0, :2], 1.0, rtol=1e-9)
 
 
-def test_what_numba_compiled_is_called_as_it_was_written() -> None:
+def turning(t: Any, x: Any, p: Any) -> Any:
+    """The same, for one state at a time."""
+    k = p["k"] if x[0].real > -9.0 else 0.0
+    return [x[1], -k * np.sin(x[0]) * x[2] + np.cos(p["w"] * t), -1.0]
+
+
+@pytest.mark.parametrize("f", [smooth, turning])
+def test_what_numba_decorated_is_compiled_for_many_states(
+    f: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     numba = pytest.importorskip("numba")
-    _, slope = slopes(numba.njit(smooth), T, X, P, ("k", "w"))
-    np.testing.assert_allclose(slope, by_hand(X, T), rtol=0, atol=1e-14)
+    with caplog.at_level(logging.DEBUG, "contbreather"):
+        value, slope = slopes(numba.njit(f), T, X, P, ("k", "w"))
+        np.testing.assert_allclose(value, values(smooth, T, X, P), rtol=1e-14)
+        np.testing.assert_allclose(slope, by_hand(X, T), rtol=0, atol=1e-14)
+        slow = "takes one state at a time"
+        assert slow not in caplog.text
+        slopes(lambda t, x, p: turning(t, x, p), T, X, P)
+        assert slow in caplog.text  # undecorated it does
+
+
+def test_a_cycle_and_a_sliding_orbit_of_decorated_functions() -> None:
+    numba = pytest.importorskip("numba")
+
+    def oscillator(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
+
+    begin: dict[str, Any] = {"start": {"x": 2.0, "v": 0.0}, "params": {"mu": 1.0}, "settle": 30}
+    plain, compiled = (cb.cycle(f, **begin) for f in (oscillator, numba.njit(oscillator)))
+    assert compiled.start["period"] == pytest.approx(plain.start["period"], rel=1e-12)
+    heavy = cb.Flow(numba.njit(oscillator), mass=[[1.0, 0.0], [0.0, 1.0]])
+    assert cb.cycle(heavy, **begin).start["period"] == pytest.approx(plain.start["period"])
+    relay = cb.Filippov(
+        *(numba.njit(f) for f in (lambda t, x, p: [-p["u"]], lambda t, x, p: [p["u"]])),
+        lambda t, x, p: x[0],
+    )
+    assert cb.integrate(relay, {"y": 1.0}, {"u": 0.5}, time=3.0).final == [0.0]
 
 
 def test_a_mass_matrix_is_divided_out() -> None:
