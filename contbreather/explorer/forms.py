@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from html import escape
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -109,17 +109,6 @@ class Field:
         self.trouble = ErrorLabel()
         self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
 
-    def get(self) -> Any:
-        """What was typed, read.
-
-        Raises
-        ------
-        BadInput
-            If it cannot be read; the field says so.
-        """
-        with said(self.trouble):
-            return self.read(self.input.value or "")
-
 
 class Words:
     """A piece of HTML, there as long as it says something.
@@ -184,10 +173,8 @@ def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
     """All fields by name; None if any was refused, each of which says so."""
     values: dict[str, Any] = {}
     for name, field in fields.items():
-        try:
-            values[name] = field.get()
-        except BadInput:
-            continue
+        with suppress(BadInput), said(field.trouble):
+            values[name] = field.read(field.input.value or "")
     return values if len(values) == len(fields) else None
 
 

@@ -456,22 +456,20 @@ class Session:
         BadInput
             If there is no such thing yet.
         """
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / f"{what}{suffix}"
-            return save_figure(self._drawn(what), path).read_bytes()
-
-    def _drawn(self, what: str) -> Any:
         state = self.state
         if what == "zones" and state.plane is not None:
             if state.awaited:
                 raise BadInput(f"the zones at {state.awaited} are being computed; wait a moment.")
-            return plot_zones(state.plane)
-        if what == "branches" and state.shown:
+            drawn = plot_zones(state.plane)
+        elif what == "branches" and state.shown:
             x, y = state.columns
-            return plot(*state.shown.values(), x=x, y=y)
-        if what == "motion" and state.run is not None:
-            return plot_motion(state.run[1])
-        raise BadInput(f"there is nothing to draw as {what} yet.")
+            drawn = plot(*state.shown.values(), x=x, y=y)
+        elif what == "motion" and state.run is not None:
+            drawn = plot_motion(state.run[1])
+        else:
+            raise BadInput(f"there is nothing to draw as {what} yet.")
+        with TemporaryDirectory() as folder:
+            return save_figure(drawn, Path(folder) / f"{what}{suffix}").read_bytes()
 
 
 PLAIN: Mapping[int, str | None] = str.maketrans({"[": "_", "]": None, "'": None, "/": "_"})
