@@ -102,19 +102,10 @@ class LatticeOptions:
         """The file that the lattice is in."""
         return {"--lattice": self.lattice}
 
-    def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
-        """The forcing; letters that are free and have no value begin at 1."""
-        wanted = "NAME=VALUE was expected, for instance --set c3=2.7"
-        letters = assigned("--set", self.set, _a_number, wanted)
-        if self.forcing.replace(" ", "") == HARMONIC and not letters:
-            return cb.Harmonic()
-        for name in free:
-            if name not in NAMES:
-                letters.setdefault(name, 1.0)
-        return cb.Symbolic(self.forcing, **letters)
-
     def on(self, *free: str) -> ModelArguments:
-        """What it lives on, and is judged by."""
+        """What it lives on, and is judged by; letters of the forcing that are free and have no
+        value begin at 1."""
+        from contbreather.lattice.formula import forcing_of
         from contbreather.lattice.parse import lattice_by, walls_by
         from contbreather.stability.verdict import THRESHOLD
 
@@ -123,7 +114,11 @@ class LatticeOptions:
             raise BadInput(
                 "--threshold needs --sites or --lattice: only finite lattices have a threshold"
             )
-        forcing = self.drive(free)
+        wanted = "NAME=VALUE was expected, for instance --set c3=2.7"
+        letters = assigned("--set", self.set, _a_number, wanted)
+        if letters or self.forcing.replace(" ", "") != HARMONIC:
+            letters |= {name: 1.0 for name in free if name not in (*NAMES, *letters)}
+        forcing = forcing_of(self.forcing, **letters)
         names = (*NAMES, *forcing.params)
         for name in free:
             if name not in names:

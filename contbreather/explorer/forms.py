@@ -73,10 +73,7 @@ def a_lattice(text: str) -> str:
     sizes = [int(word) for word in re.findall(r"\d+", typed)]
     if math.prod(sizes) > MOST and not typed.lower().endswith((".csv", ".graphml")):
         raise BadInput(f"lattice {typed}: at most {MOST} sites are shown here.")
-    try:
-        lattice_by(typed)
-    except BadInput as error:
-        raise BadInput(str(error).removeprefix("--")) from error
+    lattice_by(typed, option="lattice")
     return typed
 
 

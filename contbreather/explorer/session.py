@@ -21,7 +21,6 @@ from contbreather.explorer.jobs import (
     OnLattice,
     Progress,
     arguments,
-    breather,
 )
 from contbreather.explorer.state import (
     LADDER,
@@ -35,6 +34,7 @@ from contbreather.explorer.state import (
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
+from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.parameters import NEEDED, OPTIONAL, parameter
@@ -256,10 +256,13 @@ class Session:
         return code
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
+        """A breather by its parameters, typed in or clicked at."""
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
-        chosen = breather(on, **values)
+        params, words = arguments(on, **values)
+        orbit = symmetric(**params)
         self.lattices[lattice] = on
-        return replace(chosen, typed=(*chosen.typed, ("lattice", lattice)))
+        typed = (*values.items(), ("lattice", lattice))
+        return Chosen(f"cb.symmetric({words})", orbit, typed=typed)
 
     def lattice_of(self, chosen: Chosen) -> str:
         """What to type for its lattice: of one that a curve brought, its description."""
