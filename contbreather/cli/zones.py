@@ -212,9 +212,8 @@ def _columns(dataset: Dataset) -> dict[str, Any]:
 
 
 def _failed(dataset: Dataset) -> list[dict[str, Any]]:
-    columns = {str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("failed",)}
-    names, rows = table_of(columns)
-    return [dict(zip(names, row, strict=True)) for row in rows]
+    rows: list[dict[str, Any]] = dataset.drop_dims("point").to_dataframe().to_dict("records")
+    return rows
 
 
 def _atlas_lines(dataset: Dataset) -> Iterator[object]:
