@@ -76,8 +76,8 @@ def point(
     roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**values, **on.given})
     breather = rooted(roots, root)
     others = [other for other in roots if other is not breather]
-    on_own = {} if on.lattice.sites is None else {"threshold": on.threshold}
-    verdicts = [breather.stability(**on_own)]
+    finite = on.lattice.sites is not None
+    verdicts = [breather.stability(threshold=on.threshold) if finite else breather.stability()]
     if where.sites is not None:  # by the paper's rule besides
         verdicts.append(breather.stability(sites=rule.lattice.sites, threshold=rule.threshold))
     content = _content(breather, on, verdicts, others, where.sites)
