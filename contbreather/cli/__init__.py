@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(tokens: list[str], about: bool) -> int:
-    """Run a command, or say `about` the version whether its loops are compiled."""
+    """Run a command, or say what version this is, and whether its loops are compiled."""
     from cyclopts import CycloptsError
 
     if about:

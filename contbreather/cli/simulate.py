@@ -468,7 +468,10 @@ def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]
         yield "impacts", str(sum(summary.by_site.values()))
         yield f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))
         if summary.rests:  # the last rebounds of a chatter are summed: no impacts of the table
-            yield "came to rest on a wall", f"{summary.rests} times"
+            yield (
+                "came to rest on a wall",
+                "once" if summary.rests == 1 else f"{summary.rests} times",
+            )
         if options.start is None:
             lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
             yield "breather kept for", lost
