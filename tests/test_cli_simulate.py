@@ -62,6 +62,17 @@ def test_breather_that_is_lost_is_said_to_be_and_when(run):
     assert "--lattice ring:20 starts on the one with damping" in aside
 
 
+@pytest.mark.parametrize("stream", ["", " --stream s"])
+def test_rests_on_a_wall_are_counted_after_chatters_whose_last_impacts_are_not(run, stream):
+    Path("one.json").write_text('{"u": [0.1], "v": [0.3]}')
+    line = "simulate --a 8 --gamma 0.02 --k 0.3 --lattice open:1 --periods 20 --start one.json"
+    own = cb.simulate(([0.1], [0.3]), a=8, gamma=0.02, k=0.3, lattice=cb.OpenChain(1), periods=20)
+    count = np.count_nonzero(own.rests["begins"])
+    assert count >= 40
+    assert re.search(rf"came to rest on a wall *│ *{count} times", run(line + stream)[1])
+    assert "rest on a wall" not in run(f"{STABLE} --periods 5")[1]
+
+
 def test_torus_has_its_rotation_number(run):
     line = "simulate --a 0.15 --gamma 0.106 --k 0.8 --damping 0.02 --periods 3000 --json"
     verdict = json.loads(run(line)[1])["verdict"]

@@ -22,9 +22,11 @@ from contbreather.orbits.atlas import Slice
 from contbreather.orbits.start_search import window_of
 from contbreather.studies import Report, cluster, dry_run, read, tasks
 from contbreather.studies import run as conduct
-from contbreather.studies.tasks import Worker, tasks_of
+from contbreather.studies.tasks import finish, tasks_of
 
 from .apart import HUNG
+
+CARRIED_OUT = import_module("contbreather.studies.run")
 
 Command = Callable[[str], tuple[int, str, str]]
 
@@ -92,7 +94,7 @@ def test_results_do_not_go_where_a_file_is(study: Path, tmp_path: Path) -> None:
 def test_what_is_finished_is_not_computed_again(
     study: Path, done: Report, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Worker, "__call__", None)
+    monkeypatch.setattr(CARRIED_OUT, "finish", None)
     again = conduct(study, executor=1)
     assert (again.computed, again.kept) == ([], done.computed)
 
@@ -607,19 +609,19 @@ def test_every_key_of_a_study_reaches_the_library(
 def test_an_interrupted_study_says_what_is_done_and_goes_on(
     study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain, count = Worker.__call__, iter([0, 0])
+    count = iter([0, 0])
 
-    def twice(self: Worker, task: Any) -> Any:
+    def twice(task: Any, folder: Path) -> str:
         if next(count, None) is None:
             raise KeyboardInterrupt
-        return plain(self, task)
+        return finish(task, folder)
 
-    monkeypatch.setattr(Worker, "__call__", twice)
+    monkeypatch.setattr(CARRIED_OUT, "finish", twice)
     with pytest.raises(cb.errors.Interrupted) as stopped:
         conduct(study, folder=tmp_path, executor=1)
     partial: Any = stopped.value.partial
     assert (partial.interrupted, len(partial.computed)) == (True, 2)
-    monkeypatch.setattr(Worker, "__call__", plain)
+    monkeypatch.setattr(CARRIED_OUT, "finish", finish)
     report = conduct(study, folder=tmp_path, executor=1)
     assert (len(report.kept), len(report.computed)) == (2, 4)
 
@@ -648,7 +650,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
     study.write_text(SMALL.partition("[arms")[0].replace("[0.02, ", "[0.02, 0.03, "))
     done = conduct(study, executor=1)
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(import_module("contbreather.studies.run"), "PATIENCE", HUNG)
+    monkeypatch.setattr(CARRIED_OUT, "PATIENCE", HUNG)
     waiting = ("connect", "tcp")
     distributed.dask.config.set({f"distributed.comm.timeouts.{one}": HUNG for one in waiting})
     local = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
@@ -667,7 +669,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(import_module("contbreather.studies.run"), "PATIENCE", 0.1)
+    monkeypatch.setattr(CARRIED_OUT, "PATIENCE", 0.1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(cb.BadInput, match="no cluster answers at"), cluster(address):
             pass

@@ -154,13 +154,3 @@ def krawczyk(
     refined = dict(zip(unknown, image.entries(), strict=True))
     inside = all(box[i].contains_interior(x) for i, x in refined.items())
     return [refined.get(i, x) for i, x in enumerate(box)] if inside else None
-
-
-def newton_step(equations: Equations, point: Sequence[Ball]) -> list[float] | None:
-    """How far Newton's method would go from here: a size, not a bound."""
-    slopes = arb_mat(jacobian(equations, point))
-    try:
-        step = slopes.mid().inv() * arb_mat([[f] for f in equations(point)])
-    except ZeroDivisionError:
-        return None
-    return [abs(nearest_float(step[i, 0])) for i in range(len(point))]

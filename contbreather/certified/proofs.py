@@ -28,7 +28,7 @@ from contbreather.certified.balls import (
     interval,
     jacobian,
     krawczyk,
-    newton_step,
+    nearest_float,
     working,
 )
 from contbreather.certified.certificate import Certificate, Covering, Tile
@@ -75,10 +75,12 @@ def parameters(orbit: Any) -> dict[str, float]:
 
 def zero_near(equations: Equations, point: Sequence[float], within: float) -> list[Ball] | None:
     """An enclosure of the one zero in a box around a point, or None if none is found."""
-    step = newton_step(equations, [arb(x) for x in point])
-    if step is None:
+    at = [arb(x) for x in point]
+    try:  # how far Newton's method would go from here: a size, not a bound
+        step = arb_mat(jacobian(equations, at)).mid().inv() * arb_mat([[f] for f in equations(at)])
+    except ZeroDivisionError:
         return None
-    radius = min(within, 4.0 * max(step) + 1e-30)
+    radius = min(within, 4.0 * max(abs(nearest_float(x)) for x in step.entries()) + 1e-30)
     while radius <= within:
         box = krawczyk(equations, [arb(x, radius) for x in point])
         if box is not None:

@@ -76,7 +76,10 @@ def point(
     roots: tuple[Any, ...] = cb.orbits.symmetric_roots(**{**values, **on.given})
     breather = rooted(roots, root)
     others = [other for other in roots if other is not breather]
-    verdicts = _verdicts(breather, on, rule)
+    finite = on.lattice.sites is not None
+    verdicts = [breather.stability(threshold=on.threshold) if finite else breather.stability()]
+    if where.sites is not None:  # by the paper's rule besides
+        verdicts.append(breather.stability(sites=rule.lattice.sites, threshold=rule.threshold))
     content = _content(breather, on, verdicts, others, where.sites)
     proof = breather.certify() if certify else None
     if proof is not None:
@@ -91,16 +94,6 @@ def point(
         say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.describe()]))
     if proof is not None and proof.unproved:
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
-
-
-def _verdicts(breather: Any, on: ModelArguments, rule: ModelArguments) -> list[Any]:
-    """On its own lattice, and by the paper's rule if that was asked for besides."""
-    if on.lattice.sites is not None:
-        return [breather.stability(threshold=on.threshold)]
-    if rule.lattice.sites is None:
-        return [breather.stability()]
-    ring = {"sites": rule.lattice.sites, "threshold": rule.threshold}
-    return [breather.stability(), breather.stability(**ring)]
 
 
 def _content(

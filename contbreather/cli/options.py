@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 from unicodedata import normalize
@@ -101,18 +102,10 @@ class LatticeOptions:
         """The file that the lattice is in."""
         return {"--lattice": self.lattice}
 
-    def drive(self, free: Iterable[str] = ()) -> cb.lattice.Forcing:
-        """The forcing; letters that are free and have no value begin at 1."""
-        letters = unique("--set", map(_assignment, self.set))
-        if self.forcing.replace(" ", "") == HARMONIC and not letters:
-            return cb.Harmonic()
-        for name in free:
-            if name not in NAMES:
-                letters.setdefault(name, 1.0)
-        return cb.Symbolic(self.forcing, **letters)
-
     def on(self, *free: str) -> ModelArguments:
-        """What it lives on, and is judged by."""
+        """What it lives on, and is judged by; letters of the forcing that are free and have no
+        value begin at 1."""
+        from contbreather.lattice.formula import forcing_of
         from contbreather.lattice.parse import lattice_by, walls_by
         from contbreather.stability.verdict import THRESHOLD
 
@@ -121,7 +114,11 @@ class LatticeOptions:
             raise BadInput(
                 "--threshold needs --sites or --lattice: only finite lattices have a threshold"
             )
-        forcing = self.drive(free)
+        wanted = "NAME=VALUE was expected, for instance --set c3=2.7"
+        letters = assigned("--set", self.set, _a_number, wanted)
+        if letters or self.forcing.replace(" ", "") != HARMONIC:
+            letters |= {name: 1.0 for name in free if name not in (*NAMES, *letters)}
+        forcing = forcing_of(self.forcing, **letters)
         names = (*NAMES, *forcing.params)
         for name in free:
             if name not in names:
@@ -218,32 +215,29 @@ class ModelArguments(NamedTuple):
         return model_entry(given["forcing"], self.lattice, self.threshold, given["site"], walls)
 
 
-def _assignment(text: str) -> tuple[str, float]:
-    name, equals, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = None
-    if not equals or not name.strip().isidentifier() or number is None:
-        raise BadInput(f"--set {text!r}: NAME=VALUE was expected, for instance --set c3=2.7")
-    return letter(name), number
-
-
-def letter(name: str) -> str:
-    """The name of a parameter as Python reads those in a formula."""
-    return normalize("NFKC", name.strip())
-
-
-def unique(option: str, pairs: Iterable[tuple[str, T]]) -> dict[str, T]:
-    """Names with what was given of each."""
+def assigned(
+    option: str, typed: Iterable[str], read: Callable[[str, str], T | None], wanted: str
+) -> dict[str, T]:
+    """What was typed as NAME=VALUE, each name once, as Python reads those in a formula."""
     values: dict[str, T] = {}
-    for name, value in pairs:
+    for text in typed:
+        name, equals, words = text.partition("=")
+        value = read(name.strip(), words) if equals else None
+        if value is None:
+            raise BadInput(f"{option} {text!r}: {wanted}")
+        name = normalize("NFKC", name.strip())
         if name in values:
             raise BadInput(
                 f"{option}: {name} is given twice, {values[name]} and {value}; leave one of them"
             )
         values[name] = value
     return values
+
+
+def _a_number(name: str, words: str) -> float | None:
+    with suppress(ValueError):
+        return float(words) if name.isidentifier() else None
+    return None
 
 
 def _meaning(name: str) -> str:

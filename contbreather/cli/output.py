@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -17,22 +17,11 @@ from contbreather.cli.process import end
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import identity, stream_of, writable, write_csv
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
 PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
 ENDLESS = 100_000
 Table = tuple[Sequence[str], Iterable[Sequence[Any]]]  # the names of columns, and the rows
 CUT = "interrupted: cut short"
 BOTH = 1e-6  # of two margins that vanish together
-
-
-def console(aside: bool = False) -> Console:
-    """Standard output for tables, or standard error."""
-    from rich.console import Console
-
-    width = None if (sys.stderr if aside else sys.stdout).isatty() else PIPE_WIDTH
-    return Console(highlight=False, width=width, soft_wrap=False, stderr=aside)
 
 
 def printed(*paths: str | None) -> bool:
@@ -43,7 +32,10 @@ def printed(*paths: str | None) -> bool:
 def say(*lines: object, aside: bool = False) -> None:
     """Print for people; into a pipe tables go as wide as they are. Where a table for programs has
     standard output to itself it is said on standard error."""
-    shown = console(aside)
+    from rich.console import Console
+
+    width = None if (sys.stderr if aside else sys.stdout).isatty() else PIPE_WIDTH
+    shown = Console(highlight=False, width=width, soft_wrap=False, stderr=aside)
     for line in lines:
         free = not isinstance(line, str) and not shown.is_terminal
         shown.print(line, markup=False, width=ENDLESS if free else None)

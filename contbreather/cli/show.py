@@ -194,7 +194,9 @@ def _as_left(by_name: Mapping[str, Any], axes: Axes) -> _Left:
         draw = partial(cb.plotting.plot_zones, results)
         if all(map(any, results)):
             return _Left(partial(zones_entry, results), partial(curves_table, results), draw)
-    if all(_is_arm(name, result) for name, result in by_name.items()):
+    arms = all(isinstance(result, cb.Branch) and result[0].parent for result in results)
+    arms = arms and all(re.fullmatch(r"arm\d+", name) for name in by_name)
+    if arms and all(map(lives_on, results)):
         return _Left(partial(arms_entry, results), partial(branch_table, results, "arm", 1), draw)
     if len(results) > 1:
         return _Left(partial(_each, by_name, axes), stacked, draw)
@@ -217,12 +219,6 @@ def _run_entry(run: Any) -> dict[str, Any]:
     on = run.conditions
     params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
     return content(judged(summary_of(run)), params, getattr(on, "m", None))
-
-
-def _is_arm(name: str, result: Any) -> bool:
-    """Whether it left a branch of breathers."""
-    arm = re.fullmatch(r"arm\d+", name) and isinstance(result, cb.Branch) and result[0].parent
-    return bool(arm and lives_on(result))
 
 
 def _each(by_name: Mapping[str, Any], axes: Axes) -> dict[str, Any]:

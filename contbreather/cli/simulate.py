@@ -254,6 +254,7 @@ class RunSummary:
     stop: str
     stream: cb.simulation.Recording | None = None
     by_site: dict[int, int] | None = None
+    rests: int = 0
     lost: int | None = None
     verdict: dict[str, Any] = field(
         default_factory=lambda: _undecided("no verdict: interrupted before it was found")
@@ -262,13 +263,11 @@ class RunSummary:
     def chunks(self) -> Iterator[Chunk]:
         """All of it; a stream piece by piece, so that memory does not grow with its length."""
         if self.stream is None:
-            from contbreather.simulation.integrator import Chunk
+            from contbreather.simulation.integrator import EVENTS, Chunk
 
             u, v = (row[1:] for row in self.run.strobe)
-            hits: dict[str, Any] = (
-                {"impacts": self.run.impacts} if hasattr(self.run, "impacts") else {}
-            )
-            yield Chunk(0, u, v, u[:0], v[:0], **hits)
+            events = {n: getattr(self.run, n) for n in EVENTS if hasattr(self.run, n)}
+            yield Chunk(0, u, v, u[:0], v[:0], **events)
             return
         for chunk in self.stream.chunks():
             chunk.impacts["time"] += self.stream.t0
@@ -293,10 +292,12 @@ def judged(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
         if hasattr(summary.run, "impacts"):
-            counts = Counter[int]()
+            counts, rests = Counter[int](), 0
             for chunk in summary.chunks():
                 counts.update(chunk.impacts["site"].tolist())
-            summary = replace(summary, by_site=dict(sorted(counts.items())), lost=_lost_in(summary))
+                rests += int(chunk.rests["begins"].sum())
+            by_site = dict(sorted(counts.items()))
+            summary = replace(summary, by_site=by_site, rests=rests, lost=_lost_in(summary))
         verdict = _judged(summary.run)
     except KeyboardInterrupt:
         return replace(summary, interrupted=True)
@@ -466,6 +467,11 @@ def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]
     if summary.by_site is not None:
         yield "impacts", str(sum(summary.by_site.values()))
         yield f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))
+        if summary.rests:  # the last rebounds of a chatter are summed: no impacts of the table
+            yield (
+                "came to rest on a wall",
+                "once" if summary.rests == 1 else f"{summary.rests} times",
+            )
         if options.start is None:
             lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
             yield "breather kept for", lost

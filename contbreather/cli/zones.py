@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import contbreather as cb
-from contbreather.cli.options import Workers, ZoneOptions, letter, unique
+from contbreather.cli.options import Workers, ZoneOptions, assigned
 from contbreather.cli.output import Output, SavedOutput, Table, lives_on, table_of
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput
@@ -180,7 +180,8 @@ def atlas(
     into.check(plane.read, save=save)
     typed = {"k": k, "gamma": gamma, "a": a}
     fixed = {n: values_by(f"--{n}", ",".join(texts)) for n, texts in typed.items() if texts}
-    further = unique("--over", map(_assigned, over))
+    wanted = "NAME=VALUE,VALUE,... was expected, c3=0,0.1 for instance"
+    further = assigned("--over", over, lambda n, words: values_by(f"--over {n}", words), wanted)
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     plane = replace(plane, set=(*plane.set, *begin))
     on = plane.on()
@@ -200,15 +201,6 @@ def atlas(
     )
 
 
-def _assigned(text: str) -> tuple[str, list[float]]:
-    from contbreather.checks import values_by
-
-    name, equals, values = text.partition("=")
-    if not equals:
-        raise BadInput(f"--over {text!r}: NAME=VALUE,VALUE,... was expected, c3=0,0.1 for instance")
-    return letter(name), values_by(f"--over {name}", values)
-
-
 def _columns(dataset: Dataset) -> dict[str, Any]:
     """Those along points, words in place of their numbers."""
     from contbreather.orbits.atlas import words
@@ -220,9 +212,8 @@ def _columns(dataset: Dataset) -> dict[str, Any]:
 
 
 def _failed(dataset: Dataset) -> list[dict[str, Any]]:
-    columns = {str(n): c.to_numpy() for n, c in dataset.items() if c.dims == ("failed",)}
-    names, rows = table_of(columns)
-    return [dict(zip(names, row, strict=True)) for row in rows]
+    rows: list[dict[str, Any]] = dataset.drop_dims("point").to_dataframe().to_dict("records")
+    return rows
 
 
 def _atlas_lines(dataset: Dataset) -> Iterator[object]:

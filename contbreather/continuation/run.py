@@ -218,11 +218,12 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
     (True, True)
     """
     every = {**{f"branch{i}": result for i, result in enumerate(results, start=1)}, **named}
-    for result in results:
-        if isinstance(result, list | tuple):
+    for result in every.values():
+        if isinstance(result, list | tuple | dict):
+            kind, stars = ("dict", "**") if isinstance(result, dict) else ("list", "*")
             raise BadInput(
-                f"save takes results one by one, got a {type(result).__name__}; those of a list "
-                "are save(path, *results)"
+                f"save takes results one by one, got a {type(result).__name__}; those of a {kind} "
+                f"are save(path, {stars}results)"
             )
     if not every or len(every) < len(results) + len(named):
         raise BadInput(f"results with different names are expected, got {list(every) or 'none'}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from html import escape
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -73,10 +73,7 @@ def a_lattice(text: str) -> str:
     sizes = [int(word) for word in re.findall(r"\d+", typed)]
     if math.prod(sizes) > MOST and not typed.lower().endswith((".csv", ".graphml")):
         raise BadInput(f"lattice {typed}: at most {MOST} sites are shown here.")
-    try:
-        lattice_by(typed)
-    except BadInput as error:
-        raise BadInput(str(error).removeprefix("--")) from error
+    lattice_by(typed, option="lattice")
     return typed
 
 
@@ -108,17 +105,6 @@ class Field:
         )
         self.trouble = ErrorLabel()
         self.view = pn.Column(self.input, self.trouble.view, sizing_mode="stretch_width", margin=0)
-
-    def get(self) -> Any:
-        """What was typed, read.
-
-        Raises
-        ------
-        BadInput
-            If it cannot be read; the field says so.
-        """
-        with said(self.trouble):
-            return self.read(self.input.value or "")
 
 
 class Words:
@@ -184,10 +170,8 @@ def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
     """All fields by name; None if any was refused, each of which says so."""
     values: dict[str, Any] = {}
     for name, field in fields.items():
-        try:
-            values[name] = field.get()
-        except BadInput:
-            continue
+        with suppress(BadInput), said(field.trouble):
+            values[name] = field.read(field.input.value or "")
     return values if len(values) == len(fields) else None
 
 

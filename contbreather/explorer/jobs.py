@@ -26,7 +26,6 @@ from contbreather.errors import BadInput, ContbreatherError, Interrupted
 from contbreather.explorer.state import Chosen
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_code, lattice_by, walls_by
-from contbreather.orbits.closed_form import symmetric
 from contbreather.progress import INTERVAL, Counter
 from contbreather.simulation.classify import judge
 from contbreather.simulation.integrator import RunStop, Sample
@@ -177,21 +176,9 @@ class OnLattice:
         return cls(lattice_by(text or None), as_code(text) if text else "")
 
 
-def breather(on: OnLattice, **values: Any) -> Chosen:
-    """A breather by its parameters, typed in or clicked at: what `symmetric` takes, walls as at the
-    command line; None, and text that is empty, for what was not given.
-
-    Raises
-    ------
-    BadInput
-        If there is none, or a value is out of range.
-    """
-    params, words = arguments(on, **values)
-    return Chosen(f"cb.symmetric({words})", symmetric(**params), typed=tuple(values.items()))
-
-
 def arguments(on: OnLattice, **values: Any) -> tuple[dict[str, Any], str]:
-    """What was typed, as the library takes it and as the script has it."""
+    """What was typed, as the library takes it and as the script has it: walls as at the command
+    line; None, and text that is empty, for what was not given."""
     params = {name: value for name, value in values.items() if value not in (None, "")}
     codes = {name: repr(value) for name, value in params.items() if (name, value) != ("site", 0)}
     if on.code:

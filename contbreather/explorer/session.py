@@ -21,7 +21,6 @@ from contbreather.explorer.jobs import (
     OnLattice,
     Progress,
     arguments,
-    breather,
 )
 from contbreather.explorer.state import (
     LADDER,
@@ -35,6 +34,7 @@ from contbreather.explorer.state import (
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.parse import as_typed
+from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
 from contbreather.parameters import NEEDED, OPTIONAL, parameter
@@ -256,10 +256,13 @@ class Session:
         return code
 
     def _breather(self, *, lattice: str = "", **values: Any) -> Chosen:
+        """A breather by its parameters, typed in or clicked at."""
         on = self.lattices.get(lattice) or OnLattice.typed(lattice)
-        chosen = breather(on, **values)
+        params, words = arguments(on, **values)
+        orbit = symmetric(**params)
         self.lattices[lattice] = on
-        return replace(chosen, typed=(*chosen.typed, ("lattice", lattice)))
+        typed = (*values.items(), ("lattice", lattice))
+        return Chosen(f"cb.symmetric({words})", orbit, typed=typed)
 
     def lattice_of(self, chosen: Chosen) -> str:
         """What to type for its lattice: of one that a curve brought, its description."""
@@ -456,22 +459,20 @@ class Session:
         BadInput
             If there is no such thing yet.
         """
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / f"{what}{suffix}"
-            return save_figure(self._drawn(what), path).read_bytes()
-
-    def _drawn(self, what: str) -> Any:
         state = self.state
         if what == "zones" and state.plane is not None:
             if state.awaited:
                 raise BadInput(f"the zones at {state.awaited} are being computed; wait a moment.")
-            return plot_zones(state.plane)
-        if what == "branches" and state.shown:
+            drawn = plot_zones(state.plane)
+        elif what == "branches" and state.shown:
             x, y = state.columns
-            return plot(*state.shown.values(), x=x, y=y)
-        if what == "motion" and state.run is not None:
-            return plot_motion(state.run[1])
-        raise BadInput(f"there is nothing to draw as {what} yet.")
+            drawn = plot(*state.shown.values(), x=x, y=y)
+        elif what == "motion" and state.run is not None:
+            drawn = plot_motion(state.run[1])
+        else:
+            raise BadInput(f"there is nothing to draw as {what} yet.")
+        with TemporaryDirectory() as folder:
+            return save_figure(drawn, Path(folder) / f"{what}{suffix}").read_bytes()
 
 
 PLAIN: Mapping[int, str | None] = str.maketrans({"[": "_", "]": None, "'": None, "/": "_"})

@@ -93,8 +93,6 @@ def _sheet(theme: Theme, x: str, y: str, height: int | None, **more: Any) -> Any
 
 
 def _legend(fig: Any, theme: Theme) -> None:
-    if not fig.legend:
-        return
     legend = fig.legend[0]
     legend.location = "top_right"
     legend.label_text_color = theme.text

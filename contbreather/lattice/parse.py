@@ -18,8 +18,9 @@ KNOWN = (
 )
 
 
-def lattice_by(typed: str | None, sites: int | None = None) -> Any:
-    """The lattice of `--lattice`, or of `--sites`, which is short for a ring."""
+def lattice_by(typed: str | None, sites: int | None = None, option: str = "--lattice") -> Any:
+    """The lattice of `--lattice`, or of `--sites`, which is short for a ring; `option` is what
+    sentences call it, where it is typed elsewhere."""
     if typed is None:
         return InfiniteChain() if sites is None else Ring(sites)
     if sites is not None:
@@ -29,7 +30,7 @@ def lattice_by(typed: str | None, sites: int | None = None) -> Any:
     if typed.lower().endswith(".graphml"):
         return _of_graph(typed)
     if (call := _call(typed)) is None:
-        raise BadInput(f"--lattice {typed}: expected {KNOWN}")
+        raise BadInput(f"{option} {typed}: expected {KNOWN}")
     make, sizes, options = call
     return make(*sizes, **options)
 

@@ -14,15 +14,8 @@ from contbreather.paper.figures234 import (
 )
 from contbreather.paper.time_series import TimeSeries, figure5, figure6, figure7, figure8
 
-FIGURES: dict[int, Callable[[], Figure2 | MultiplierFigure | TimeSeries]] = {
-    2: figure2,
-    3: figure3,
-    4: figure4,
-    5: figure5,
-    6: figure6,
-    7: figure7,
-    8: figure8,
-}
+_ALL = (figure2, figure3, figure4, figure5, figure6, figure7, figure8)
+FIGURES: dict[int, Callable[[], Figure2 | MultiplierFigure | TimeSeries]] = dict(enumerate(_ALL, 2))
 
 __all__ = [
     "FIGURES",

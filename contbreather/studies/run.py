@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from contbreather.errors import BadInput, ContbreatherError, partial_result
 from contbreather.orbits.atlas import save_atlas, slices_of, surfaces
@@ -18,7 +19,7 @@ from contbreather.plotting.pictures import plot
 from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
 from contbreather.studies.schema import Figure, Study, part
-from contbreather.studies.tasks import Task, Worker, dry_run
+from contbreather.studies.tasks import Task, dry_run, finish
 from contbreather.workers import Failed, each
 
 Tell = Callable[[str], object]
@@ -142,8 +143,8 @@ def run(
         for level in sorted({task.level for task in todo}):
             work = [task for task in todo if task.level == level and _begun(task, report, ended)]
             computed = each(
-                Worker(report.folder), work, executor=executor, progress=progress, unit="parts",
-                together=1, ended=ended,
+                partial(finish, folder=report.folder), work, executor=executor,
+                progress=progress, unit="parts", together=1, ended=ended,
             )  # fmt: skip
             for task, result in zip(work, computed, strict=False):
                 report.enter(task.name, *_outcome(result))
@@ -230,30 +231,29 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
             report.failed[f"figure {name}"] = str(error)
 
 
-class _Shown:
+class _Shown(NamedTuple):
     """The results of a study, read for drawing."""
 
-    def __init__(self, study: Study, tasks: Sequence[Task], report: Report) -> None:
-        self.study, self.report = study, report
-        self.families: dict[str, list[Task]] = {}
-        for task in tasks:
-            self.families.setdefault(task.family, []).append(task)
+    study: Study
+    tasks: Sequence[Task]
+    report: Report
 
-    def tasks(self, name: str) -> list[Task]:
+    def named(self, name: str) -> list[Task]:
         """Those that a figure names."""
         source = part(name)
-        return [task for task in self.families[source.family] if source.has(task.values)]
+        family = [task for task in self.tasks if task.family == source.family]
+        return [task for task in family if source.has(task.values)]
 
     def there(self, name: str) -> bool:
-        return any(task.name not in self.report.missing for task in self.tasks(name))
+        return any(task.name not in self.report.missing for task in self.named(name))
 
     def absent(self, name: str) -> bool:
-        return all(task.name in self.report.absent for task in self.tasks(name))
+        return all(task.name in self.report.absent for task in self.named(name))
 
     def results(self, name: str) -> list[Any]:
         """All that is named, as far as it is there; arms one by one."""
         arm, results = part(name).arm, list[Any]()
-        for task in self.tasks(name):
+        for task in self.named(name):
             if task.name in self.report.missing:
                 continue
             result = load(task.file(self.report.folder))
@@ -268,7 +268,7 @@ class _Shown:
             Failed(task.name, BadInput(self.report.failed[task.name]))
             if task.name in self.report.failed
             else load(task.file(self.report.folder))
-            for task in self.families[name]
+            for task in self.named(name)
         ]
         return surfaces(slices, diagrams)
 

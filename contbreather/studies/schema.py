@@ -146,10 +146,7 @@ class Chain(Table):
 
     @property
     def place(self) -> Any:
-        try:
-            return lattice_by(self.lattice, None)
-        except ValueError as error:
-            raise ValueError(str(error).removeprefix("--")) from error
+        return lattice_by(self.lattice, option="lattice")
 
     @property
     def drive(self) -> Forcing:

@@ -153,38 +153,37 @@ class NoStart(BadInput):
     """What a part starts from is not there."""
 
 
-@dataclass(frozen=True)
-class Worker:
-    """Computes tasks, and keeps them in a folder that all workers see."""
+def finish(task: Task, folder: Path) -> str:
+    """Compute a task and keep it in a folder that all workers see.
 
-    folder: Path
+    Returns
+    -------
+    str
+        Nothing, once the result is on disk; of an optional part why there is none.
 
-    def __call__(self, task: Task) -> str:
-        """Nothing, once the result is on disk; of an optional part why there is none.
-
-        Raises
-        ------
-        ContbreatherError
-            Where there is none; the folder knows why, so that it is not tried again.
-        """
-        try:
-            result = computed(task, self.folder)
-        except NoStart as error:
-            task.mark(self.folder, absent=str(error))
-            if task.optional:
-                return str(error)
-            raise
-        except ContbreatherError as error:
-            task.mark(self.folder, str(error))
-            raise
-        path = task.file(self.folder)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if isinstance(result, tuple):
-            save(path, **{f"arm{i}": arm for i, arm in enumerate(result, start=1)})
-        else:
-            save(path, **{task.kind: result})
-        task.mark(self.folder)
-        return ""
+    Raises
+    ------
+    ContbreatherError
+        Where there is none; the folder knows why, so that it is not tried again.
+    """
+    try:
+        result = computed(task, folder)
+    except NoStart as error:
+        task.mark(folder, absent=str(error))
+        if task.optional:
+            return str(error)
+        raise
+    except ContbreatherError as error:
+        task.mark(folder, str(error))
+        raise
+    path = task.file(folder)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(result, tuple):
+        save(path, **{f"arm{i}": arm for i, arm in enumerate(result, start=1)})
+    else:
+        save(path, **{task.kind: result})
+    task.mark(folder)
+    return ""
 
 
 # --- what is computed -------------------------------------------------------------------------

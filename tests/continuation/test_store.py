@@ -437,6 +437,8 @@ engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
         (lambda path, one: save(path, [one, one]), r"got a list; those of a list are save\(path, "),
         (lambda path, one: save(path), "results with different names are expected, got none"),
         (lambda path, one: save(path, one, branch1=one), "results with different names"),
+        (lambda path, one: save(path, {"x": one}), r"those of a dict are save\(path, \*\*results"),
+        (lambda path, one: save(path, arms={"x": one}), r"got a dict; those of a dict are save"),
         (lambda path, one: save(path, 3), r"^an int cannot be kept in a file; branches.* can$"),
         *(
             (lambda path, one, given=given: load(given), r"name of|cannot read")
