@@ -104,8 +104,8 @@ class Tab:
         self.page.on("console", self._heard)
         self.page.goto(address)
         self.page.wait_for_url("**/?theme=dark")
-        self.comes(f"({TITLE})().startsWith('infinite chain, k = ')")
-        self.comes("globalThis.Bokeh?.documents?.[0]?.is_idle")
+        self.page.wait_for_function(f"({TITLE})().startsWith('infinite chain, k = ')")
+        self.page.wait_for_function("globalThis.Bokeh?.documents?.[0]?.is_idle")
 
     def _heard(self, message: Any) -> None:
         if message.type == "error":
@@ -115,10 +115,6 @@ class Tab:
         """Red, green and blue of something, as it is drawn."""
         drawn = of.evaluate(f"one => getComputedStyle(one).{what}")
         return tuple(map(int, re.findall(r"\d+", drawn)[:3]))
-
-    def comes(self, true: str, arg: Any = None) -> None:
-        """Wait until something is true. To ask at every frame would keep the page from drawing."""
-        self.page.wait_for_function(true, arg=arg, polling=50)
 
     def press(self, name: str) -> None:
         """Press a button as soon as it can be."""
@@ -254,11 +250,11 @@ def test_of_two_tabs_that_move_a_slider_at_once_both_show_the_last(
     while not any("0.61" in str(message) for _, message in late):
         page.wait_for_timeout(10)
     page.evaluate(SLIDE, 0.66)
-    tab.comes("been.at(-1) == 0.66")
+    tab.page.wait_for_function("been.at(-1) == 0.66")
     for line, message in late:
         line.send(message)
     late = None
-    other.comes("been.includes(0.61) && been.at(-1) == 0.66")
+    page.wait_for_function("been.includes(0.61) && been.at(-1) == 0.66")
     assert tab.page.evaluate("been") == [0.61, 0.66]
     page.close()
     assert other.complaints == []
@@ -285,7 +281,7 @@ def test_all_is_done_without_a_mouse(tab: Tab) -> None:
     tab.page.get_by_role("slider").first.focus()
     before = tab.page.evaluate(TITLE)
     keys.press("ArrowLeft")
-    tab.comes(f"before => ({TITLE})() != before", arg=before)
+    tab.page.wait_for_function(f"before => ({TITLE})() != before", arg=before)
     tab.field("amplitude a").focus()
     names = []
     for _ in range(60):
@@ -303,8 +299,8 @@ FITS = "(one => one.scrollWidth <= one.clientWidth)" + MAIN
 def test_it_fits_its_window_wide_and_narrow(tab: Tab) -> None:
     assert tab.page.evaluate(FITS)
     tab.page.set_viewport_size({"width": 700, "height": 1000})
-    tab.comes(f"(one => one.scrollHeight > 2000){MAIN}")  # below each other
-    tab.comes(FITS)  # figures take their new width one after the other
+    tab.page.wait_for_function(f"(one => one.scrollHeight > 2000){MAIN}")  # below each other
+    tab.page.wait_for_function(FITS)  # figures take their new width one after the other
     tab.page.set_viewport_size(WIDE)
 
 
