@@ -62,7 +62,6 @@ def test_a_story_leaves_its_curves_under_the_names_of_the_script(told: Explorer)
     assert told.state.run[0] == "run5"
 
 
-@pytest.mark.slow
 def test_the_script_makes_what_is_seen_to_the_last_digit_and_leaves_its_figures(
     told: Explorer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
