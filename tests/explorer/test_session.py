@@ -62,11 +62,12 @@ def test_a_story_leaves_its_curves_under_the_names_of_the_script(told: Explorer)
     assert told.state.run[0] == "run5"
 
 
-def test_the_script_makes_what_is_seen_to_the_last_digit(told: Explorer) -> None:
-    lines = told.script().splitlines()
-    kept = [one for one in lines if not one.startswith(("cb.save_figure", "zones ="))]
+def test_the_script_makes_what_is_seen_to_the_last_digit_and_leaves_its_figures(
+    told: Explorer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     made: dict[str, Any] = {}
-    exec("\n".join(kept), made)
+    exec(told.script(), made)
     for code, branch in told.state.curves.items():
         again = eval(code, made)
         for name in ("a", "gamma", "p", "t1", "arclength"):
@@ -76,14 +77,6 @@ def test_the_script_makes_what_is_seen_to_the_last_digit(told: Explorer) -> None
     assert told.state.run is not None
     np.testing.assert_array_equal(made["run5"].record.u, told.state.run[1].record.u)
     assert made["here"].p == told.chosen.orbit.p
-
-
-@pytest.mark.slow
-def test_the_whole_script_runs_and_leaves_its_figures(
-    told: Explorer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    exec(told.script(), {})
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"zones.pdf", "branches.pdf", "motion.pdf"}
 
@@ -209,8 +202,10 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     assert not explorer._quick.busy
 
 
-def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one() -> None:
-    left, right = cb.zones(k=[0.75, 0.8])
+def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one(
+    diagram: Any,
+) -> None:
+    left, right = cb.zones(k=0.75), diagram
     explorer = Explorer(k=0.8)
     explorer._planes |= {("k", 0.75, "", ""): left, ("k", 0.8, "", ""): right}
     explorer.look_at(0.77)
@@ -297,10 +292,15 @@ def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
     until(lambda: len(asked) == 1 + len(LADDER))
 
 
+@pytest.fixture(scope="module")
+def elsewhere() -> Any:
+    return cb.zones(k=0.6)
+
+
 def test_what_arrives_does_not_cover_what_is_asked_for_in_that_moment(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, elsewhere: Any, diagram: Any
 ) -> None:
-    left, right = cb.zones(k=[0.6, 0.8])
+    left, right = elsewhere, diagram
     monkeypatch.setattr(session, "zones", lambda **_: left)
     explorer = Explorer(k=0.8)
     explorer._planes["k", 0.8, "", ""] = right
@@ -321,10 +321,10 @@ def test_what_arrives_does_not_cover_what_is_asked_for_in_that_moment(
 
 
 def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, elsewhere: Any, diagram: Any
 ) -> None:
     """As arrow keys held on the slider have it: away, and back before the first has come."""
-    left, right = cb.zones(k=[0.6, 0.8])
+    left, right = elsewhere, diagram
     may_come = threading.Event()
 
     def slowly(k: float, **_: Any) -> Any:
@@ -409,11 +409,14 @@ def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(
 
 
 def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, diagram: Any
 ) -> None:
-    window = {"gamma": (0.03, 0.0301), "a": (0.755, 0.765)}
     model = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02}
-    piece = replace(cb.zones(k=0.8, **model, within=window), interrupted=True)
+    branch = cb.trace(cb.symmetric(0.74, 0.03, 0.8, **model), "a", towards="up")
+    line = cb.boundary(branch.first("PF"), ("gamma", "a"), steps=cb.Steps(most=2))
+    piece = replace(
+        diagram, curves=dict.fromkeys(diagram.curves, ()) | {"PF": (line,)}, interrupted=True
+    )
 
     def stopped(**_: Any) -> Any:
         raise Interrupted("stopped", partial=piece)

@@ -97,6 +97,7 @@ def test_with_coupling_the_neighbour_ends_the_arm_before_that():
         assert np.abs(end.displacement(n, t)).max() < 1 + 1e-9
 
 
+@cache
 def shot_arm(gamma, k, sites=20):
     """An arm of the infinite chain, shot on a ring."""
     start = shooting(arms(gamma, k)[0][3], sites=sites)
@@ -164,9 +165,13 @@ def test_points_of_arms_and_shooting_branches_answer_as_their_orbits(tmp_path):
         assert np.array_equal(again[3].state(t=0.1)[0], branch[3].state(t=0.1)[0])
 
 
+@cache
+def arm_back():
+    return trace(asymmetric(0.8, 0.04, 0.8), "a", towards="down", within={"a": (0.7, 0.81)})
+
+
 def test_following_an_arm_back_finds_the_pitchfork_and_goes_through():
-    start = asymmetric(0.8, 0.04, 0.8)
-    there_and_beyond = trace(start, "a", towards="down", within={"a": (0.7, 0.81)})
+    there_and_beyond = arm_back()
     points = [point for point in there_and_beyond.special if point.kind == "PF"]
     assert len(points) == 1
     assert points[0].located
@@ -274,8 +279,7 @@ def test_asymmetric_breathers_are_found_or_the_sentence_says_where_they_are():
 
 
 def test_pitchfork_line_of_the_arms_is_that_of_symmetric_breathers():
-    back = trace(asymmetric(0.8, 0.04, 0.8), "a", towards="down", within={"a": (0.7, 0.81)})
-    line = boundary(back.first("PF"), ("gamma", "a"), within={"gamma": (0, 0.2)})
+    line = boundary(arm_back().first("PF"), ("gamma", "a"), within={"gamma": (0, 0.2)})
     sigma = [InfiniteChain().sigma(gamma) for gamma in line["gamma"]]
     chi = [InfiniteChain().chi(gamma) for gamma in line["gamma"]]
     p = 1 / (np.array(chi) - 2 * np.array(sigma))

@@ -206,7 +206,7 @@ def test_the_infinite_chain_is_traced_in_its_spring_and_refuses_damping() -> Non
 @pytest.mark.parametrize(("threshold", "also"), [(1.0, "NS-LP"), (1.005, None)])
 def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(threshold, also) -> None:
     lossy = cb.symmetric(0.3, 0.215, 0.75, lattice=cb.Ring(12), damping=0.02)
-    ns, on = [cb.fold(), cb.neimark_sacker(threshold=threshold)], {"gamma": (0.21, 0.23)}
+    ns, on = [cb.fold(), cb.neimark_sacker(threshold=threshold)], {"gamma": (0.214, 0.23)}
     branch = cb.trace(lossy, "a", within={"a": (0.09, 0.5)}, events=ns, inadmissible=True)
     line = cb.boundary(branch.first("NS"), ("gamma", "a"), within=on, inadmissible=True)
     assert [point.label for point in line.special] == ["EP1", "R1.1"]
@@ -218,7 +218,7 @@ def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(thresh
     assert pair[2] > 0.1
     if also:  # there the curve of folds passes
         folds = cb.boundary(double, ("gamma", "a"), within=on, inadmissible=True, events=())
-        assert folds["gamma"].min() == 0.21
+        assert folds["gamma"].min() == 0.214
         assert abs(folds[0].solution.multipliers(half=True) + 1.0).min() < 1e-6
 
 

@@ -49,18 +49,23 @@ def both(second: Figure2) -> Figure2:
     return Figure2((*second.zones, below), lines)
 
 
+@pytest.fixture(scope="module")
+def panels(both: Figure2) -> list[Axes]:
+    return both.draw().axes
+
+
 @pytest.mark.slow
-def test_panels_of_figure_2_are_below_each_other_each_as_high_as_a_diagram(both) -> None:
-    figure = both.draw()
+def test_panels_of_figure_2_are_below_each_other_each_as_high_as_a_diagram(panels) -> None:
+    figure = panels[0].figure
     assert (2.54 * figure.get_size_inches()).tolist() == pytest.approx([8.5, 13.2])
-    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    titles = [ax.get_title(loc="left") for ax in panels]
     assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.4"]
-    first, below = (ax.get_position() for ax in figure.axes)
+    first, below = (ax.get_position() for ax in panels)
     assert first.y0 > below.y1
 
 
-def test_arrows_of_figure_2_lead_from_one_panel_of_figures_3_and_4_to_the_other(both) -> None:
-    upper, lower = both.draw().axes
+def test_arrows_of_figure_2_lead_from_one_panel_of_figures_3_and_4_to_the_other(panels) -> None:
+    upper, lower = panels
     for name, start, end, a in TRANSITIONS:
         (line,) = [one for one in upper.get_lines() if one.get_xdata().tolist() == [start, end]]
         assert line.get_ydata().tolist() == [a, a]
@@ -76,8 +81,8 @@ def test_arrows_of_figure_2_lead_from_one_panel_of_figures_3_and_4_to_the_other(
     assert not {"Fig. 3", "Fig. 4"} & {text.get_text() for text in lower.texts}
 
 
-def test_the_rule_of_each_k_is_drawn_in_its_own_panel(both) -> None:
-    for ax, line in zip(both.draw().axes, both.lines[::2], strict=True):
+def test_the_rule_of_each_k_is_drawn_in_its_own_panel(both, panels) -> None:
+    for ax, line in zip(panels, both.lines[::2], strict=True):
         rule = next(one for one in ax.get_lines() if "rule" in one.get_label())
         np.testing.assert_array_equal(rule.get_data(), (line.gamma, line.a))
 
