@@ -20,6 +20,7 @@ from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words
 from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.parameters import NUMBERS
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
@@ -194,7 +195,7 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
     limits: list[float] = []
     for name, (low, high) in zip(zones.pair, box, strict=True):
         start = 0.0 if low < 0.2 * high else low - 0.04 * (high - low)
-        top = {"gamma": 0.25, "k": 1.0}.get(name, float("inf"))
+        top = NUMBERS[name].high if name in NUMBERS else float("inf")
         limits += [start, min(high + 0.04 * (high - low), top)]
     low, high = box[1]
     if any(point[zones.pair[1]] > high - CROWDED * (high - low) for point in zones.special):
