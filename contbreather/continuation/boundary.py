@@ -278,6 +278,7 @@ def meeting(kind: str, event: Event) -> CodimensionTwo:
         locus=partial(_locus_beneath, event) if event.locus else None,
         examine=partial(_examine_beneath, kind, event) if event.examine else None,
         ends=event.ends,
+        may_jump=event.may_jump,
         base=event,
     )
 

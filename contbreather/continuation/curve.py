@@ -51,9 +51,11 @@ def _check_shape(what: str, value: Any, shape: tuple[int, ...]) -> None:
             "expected: return its toarray()"
         )
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         actual = value.shape if sparse else np.asarray(value, dtype=float).shape
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadInput(f"the {what} is {value!r}; an array of numbers was expected") from error
+        raise BadInput(f"the {what} is {value!r}; an array of real numbers was expected") from error
     if actual != shape:
         kind = "is sparse and has" if sparse else "has"
         raise BadInput(f"the {what} {kind} shape {actual}; {shape} was expected")

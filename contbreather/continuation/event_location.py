@@ -351,8 +351,7 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
         if 2 * middle < size[end]:
             u = 0.5 + (0.5 - end) * middle / (size[end] - middle)
             if min(abs(u - v) for v in size) > _ONE:
-                value = value_of_test(samples.event, samples.segment.provisional(u))
-                size[u] = abs(samples.deflated(u, value))
+                size[u] = _seen_at(samples, u)
     places = sorted(size)
     at = min(range(len(places)), key=lambda i: size[places[i]])
     if not 0 < at < len(places) - 1 or size[places[at]] > _LOW * highest or samples.changes():
@@ -361,10 +360,16 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
     u = 0.5 * (left + right)
     if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
-        point = samples.segment.provisional(u)
-        if abs(samples.deflated(u, value_of_test(samples.event, point))) < _TOUCH * highest:
+        # where the test jumps it is small on one side alone
+        beside, least, beyond = (_seen_at(samples, v) for v in (left, u, right))
+        if least < _TOUCH * highest and max(beside, beyond) < _LOW * highest:
             reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
-            yield _double(samples, left, right, point, reason)
+            yield _double(samples, left, right, samples.segment.provisional(u), reason)
+
+
+def _seen_at(samples: StepSamples, u: float) -> float:
+    """The size of the test on the cubic, not kept."""
+    return abs(samples.deflated(u, value_of_test(samples.event, samples.segment.provisional(u))))
 
 
 def _downhill(

@@ -136,6 +136,14 @@ def test_events_of_the_problem_are_met_on_a_boundary_and_carry_both_names() -> N
     assert met.event.base is events[2]
 
 
+@pytest.mark.parametrize("may_jump", [False, True])
+def test_a_jump_that_means_nothing_on_branches_means_nothing_on_boundaries(may_jump: bool) -> None:
+    jumps = Event("PO", lambda q: math.copysign(1.0, q["mu"] - 0.5), may_jump=may_jump)
+    first = trace(CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
+    line = boundary(first, ("mu", "h"), within={"mu": (0.1, 2.0)}, events=[jumps])
+    assert [point.kind for point in line.doubtful] == ([] if may_jump else ["LP-PO"])
+
+
 def test_a_meeting_located_by_both_loci_is_sharp() -> None:
     """A fold, where x^2 = mu/3, meets an event with a locus of its own, x = mu^2."""
 

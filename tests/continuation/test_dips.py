@@ -127,6 +127,14 @@ def test_a_test_that_only_comes_close_to_zero_is_no_event(lift: float) -> None:
     assert reasons == (["the test of VV touches zero: none, or two at once"] if not lift else [])
 
 
+def test_a_test_that_jumps_away_from_zero_is_not_said_to_touch_it() -> None:
+    line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0})
+    event = Event("VV", lambda point: max(point["m"] - 0.3, 0.0) or 0.4)
+    branch = trace(line, "m", within=UNIT, events=[event])
+    assert events_of(branch) == []
+    assert branch.doubtful == ()
+
+
 def test_a_test_that_approaches_zero_at_the_rim_is_not_said_to_touch_it_before() -> None:
     line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0}, domain={"m": (0.0, 1.0)})
     event = Event("VV", lambda point: point["m"] or 1.0)  # of no meaning at the rim itself

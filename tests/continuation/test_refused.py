@@ -196,7 +196,7 @@ GIVEN: list[Row] = [
     *(
         (solved, (lambda u, p: u,), {"jacobian": lambda u, p, given=given: given},
          r"the Jacobian (is|has)")
-        for given in (None, "matrix", [[1.0, 2.0], [3.0]], np.ones(3))
+        for given in (None, "matrix", [[1.0, 2.0], [3.0]], np.ones(3), 1j * np.eye(2))
     ),
     (solved, (lambda u, p: u,), {"jacobian": lambda u, p: np.eye(3)},
      r"Jacobian has shape \(3, 3\); \(2, 2\) was expected"),
