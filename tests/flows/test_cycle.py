@@ -238,6 +238,19 @@ def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     assert not cycles.doubtful
 
 
+def test_a_canard_explosion_without_folds_has_none() -> None:
+    """Its cycles are stable throughout; its parameter is constant but for rounding on the way."""
+
+    def f(t, x, p):
+        return [(x[1] - x[0] ** 3 / 3 + x[0]) / 0.02, p["a"] - x[0]]
+
+    rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2})
+    hopf = cb.trace(rest, "a", within={"a": (0.9, 1.3)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"a": (0.99, 1.1)})
+    assert cycles[-1]["period"] > 2 and max(cycles["unstable"]) == 0
+    assert [point.kind for point in cycles.special] == ["EP", "EP"]
+
+
 def test_a_step_takes_one_derivative_and_few_flights() -> None:
     """That of the point before serves for the corrections: each takes two calls with complex
     numbers, for states and times, and for the parameter."""
