@@ -20,7 +20,8 @@ from .multipliers import paces, relative_paces
 from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
-_ON_IT = 1e-9  # a flow that begins this close to its condition, relative to it, begins on it
+_ON_IT, _AS_MUCH = 1e-9, 10.0  # a flow that begins this close to its condition begins on it; or
+# that is off by no more than so many times what the one before it is where it ends
 _FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 _SLOW = 1e-2  # of how fast a condition may change: it is all but touched
@@ -114,9 +115,7 @@ def lowest(orbit: Cycle) -> Touch | None:
                 continue
             v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
             ends = name == "until"
-            # a reset may put it on its condition, and where sliding begins it is zero at SL, too
-            apart = abs(v[0]) > _ON_IT * abs(v).max() and not slid_along(flow)
-            begins = apart if ends else walled
+            begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
             places = [s[v.argmax()]]  # where no place is low this one is far from it
             for j in _lows(v, s, begins, ends):
                 beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
@@ -127,6 +126,19 @@ def lowest(orbit: Cycle) -> Touch | None:
                 Touch(c, i, u, wall) for c, u in zip(off.tolist(), at.tolist(), strict=True)
             ]
     return min(touches, key=lambda touch: touch.clearance, default=None)
+
+
+def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
+    """Whether a flow begins off its own condition, not on it as after an impact: so off is what is
+    no error of where the flow before it ends. Where sliding begins SL is looked for."""
+    flows, before, p = orbit.equations.flows, orbit.flights[i - 1], orbit.params
+    if slid_along(flows[i]):
+        return False
+    reset, ended, state = flows[i - 1].reset, flows[i - 1].until, before.end[:, None]
+    after = state if reset is None else values(reset, before.last, state, p)
+    off = abs(values(until, before.last, after, p)[0, 0])
+    error = abs(values(ended, before.last, state, p)[0, 0]) if ended else 0.0
+    return bool(off > _ON_IT * size + _AS_MUCH * error)
 
 
 def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:

@@ -119,7 +119,8 @@ def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool)
         flows = [cb.Flow(field(1), flows[0].until, reset=lambda t, x, p: [-x[0], -x[1], -x[2]])]
     orbit = cb.cycle(flows, {"x": 1.0, "y": 0.0, "z": 0.0}, {"h": 0.1}, settle=50)
     branch = cb.trace(orbit, "h", within={"h": (-0.05, 0.2)}, towards="down")
-    assert [at.kind for at in branch.special] == ["EP", "GR"] and not branch.doubtful
+    assert [at.kind for at in branch.special] == ["EP", "GR"]
+    assert not branch.doubtful
     assert branch[-1]["h"] == pytest.approx(0.0, abs=1e-10)
 
 
