@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from .errors import BadInput as BadInput
     from .errors import NoSolution as NoSolution
     from .errors import NotConverged as NotConverged
+    from .flows import Collocation as Collocation
     from .flows import Filippov as Filippov
     from .flows import Flow as Flow
     from .flows import cycle as cycle

@@ -363,11 +363,12 @@ def status() -> str:
     except ImportError as error:
         return f"nothing is compiled: {error}; pip install numba"
     files = at_hand().files
-    have = [files[name] for name in names if name in files]
+    found = {name: machine_code.unusable(files[name]) for name in names if name in files}
+    have = [files[name] for name, reason in found.items() if not reason]
     folders = ", ".join(sorted({str(path.parent) for path in have}))
     head = f"{len(have)} of {len(names)} loops are compiled" + (f", in {folders}" if have else "")
-    lines = [head, *(reason for path in have for reason in [machine_code.unusable(path)] if reason)]
-    if len(have) < len(names):
+    lines = [head, *filter(None, found.values())]
+    if len(found) < len(names):
         note = machine_code.OBJECTS / "reason.txt"  # which the installation left
         lines += [f"when it was installed: {note.read_text().strip()}"] if note.exists() else []
         lines.append(machine_code.missing(next(name for name in names if name not in files)))

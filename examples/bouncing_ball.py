@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import contbreather as cb
-from contbreather.plotting import new_figure, save_figure
+from contbreather.plotting import new_figure, save_figure, style
 
 WITHIN = {"A": (0.3, 1.3)}
 
@@ -82,23 +82,24 @@ def simulated(forces: Any, e: float = 0.8) -> tuple[list[float], list[float]]:
 
 def main(folder: Path = Path(), points: int = 9) -> list[Path]:
     """Draw the families over simulations, and the ball of period 2 in flight."""
-    figure, (above, below) = new_figure(2)
-    branches = families()
-    above.plot(*simulated(np.linspace(1.03, 1.27, points)), ".", color="grey", markersize=1.5)
-    for branch, color in zip(branches, ("C0", "C1", "C2", "C3"), strict=True):
-        stable = branch["unstable"] == 0
-        when = np.array([phases(at.solution) for at in branch])
-        for line in when.T:
-            above.plot(branch["A"], line, "--", color=color, linewidth=0.5)
-            above.plot(branch["A"], np.where(stable, line, np.nan), color=color, linewidth=1.2)
-    above.set(xlabel="$A$", ylabel="phase of the impacts / $2\\pi + 1/4$")
-    twice = branches[1][len(branches[1]) // 2]
-    t = np.linspace(0, 8 * np.pi, 1000)
-    below.plot(t, twice.solution.states(t)[0], color="C1", linewidth=0.9)
-    below.fill_between(t, twice["A"] * np.sin(t), -2, color="lightgrey", linewidth=0)
-    below.set(xlabel="$t$", ylabel="height", ylim=(-2, None), xlim=(0, t[-1]))
-    below.set_title(f"$A = {twice['A']:.3f}$: period $4\\pi$", fontsize="small")
-    return [save_figure(figure, folder / "bouncing-ball.png")]
+    with style():
+        figure, (above, below) = new_figure(2)
+        branches = families()
+        above.plot(*simulated(np.linspace(1.03, 1.27, points)), ".", color="grey", markersize=1.5)
+        for branch, color in zip(branches, ("C0", "C1", "C2", "C3"), strict=True):
+            stable = branch["unstable"] == 0
+            when = np.array([phases(at.solution) for at in branch])
+            for line in when.T:
+                above.plot(branch["A"], line, "--", color=color, linewidth=0.5)
+                above.plot(branch["A"], np.where(stable, line, np.nan), color=color, linewidth=1.2)
+        above.set(xlabel="$A$", ylabel="phase of the impacts / $2\\pi + 1/4$")
+        twice = branches[1][len(branches[1]) // 2]
+        t = np.linspace(0, 8 * np.pi, 1000)
+        below.plot(t, twice.solution.states(t)[0], color="C1", linewidth=0.9)
+        below.fill_between(t, twice["A"] * np.sin(t), -2, color="lightgrey", linewidth=0)
+        below.set(xlabel="$t$", ylabel="height", ylim=(-2, None), xlim=(0, t[-1]))
+        below.set_title(f"$A = {twice['A']:.3f}$: period $4\\pi$", fontsize="small")
+        return [save_figure(figure, folder / "bouncing-ball.png")]
 
 
 if __name__ == "__main__":

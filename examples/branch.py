@@ -12,7 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import contbreather as cb
-from contbreather.plotting import new_figure, plot_multipliers, save_figure
+from contbreather.plotting import new_figure, plot_multipliers, save_figure, style
 
 
 def main(folder: Path = Path()) -> list[Path]:
@@ -29,16 +29,17 @@ def main(folder: Path = Path()) -> list[Path]:
     # Any special point can be followed in two parameters.
     pitchforks = cb.boundary(branch.first("PF"), ("gamma", "a"), within={"gamma": (0.0, 0.25)})
 
-    figure, (above, below) = new_figure(2)
-    cb.plot(branch, x="a", y="p", ax=above)
-    cb.plot(pitchforks, ax=below)
+    with style():
+        figure, (above, below) = new_figure(2)
+        cb.plot(branch, x="a", y="p", ax=above)
+        cb.plot(pitchforks, ax=below)
 
-    # The multiplier that leaves the unit circle at +1 of the half map.
-    beyond = cb.symmetric(a=0.82, gamma=0.04, k=0.8)
-    return [
-        save_figure(figure, folder / "branch.png"),
-        save_figure(plot_multipliers(beyond, half=True), folder / "multipliers.png"),
-    ]
+        # The multiplier that leaves the unit circle at +1 of the half map.
+        beyond = cb.symmetric(a=0.82, gamma=0.04, k=0.8)
+        return [
+            save_figure(figure, folder / "branch.png"),
+            save_figure(plot_multipliers(beyond, half=True), folder / "multipliers.png"),
+        ]
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.plotting import new_figure, plot_multipliers, plot_orbit, save_figure
+from contbreather.plotting import new_figure, plot_multipliers, plot_orbit, save_figure, style
 
 
 def main(folder: Path = Path()) -> list[Path]:
@@ -31,21 +31,22 @@ def main(folder: Path = Path()) -> list[Path]:
     reflection = breather.stability().over_reflection
     print(f"waves come back amplified by a factor of up to {np.exp(reflection.gain):.3f}")
 
-    figure, (motion, profile) = new_figure(2)
-    plot_orbit(breather, sites=(0, 1, 2), ax=motion)
+    with style():
+        figure, (motion, profile) = new_figure(2)
+        plot_orbit(breather, sites=(0, 1, 2), ax=motion)
 
-    # The profile falls by the same factor from site to site, once the forced motion is taken out.
-    n = np.arange(-8, 9)
-    height = np.abs(breather.displacement(n, 0.0) - breather.displacement(60, 0.0))
-    profile.semilogy(n, height, "o-", markersize=3)
-    profile.set(xlabel="site $n$", ylabel="$|u_n - u_\\infty|$ at $t = 0$")
-    print(f"from one site to the next it falls by {height[11] / height[10]:.4f}")
+        # Once the forced motion is taken out the profile falls by one factor from site to site.
+        n = np.arange(-8, 9)
+        height = np.abs(breather.displacement(n, 0.0) - breather.displacement(60, 0.0))
+        profile.semilogy(n, height, "o-", markersize=3)
+        profile.set(xlabel="site $n$", ylabel="$|u_n - u_\\infty|$ at $t = 0$")
+        print(f"from one site to the next it falls by {height[11] / height[10]:.4f}")
 
-    circle = plot_multipliers(breather, sites=200, half=True)
-    return [
-        save_figure(figure, folder / "breather.png"),
-        save_figure(circle, folder / "circle.png"),
-    ]
+        circle = plot_multipliers(breather, sites=200, half=True)
+        return [
+            save_figure(figure, folder / "breather.png"),
+            save_figure(circle, folder / "circle.png"),
+        ]
 
 
 if __name__ == "__main__":

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 import contbreather as cb
 from contbreather.continuation import refined
-from contbreather.plotting import new_figure, save_figure
-from contbreather.plotting.canvas import style
+from contbreather.plotting import new_figure, save_figure, style
 
 Array = NDArray[np.float64]
 WINDOW = {"alpha": (-3.0, 4.0), "beta": (-2.0, 3.0)}
@@ -87,13 +86,15 @@ def bouncing_ball(n: int = 1, r: float = 0.8) -> None:
 
 def picture(folder: Path) -> Path:
     """Henon's curves above, the cascade below."""
-    figure, (left, right) = new_figure(2)
-    cb.plot(*henon_curves().values(), x="alpha", y="beta", ax=left)
-    left.set(xlabel="$\\alpha$", ylabel="$\\beta$")
+    figure, (above, below) = new_figure(2)
+    cb.plot(*henon_curves().values(), x="alpha", y="beta", ax=above)
     for branch in (refined(branch, 60) for branch in logistic_cascade()):
         cycles = np.array([point.solution.points[:, 0] for point in branch])
-        right.plot(branch["r"], cycles, "-", color="C0", lw=1)
-    right.set(xlabel="$r$", ylabel="points of the cycle")
+        # stable up to the doubling, which belongs to both lines: there they join
+        doubling = [point.kind for point in branch].index("PD")
+        for side, line in ((slice(doubling + 1), "-"), (slice(doubling, None), "--")):
+            below.plot(branch["r"][side], cycles[side], line, color="C0", lw=1)
+    below.set(xlabel="$r$", ylabel="points of the cycle")
     bouncing_ball()
     return save_figure(figure, folder / "maps.png")
 

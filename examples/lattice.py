@@ -47,6 +47,7 @@ def draw(one: cb.Orbit, two: cb.Orbit, branch: cb.Branch, folder: Path) -> Path:
         image = ax.imshow(shown, vmin=-5, vmax=0, cmap="cividis")
         ax.set(title=title, xticks=[], yticks=[])
     figure.colorbar(image, ax=axes[:2], label=r"$\log_{10} |u_n - u_0|$", shrink=0.8)
+    axes[2].margins(0.08)  # room for the names of points
     cb.plot(branch, x="a", y="p", ax=axes[2])
     return save_figure(figure, folder / "lattice.png")
 

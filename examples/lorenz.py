@@ -59,13 +59,13 @@ def main(folder: Path = Path()) -> list[Path]:
         middle.semilogx(cycles["r"] - HOMOCLINIC, cycles["period"])
         middle.plot(near, slope, "--", label="$-\\frac{3}{8}\\,\\log(r - r_h)$")
         middle.set(xlabel="$r - r_h$", ylabel="period")
-        middle.legend(frameon=False)
+        middle.legend()
         for wanted, colour in zip((0.7, 0.9, 1.2, 2.0, end["period"]), CYCLE, strict=False):
             cycle = cycles[int(np.searchsorted(cycles["period"], wanted))]
             plot_orbit(cycle, x="x", y="z", ax=below)[0].set(
                 color=colour, label=f"{cycle['period']:.2f}"
             )
-        below.legend(frameon=False, title="period", loc="lower right", fontsize="x-small")
+        below.legend(title="period", loc="lower right")
     return [save_figure(figure, folder / "lorenz.png")]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined
-from contbreather.plotting import new_figure, plot_basin, plot_sweep, save_figure
+from contbreather.plotting import new_figure, plot_basin, plot_sweep, save_figure, style
 from contbreather.simulation import Axis, Basin, Sweep, attraction, periodic, sweep, there_and_back
 
 FOLD = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
@@ -55,15 +55,16 @@ def basin_of_attraction(points: int) -> Basin:
 
 def main(folder: Path = Path(), points: int = 15) -> list[Path]:
     """Draw both into a folder."""
-    figure, (above, below) = new_figure(2)
-    loop, branch = around_the_fold()
-    p, fold = momenta(branch), [point.kind for point in branch].index("LP")
-    # stable up to the fold, which belongs to both lines: there they join
-    for side, style in ((slice(fold + 1), "-"), (slice(fold, None), "--")):
-        above.plot(branch["a"][side], p[side], style, color="black", linewidth=0.9)
-    plot_sweep(loop, ax=above)
-    plot_basin(basin_of_attraction(points), ax=below)
-    return [save_figure(figure, folder / "simulation.png")]
+    with style():
+        figure, (above, below) = new_figure(2)
+        loop, branch = around_the_fold()
+        p, fold = momenta(branch), [point.kind for point in branch].index("LP")
+        # stable up to the fold, which belongs to both lines: there they join
+        for side, line in ((slice(fold + 1), "-"), (slice(fold, None), "--")):
+            above.plot(branch["a"][side], p[side], line, color="black", linewidth=0.9)
+        plot_sweep(loop, ax=above)
+        plot_basin(basin_of_attraction(points), ax=below)
+        return [save_figure(figure, folder / "simulation.png")]
 
 
 if __name__ == "__main__":

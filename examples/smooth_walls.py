@@ -16,7 +16,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined
-from contbreather.plotting import new_figure, save_figure
+from contbreather.plotting import new_figure, save_figure, style
 from contbreather.simulation import periodic
 
 SETTINGS = {"a": 0.3, "gamma": 0.04, "k": 0.8, "damping": 0.005}
@@ -38,16 +38,10 @@ def branches(hardnesses: tuple[int, ...]) -> dict[str, cb.Branch]:
 
 def main(folder: Path = Path(), hardnesses: tuple[int, ...] = (6,), points: int = 2) -> list[Path]:
     """Draw the branches (with at least so many points), and the folds in (m, a)."""
-    figure, (above, below) = new_figure(2)
     found = branches(hardnesses)
     exact = cb.trace(cb.symmetric(a=0.3, gamma=0.04, k=0.8), "a", within=WINDOW, progress=False)
+    exact = refined(exact, 60)
     height = [point.solution.displacement(0, 0.0) for point in exact]
-    above.plot(exact["a"], height, "k:", linewidth=0.9, label="exact, infinite chain")
-    for name, branch in found.items():
-        fine, style = refined(branch, points), "--" if name == "rigid" else "-"
-        above.plot(fine["a"], np.asarray(fine["u"])[:, 0], style, linewidth=0.9, label=name)
-    above.set(xlabel="$a$", ylabel="$u_0(0)$")
-    above.legend(frameon=False, fontsize="x-small")
     fold = found[f"m = {hardnesses[0]}"].first("LP")
     line = cb.boundary(
         fold, ("m", "a"), within={"m": (hardnesses[0], 60)},
@@ -55,11 +49,22 @@ def main(folder: Path = Path(), hardnesses: tuple[int, ...] = (6,), points: int 
     )  # fmt: skip
     print(f"the fold goes from a = {line[0]['a']:.6f} at m = {line[0]['m']:.0f}", end=" ")
     print(f"to {line[-1]['a']:.6f} at m = {line[-1]['m']:.0f}")
-    line = refined(line, points)
-    below.plot(line["m"], line["a"], linewidth=0.9)
-    below.axhline(found["rigid"].first("LP")["a"], color="black", linewidth=0.8, linestyle="--")
-    below.set(xlabel="$m$", ylabel="$a$ of the fold")
-    return [save_figure(figure, folder / "smooth-walls.png")]
+
+    with style():
+        figure, (above, below) = new_figure(2)
+        for name, branch in found.items():
+            fine, look = refined(branch, points), {"label": name.replace("m", "$m$")}
+            if name == "rigid":
+                look = {"label": "rigid walls", "color": "black", "linestyle": "--"}
+            above.plot(fine["a"], np.asarray(fine["u"])[:, 0], **look)
+        above.plot(exact["a"], height, "k:", label="rigid, infinite chain")
+        above.set(xlabel="$a$", ylabel="$u_0(0)$")
+        above.legend()
+        line = refined(line, points)
+        below.plot(line["m"], line["a"])
+        below.axhline(found["rigid"].first("LP")["a"], color="black", linestyle="--")
+        below.set(xlabel="$m$", ylabel="$a$ of the fold")
+        return [save_figure(figure, folder / "smooth-walls.png")]
 
 
 if __name__ == "__main__":

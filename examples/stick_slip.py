@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 import contbreather as cb
-from contbreather.plotting import new_figure, save_figure
+from contbreather.plotting import new_figure, save_figure, style
 
 ON = {"F": 1.0, "V": 1.0, "d": 0.1}
 
@@ -71,20 +71,21 @@ def branch_in_weakening() -> cb.Branch:
 
 def main(folder: Path = Path()) -> list[Path]:
     """Draw the approach to the orbit in its phase plane, and its period."""
-    figure, (above, below) = new_figure(2)
-    run = cb.integrate(BELT, {"x": 1.5, "v": 1.5}, ON, time=40)
-    print(f"{run}: {sum(flow is BELT.to_minus for flow in run.flows)} times it sticks")
-    for piece in run.pieces:
-        x, v = piece(np.linspace(piece.t[0], piece.t[-1], 200))
-        stuck = piece.flow in (BELT.to_plus, BELT.to_minus)
-        above.plot(x, v, color="C1" if stuck else "C0", linewidth=1.5 if stuck else 0.6)
-    above.set(xlabel="$x$", ylabel="$\\dot x$")
-    branch = branch_in_weakening()
-    below.plot(branch["d"], branch["period"], label="period")
-    below.plot(branch["d"], [sticking(d) for d in branch["d"]], "--", label="time of sticking")
-    below.set(xlabel="$d$", ylim=(0, None))
-    below.legend(frameon=False, fontsize="x-small")
-    return [save_figure(figure, folder / "stick-slip.png")]
+    with style():
+        figure, (above, below) = new_figure(2)
+        run = cb.integrate(BELT, {"x": 1.5, "v": 1.5}, ON, time=40)
+        print(f"{run}: {sum(flow is BELT.to_minus for flow in run.flows)} times it sticks")
+        for piece in run.pieces:
+            x, v = piece(np.linspace(piece.t[0], piece.t[-1], 200))
+            stuck = piece.flow in (BELT.to_plus, BELT.to_minus)
+            above.plot(x, v, color="C1" if stuck else "C0", linewidth=1.5 if stuck else 0.6)
+        above.set(xlabel="$x$", ylabel="$\\dot x$")
+        branch = branch_in_weakening()
+        below.plot(branch["d"], branch["period"], label="period")
+        below.plot(branch["d"], [sticking(d) for d in branch["d"]], "--", label="time of sticking")
+        below.set(xlabel="$d$", ylim=(0, None))
+        below.legend()
+        return [save_figure(figure, folder / "stick-slip.png")]
 
 
 if __name__ == "__main__":

@@ -16,8 +16,7 @@ import numpy as np
 
 import contbreather as cb
 from contbreather.continuation import refined, with_columns
-from contbreather.plotting import new_figure, save_figure
-from contbreather.plotting.canvas import style
+from contbreather.plotting import new_figure, save_figure, style
 
 WITHIN = {"gamma": (0.0, 0.08), "a": (0.0, 1.0)}
 COLOURS = {"PF": "C0", "PD": "C1", "GR": "C2"}
@@ -69,7 +68,7 @@ def doubling(folder: Path) -> Path:
     axes.text(0.0015, 0.932, "$4\\pi$", **small)
     axes.text(0.047, 0.95, "neighbour hits wall", **small)
     axes.set(xlabel="$\\gamma$", ylabel="$a$", xlim=(0, 0.08), ylim=(0.55, 1.02))
-    axes.legend(frameon=False, loc="lower right", **small)
+    axes.legend(loc="lower right", **small)
     return save_figure(figure, folder / "doubling.png")
 
 

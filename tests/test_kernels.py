@@ -481,8 +481,12 @@ def test_status_says_why_something_is_missing(
     objects = tmp_path / "installed"
     objects.mkdir()
     objects.joinpath("reason.txt").write_text("no compiler\n")
+    half = objects / kernels.KERNELS[0].file
+    half.write_bytes(b"half of it")
     monkeypatch.setattr(machine_code, "OBJECTS", objects)
     monkeypatch.setenv(machine_code.ASKED, "0")
     told = kernels.status()
-    assert re.match(r"0 of \d\d loops are compiled; when it was installed: no compiler; ", told)
+    why = rf"{re.escape(str(half))} is not what was written there; remove it"
+    begin = rf"0 of \d\d loops are compiled; {why}; when it was installed: no compiler; "
+    assert re.match(begin, told)
     assert told.endswith("nothing is compiled, by CONTBREATHER_COMPILE=0")

@@ -8,6 +8,7 @@ import importlib
 import inspect
 import math
 import re
+from typing import Any
 
 import pytest
 
@@ -72,7 +73,16 @@ def test_the_coupling_has_one_limit() -> None:
         cb.symmetric(a=0.5, gamma=0.25, k=0.8)
     with pytest.raises(BadInput, match="0 <= gamma < 1/4"):
         cb.simulate(([0.1, 0.0], [0.0, 0.0]), a=0.5, gamma=0.25, k=0.8, periods=1)
-    assert cb.symmetric(a=0.5, gamma=0.1, k=0.8).problem.domain["gamma"] == window_of("gamma")
+    on: dict[str, Any] = {"a": 0.5, "gamma": 0.1, "k": 0.8}
+    for orbit in (
+        cb.symmetric(**on),
+        cb.symmetric(**on, lattice=cb.Ring(6)),
+        cb.symmetric(**on, lattice=cb.Ring(6), damping=0.01),
+        cb.multibreather([0, 3], **on, lattice=cb.Ring(8)),
+    ):
+        assert orbit.problem.domain["gamma"][1] == window_of("gamma")[1]
+    arm, _ = cb.switch(cb.trace(cb.symmetric(a=0.6, gamma=0.03, k=0.8), "a").first("PF"))
+    assert arm[0].problem.domain["gamma"] == window_of("gamma")
 
 
 # --- what is not said means what the documentation says -------------------------------------------

@@ -202,6 +202,17 @@ def test_one_point_of_two_branches_is_named_once() -> None:
     assert [text.get_text() for text in words(plot(flat, bent).axes)] == ["BP1"]
 
 
+def test_a_fold_that_two_branches_number_otherwise_is_named_once() -> None:
+    """The same curve, walked from either end."""
+    cubic = cb.Problem(lambda x, p: p["mu"] + x - x**3 / 3, {"x": -2.1}, {"mu": -1.0})
+    ways = [
+        cb.trace(start, "mu", towards=way, within={"mu": (-1, 1)}, events=[cb.fold()])
+        for start, way in ((cubic, "up"), (cubic.at(x=2.1, mu=1.0), "down"))
+    ]
+    assert [round(way.first("LP")["mu"], 6) for way in ways] == [0.666667, -0.666667]
+    assert [text.get_text() for text in words(plot(*ways).axes)] == ["LP1", "LP2"]
+
+
 @pytest.mark.parametrize("value", [1.0, -3.0, 0.0, 1e5])
 def test_what_is_constant_up_to_rounding_is_drawn_as_constant(value: float) -> None:
     line = cb.Problem(lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0})

@@ -411,17 +411,18 @@ def _accuracy(point: Point) -> dict[str, float]:
 
 def _flip_coefficient(point: Point) -> float:
     """c without its poles, at R2 and fold-flips."""
-    c = normal_forms.value_or_nan(lambda: normal_forms.flip(point, **_accuracy(point)))
-    return c * _pole("PD", -1.0, point) * _pole("PD", 1.0, point)
+    # multipliers first: the orbit at hand is the one that was solved for last
+    poles = _pole("PD", -1.0, point) * _pole("PD", 1.0, point)
+    return poles * normal_forms.value_or_nan(lambda: normal_forms.flip(point, **_accuracy(point)))
 
 
 def _rotation_coefficient(point: Point) -> float:
     """Re d without its pole where it meets a fold; no value at R1, R2 and R3, where the normal form
     is another."""
-    d = normal_forms.value_or_nan(
+    pole = _pole("NS", 1.0, point)  # first, as above
+    return pole * normal_forms.value_or_nan(
         lambda: normal_forms.rotation_coefficient(point, point["angle"], **_accuracy(point))
     )
-    return d * _pole("NS", 1.0, point)
 
 
 def _pole(on: str, wanted: float, point: Point) -> float:

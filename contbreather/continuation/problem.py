@@ -66,9 +66,9 @@ class Problem:
     -----
     What else there may be to know of equations is said by a class derived from this one: `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
-    `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show, `wider`,
-    parameters that are there when asked for, and ``serialised``, what files make the problem of
-    again.
+    `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show,
+    `with_parameters`, those that are there when asked for, and ``serialised``, what files make the
+    problem of again.
 
     Raises
     ------

@@ -233,8 +233,7 @@ def switch(
         breathers, the PD of a map.
     within, events, steps, progress, save
         As for `trace`. The arms are walked in the parameter of the branch the point is on, and look
-        for what that branch did; an arm that solves a larger problem has the events of that problem
-        by default. Where the walls of that branch are lifted, those of the arms are.
+        for what that branch did; an arm whose problem has other events looks for these by default. Where the walls of that branch are lifted, those of the arms are.
 
     Returns
     -------
@@ -281,7 +280,8 @@ def switch(
             if any(comes_back(arm, seed) for arm in arms):
                 continue
             with add_partial_result(arms.append):
-                same = seed.problem.residual is point.curve.problem.residual
+                here, there = point.curve.problem, seed.problem
+                same = there.residual is here.residual or there.events == here.events
                 arm = follow(
                     point, seed, within=within, steps=steps, progress=progress, save=inner,
                     events=point.curve.asked if listed is None and same else listed,

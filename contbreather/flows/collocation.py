@@ -334,9 +334,10 @@ def _newton(
         if not (fresh or size <= _SHRINKS * before):
             inverse = None
         before = size
+    worst = int(abs(step).max(axis=(1, 2)).argmax())
     raise Undefined(
-        "an interval of the mesh is too long for its flow: the period grows without bound, or more "
-        "intervals are needed"
+        f"the interval of the mesh from t = {flight.begins[worst]:.6g} on is too long for its flow: "
+        "more intervals are needed, or the period grows without bound"
     )
 
 

@@ -369,8 +369,8 @@ class _Walk:
         self.taken += 1
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise NotConverged(
-                f"the solution ends {place(solver.t, solver.y)}: "
-                f"{message or 'it grows without bound'}"
+                f"the solution ends {place(solver.t, solver.y)}: it grows without bound, or f is "
+                f"NaN or jumps there ({message or 'not finite'})"
             )
         if self.taken > self.steps:
             raise TooManySteps(

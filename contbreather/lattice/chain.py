@@ -14,6 +14,7 @@ from contbreather.checks import number, whole
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, band_averages, check_gamma
 from contbreather.lattice.finite import PlaneWaves, plane_waves
+from contbreather.parameters import NUMBERS
 
 FloatArray = NDArray[np.float64]
 
@@ -108,7 +109,7 @@ class Ring(UniformLattice):
     sites: int
     spring = 0.0  # closed forms of rings are without
     uniform = True
-    highest_gamma = 0.25  # there the band of the chain reaches the forcing frequency
+    highest_gamma = NUMBERS["gamma"].domain[1]  # of curves
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", whole("sites", self.sites, 1))

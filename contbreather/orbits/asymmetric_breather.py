@@ -32,6 +32,7 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_without_losses
 from contbreather.orbits.orbit_problem import OrbitProblem, ring_label, unstable_by
 from contbreather.orbits.symmetries import simpler_than
+from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.verdict import THRESHOLD
 
 FloatArray = NDArray[np.float64]
@@ -215,9 +216,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         ),
         record={"asymmetry": _asymmetry, "unstable": unstable_by(threshold)},
         domain={
-            "gamma": (0.0, 0.25),
-            "k": (0.0, 1.0),
-            "a": (0.0, math.inf),
+            **{name: NUMBERS[name].domain for name in NEEDED},
             "p": (LEAST, math.inf),
         },
         label=f"asymmetric breather{ring_label(on.lattice, threshold)}",

@@ -42,7 +42,7 @@ from contbreather.orbits.orbit_problem import (
 from contbreather.orbits.representation import Impacts, Offsets, Representation
 from contbreather.orbits.section import Impact, Section, check_order
 from contbreather.orbits.site_motion import ChainMotion, Terms
-from contbreather.parameters import parameter
+from contbreather.parameters import NEEDED, NUMBERS, parameter
 from contbreather.stability.chain_map import OrbitMap
 from contbreather.stability.modal_map import ModalMap, ring_map
 from contbreather.stability.saltation import Saltation
@@ -265,8 +265,9 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
 def _domain(equations: OrbitEquations) -> dict[str, tuple[float, float]]:
     """Where the parameters mean something, and each impulse pushes away from its wall."""
     # the harmonic 1/n above the band, 2 sqrt(gamma) < 1/n: a chain without end would radiate it
-    edge = 0.25 if equations.lattice.sites is not None else 0.25 / equations.section.turns**2
-    domain = {"gamma": (0.0, edge), "k": (0.0, 1.0), "a": (0.0, math.inf)}
+    domain = {name: NUMBERS[name].domain for name in NEEDED}
+    if equations.lattice.sites is None:
+        domain["gamma"] = (0.0, domain["gamma"][1] / equations.section.turns**2)
     for i, (_, wall) in enumerate(equations.section.impacts):
         domain[f"J{i + 1}"] = (-math.inf, -LEAST) if wall > 0 else (LEAST, math.inf)
     return domain

@@ -24,7 +24,7 @@ from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
-from contbreather.parameters import parameter
+from contbreather.parameters import NUMBERS, parameter
 from contbreather.stability.characteristic import D
 from contbreather.stability.counting import unstable_multipliers
 from contbreather.stability.ring_multipliers import even_multipliers
@@ -220,7 +220,7 @@ def first_crossing(
         following, angle = _next(path, gamma, pairs, threshold)
         step = min(following - gamma, STRIDE)
         gamma += step
-        if gamma >= 0.25 - TINY:
+        if gamma >= NUMBERS["gamma"].high - TINY:
             break
         if abs(step) < SETTLED:
             return ThresholdPoint(gamma, angle)

@@ -227,17 +227,17 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
 def _gathered(
     points: Iterable[tuple[tuple[Point, int], Array]], near: float
 ) -> list[list[tuple[Point, int]]]:
-    """Points of one name that are close in the figure, with the number of their branch, each thing
-    once: a pitchfork is on its branch and on both arms."""
+    """Points of one name, or of one kind on several branches, that are close in the figure, with
+    the number of their branch, each thing once: a pitchfork is on its branch and on both arms."""
     groups: list[tuple[Array, list[tuple[Point, int]]]] = []
     for (point, branch), place in points:
-        for there, group in groups:
-            if _name_of(point) == _name_of(group[0][0]) and np.hypot(*(place - there)) < near:
-                same = any(_is_one(point, other) for other, _ in group)
-                group += [] if same else [(point, branch)]
-                break
-        else:
+        close = [group for there, group in groups if np.hypot(*(place - there)) < near]
+        named = [group for group in close if _name_of(group[0][0]) == _name_of(point)]
+        kin = [group for group in close if group[0][0].kind == point.kind and group[0][1] != branch]
+        if not (named or kin):
             groups.append((place, [(point, branch)]))
+        elif not any(_is_one(point, other) for other, _ in (named or kin)[0]):
+            (named or kin)[0].append((point, branch))
     return [group for _, group in groups]
 
 
@@ -411,7 +411,7 @@ def _text(group: Sequence[tuple[Point, int]]) -> str:
 def _styled(point: Point, colour: str) -> dict[str, Any]:
     if point.kind == "EP":
         return {"fontsize": "x-small", "color": GREY}
-    return {"fontsize": "small", "color": colour}
+    return {"color": colour}
 
 
 # --- arms and whole diagrams ----------------------------------------------------------------------

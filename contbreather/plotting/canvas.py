@@ -214,6 +214,14 @@ def legend_size(axes: Axes) -> float:
     return 0.875 * float(axes.xaxis.label.get_fontsize())
 
 
+def type_size(axes: Axes, name: str) -> float:
+    """One of matplotlib's sizes, "small" for instance, beside the words of the axes: these may be
+    of another style than the one in force."""
+    from matplotlib.font_manager import font_scalings
+
+    return font_scalings[name] * float(axes.xaxis.label.get_fontsize())
+
+
 def legend_above(axes: Any, **more: Any) -> None:
     """Over the right end of the axes, in as few rows as fit; of very many lines the first."""
     handles, names = axes.get_legend_handles_labels()
@@ -385,6 +393,7 @@ class Labels:
         slack = 2.0 * self.pixel
         if np.any(anchor < frame[:2] - slack) or np.any(anchor > frame[2:] + slack):
             return None
+        style["fontsize"] = type_size(self.ax, style.get("fontsize", "small"))
         word = self.ax.annotate(text, (x, y), (0, 0), textcoords="offset points", **style)
         box = word.get_window_extent()
         size = np.array([box.width, box.height])

@@ -123,7 +123,7 @@ def plot_multipliers(
         for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
             colour = VERMILLION if abs(multiplier) > 1.0 else ink(axes)
             text = _number(multiplier, digits, space)
-            labels.place(place.real, place.imag, text, fontsize="small", color=colour)
+            labels.place(place.real, place.imag, text, color=colour)
     return drawn
 
 

@@ -20,6 +20,7 @@ from contbreather.lattice.forcing import Harmonic
 from contbreather.orbits.atlas import words
 from contbreather.orbits.regions import Box, Region
 from contbreather.orbits.zone_diagram import KINDS, Zones
+from contbreather.parameters import NUMBERS
 from contbreather.plotting.canvas import (
     BLACK,
     BLUE,
@@ -30,11 +31,13 @@ from contbreather.plotting.canvas import (
     Drawn,
     drawing,
     evenly,
+    legend_size,
     new_figure,
     place_words,
     style,
     symbol,
     to_the_rim,
+    type_size,
 )
 
 if TYPE_CHECKING:
@@ -125,7 +128,7 @@ def plot_zones(
         if flag("legend", legend):
             explain(panels, figure)
         for diagram, panel in zip(several, panels, strict=True):
-            place_words(panel, names_of_meetings(diagram), fontsize="small", color=BLACK)
+            place_words(panel, names_of_meetings(diagram), color=BLACK)
     for panel_drawn in drawn:
         panel_drawn.finish()
     return drawn[0] if isinstance(zones, Zones) else drawn
@@ -194,7 +197,7 @@ def _window(zones: Zones, box: Box) -> tuple[float, float, float, float]:
     limits: list[float] = []
     for name, (low, high) in zip(zones.pair, box, strict=True):
         start = 0.0 if low < 0.2 * high else low - 0.04 * (high - low)
-        top = {"gamma": 0.25, "k": 1.0}.get(name, float("inf"))
+        top = NUMBERS[name].high if name in NUMBERS else float("inf")
         limits += [start, min(high + 0.04 * (high - low), top)]
     low, high = box[1]
     if any(point[zones.pair[1]] > high - CROWDED * (high - low) for point in zones.special):
@@ -219,8 +222,8 @@ def _letter(ax: Axes, region: Region) -> None:
     for size, room in LETTERS:
         if region.room > room:
             ax.text(
-                region.x, region.y, region.verdict, ha="center", va="center",
-                fontsize=size, fontweight="bold", color=BLACK, zorder=2, clip_on=True,
+                region.x, region.y, region.verdict, ha="center", va="center", color=BLACK,
+                fontsize=type_size(ax, size), fontweight="bold", zorder=2, clip_on=True,
             )  # fmt: skip
             return
 
@@ -319,7 +322,8 @@ def plot_atlas(
             getattr(panel, f"set_{axis}label")(symbol(name), labelpad=PADS[axis])
             panel.locator_params(axis=axis, nbins=5)
         panel.set_box_aspect(None, zoom=ZOOM)  # the layout does not know of the labels
-        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize="small")
+        small = legend_size(panel)
+        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 0.93), ncols=2, fontsize=small)
     return drawn
 
 

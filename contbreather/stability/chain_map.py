@@ -491,5 +491,5 @@ def series() -> PairSeries:
 @lru_cache(maxsize=64)
 def moments(gamma: float, farthest: int) -> Array:
     """``<w^2l cos(d theta)>`` of the chain for distances d up to the farthest, (d, ORDERS)."""
-    rows = [InfiniteChain().moments(d)[:ORDERS] for d in range(farthest + 1)]
-    return np.ascontiguousarray(rows * (4.0 * gamma) ** np.arange(ORDERS))
+    rows = InfiniteChain().powers(gamma, (*range(farthest + 1),))
+    return np.ascontiguousarray(rows[:, :ORDERS])
