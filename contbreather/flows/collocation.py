@@ -336,8 +336,8 @@ def _newton(
         before = size
     worst = int(abs(step).max(axis=(1, 2)).argmax())
     raise Undefined(
-        f"the interval of the mesh from t = {flight.begins[worst]:.6g} on is too long for its flow: "
-        "more intervals are needed, or the period grows without bound"
+        f"the interval of the mesh from t = {flight.begins[worst]:.6g} on is too long for its "
+        "flow: more intervals are needed, or the period grows without bound"
     )
 
 
