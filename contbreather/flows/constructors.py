@@ -126,7 +126,7 @@ def cycle(
         size = float(abs(state).max())
         run = partial(_run, flows, params)
         length = None if forcing is None else period_at(forcing, params)
-        _check_period(flows, t0, state, params, forcing)
+        _check_start(flows, t0, state, params, forcing)
         begin = _settled(run, state, length, t0, settle)
         if alone is None:
             parts, pieces = _hybrid(run, begin, length)
@@ -259,18 +259,18 @@ def _resolved(
     ) from failed
 
 
-def _check_period(
+def _check_start(
     flows: Any, t0: float, state: Array, params: Params, forcing: Function | None
 ) -> None:
-    """Refuse a false period before a simulation goes astray with it."""
-    if forcing is None:
-        return
+    """Refuse functions that do not fit, and a false period before a simulation goes astray."""
     if isinstance(flows, Filippov):
         flows.begin(t0, state, params)
         begun = flows.flows[:2]
     else:
         flows[0].check(t0, state, params)
         begun = flows[:1]
+    if forcing is None:
+        return
     # a flight that stays where it starts: what is asked is how the fields depend on the time
     whole = period_at(forcing, params)
     flight = fitted(Collocation(2, 2), t0, whole, lambda t: np.outer(state, np.ones_like(t)))

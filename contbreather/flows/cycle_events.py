@@ -5,6 +5,7 @@ A curve of folds ends there, too, at GH.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -27,6 +28,7 @@ from .walls import GRAZING, IMPACT, shrinking
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
+_NEAR = 0.1  # how far off 1 a multiplier is at a fold: 1e-5 where the parameter turns by 1e-13
 _EXTENT = 100.0  # and in all it swings by no more than so many times this
 
 
@@ -102,6 +104,10 @@ def _examine_fold(point: Point) -> Examined:
     assert _PLAIN.examine is not None
     if reason := unresolved(point) or _PLAIN.examine(point):
         return reason
+    # where a branch is steep, as at a canard, rounding turns its parameter back, too
+    off = abs(point.base_point.solution.others - 1).min(initial=math.inf)
+    if not off < _NEAR:
+        return f"no multiplier is 1: the nearest is {off:.2g} off"
     with suppress(*OUT_OF_DOMAIN):  # u -> u + b u^2, and the direction of u is free
         b = normal_forms.cubic_at_cusp(point)[0]
         return {} if b.degenerate else {"b": abs(b.value)}  # of a canard it is rounding

@@ -14,12 +14,14 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import DefiningSystem, Event, Point
 from .collocation import TrajectorySegment
 from .equations import Equations
-from .filippov import Filippov
+from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
 from .multipliers import paces, relative_paces
 from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
+_ON_IT, _AS_MUCH = 1e-9, 10.0  # a flow that begins this close to its condition begins on it; or
+# that is off by no more than so many times what the one before it is where it ends
 _FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 _SLOW = 1e-2  # of how fast a condition may change: it is all but touched
@@ -106,13 +108,14 @@ def lowest(orbit: Cycle) -> Touch | None:
     flows = orbit.equations.flows
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         # without a reset it begins where another ended: the walls of sliding are zero there at SL
-        begins = flow.until is None or flows[i - 1].reset is not None
+        walled = flow.until is None or flows[i - 1].reset is not None
         s, states = flight.sampled(_LOOKS)
         for name, wall in flow.guards.items():
             if isinstance(wall, Clock):
                 continue
             v = values(wall, flight.start + flight.duration * s, states, orbit.params)[0]
             ends = name == "until"
+            begins = _apart(orbit, i, wall, abs(v).max()) if ends else walled
             places = [s[v.argmax()]]  # where no place is low this one is far from it
             for j in _lows(v, s, begins, ends):
                 beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
@@ -123,6 +126,19 @@ def lowest(orbit: Cycle) -> Touch | None:
                 Touch(c, i, u, wall) for c, u in zip(off.tolist(), at.tolist(), strict=True)
             ]
     return min(touches, key=lambda touch: touch.clearance, default=None)
+
+
+def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
+    """Whether a flow begins off its own condition, not on it as after an impact: so off is what is
+    no error of where the flow before it ends. Where sliding begins SL is looked for."""
+    flows, before, p = orbit.equations.flows, orbit.flights[i - 1], orbit.params
+    if slid_along(flows[i]):
+        return False
+    reset, ended, state = flows[i - 1].reset, flows[i - 1].until, before.end[:, None]
+    after = state if reset is None else values(reset, before.last, state, p)
+    off = abs(values(until, before.last, after, p)[0, 0])
+    error = abs(values(ended, before.last, state, p)[0, 0]) if ended else 0.0
+    return bool(off > _ON_IT * size + _AS_MUCH * error)
 
 
 def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
@@ -137,7 +153,7 @@ def _lows(v: Array, s: Array, begins: bool, ends: bool) -> list[int]:
     beside = np.concatenate([[math.inf], v, [math.inf]])
     depth = np.maximum(beside[:-2], beside[2:]) - v
     low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > _FLAT * abs(v).max())
-    low[0] &= begins and not ends
+    low[0] &= begins
     low[-1] &= not ends
     return [int(j) for j in np.flatnonzero(low)]
 

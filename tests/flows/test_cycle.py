@@ -238,6 +238,20 @@ def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     assert not cycles.doubtful
 
 
+def test_a_canard_explosion_without_folds_has_none() -> None:
+    """Its cycles are stable throughout; its parameter is constant but for rounding on the way."""
+
+    def f(t, x, p):
+        return [(x[1] - x[0] ** 3 / 3 + x[0]) / 0.02, p["a"] - x[0]]
+
+    rest = cb.equilibrium(f, {"x": 1.2, "y": -0.6}, {"a": 1.2})
+    hopf = cb.trace(rest, "a", within={"a": (0.9, 1.3)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"a": (0.9, 1.1), "period": (0.1, 3.5)})
+    assert cycles[-1]["period"] == 3.5
+    assert max(cycles["unstable"]) == 0
+    assert [point.kind for point in cycles.special] == ["EP", "EP"]
+
+
 def test_a_step_takes_one_derivative_and_few_flights() -> None:
     """That of the point before serves for the corrections: each takes two calls with complex
     numbers, for states and times, and for the parameter."""
@@ -470,6 +484,9 @@ def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
     [
         ("equilibrium", van_der_pol, {"x": 0.1, "v": 0.0}, {"mu": -1.0}, {"settle": 200}),
         ("returns shape", lambda t, x, p: [x[0]], {"x": 1.0, "y": 0.0}, {}, {}),
+        ("returns shape", lambda t, x, p: np.zeros((2, 2)), {"x": 1.0, "y": 0.0}, {}, {}),
+        ("f raises TypeError", lambda t, x: [x[1], -x[0]], {"x": 1.0, "y": 0.0}, {}, {}),
+        ("f raises TypeError", lambda x, t, p: [x[1], -x[0]], {"x": 1.0, "y": 0.0}, {}, {}),
         ("asks for the parameter", van_der_pol, {"x": 1.0, "y": 0.0}, {}, {"settle": 1}),
         ("rename", van_der_pol, {"orbit": 1.0, "y": 0.0}, {"mu": 1.0}, {}),
         ("twice", van_der_pol, {"mu": 1.0, "y": 0.0}, {"mu": 1.0}, {}),

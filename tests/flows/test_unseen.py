@@ -108,6 +108,22 @@ def test_a_contact_without_impact_begins_at_grazing_in_one_and_in_two_parameters
         assert at["F"] == pytest.approx(0.8 * abs(1 - w**2 + 0.1j * w), abs=1e-9)
 
 
+@pytest.mark.parametrize("half", [False, True])
+def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool) -> None:
+    def field(push: int) -> Any:
+        return lambda t, x, p: [x[1], x[2], -x[0] - 2 * x[1] - 3 * x[2] - push]
+
+    flows = [cb.Flow(field(1), until=lambda t, x, p: x[0] + p["h"]),
+             cb.Flow(field(-1), until=lambda t, x, p: p["h"] - x[0])]  # fmt: skip
+    if half:
+        flows = [cb.Flow(field(1), flows[0].until, reset=lambda t, x, p: [-x[0], -x[1], -x[2]])]
+    orbit = cb.cycle(flows, {"x": 1.0, "y": 0.0, "z": 0.0}, {"h": 0.1}, settle=50)
+    branch = cb.trace(orbit, "h", within={"h": (-0.05, 0.2)}, towards="down")
+    assert [at.kind for at in branch.special] == ["EP", "GR"]
+    assert not branch.doubtful
+    assert branch[-1]["h"] == pytest.approx(0.0, abs=1e-10)
+
+
 def test_a_cycle_begins_to_slide_where_it_touches_the_threshold() -> None:
     def field(harvest: float) -> Any:
         def f(t: Any, x: Any, p: Any) -> Any:
