@@ -125,7 +125,7 @@ def first_harmonic(gamma: Ball, n: int) -> Ball:
     return (-4 * gamma / (1 + r) ** 2) ** n / r
 
 
-def flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
+def free_flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
     """Site n between two impacts per unit p: ``-s sin y + P(y) + error``, y the time from mid
     flight.
 

@@ -83,7 +83,7 @@ def square_root(x: Ball) -> Ball:
     return (low.sqrt() if low > 0 else arb(0)).union(high.sqrt())
 
 
-def parts(
+def subintervals(
     count: int, deepest: int, settled: Callable[[float, float], Any]
 ) -> Iterator[tuple[float, float, Any]]:
     """Parts of the interval from 0 to 1, in order, each with what is settled of it; one of which

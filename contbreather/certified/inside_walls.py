@@ -19,7 +19,7 @@ from flint import arb, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.averages import force_response, turned
-from contbreather.certified.balls import Ball, parts
+from contbreather.certified.balls import Ball, subintervals
 
 HALF = math.nextafter(0.5 * math.pi, 2.0)  # a float beyond pi/2
 PIECES = 12  # balls of times to half a period of the highest harmonic, before any is halved
@@ -75,7 +75,7 @@ def far_field(values: Mapping[str, Ball]) -> ProvenMotion:
 def motion(values: Mapping[str, Ball], n: int) -> ProvenMotion:
     """Site n of the breather."""
     drive, p = far_field(values), values["p"]
-    amplitude, powers, errors = averages.flight(values["gamma"], n)
+    amplitude, powers, errors = averages.free_flight(values["gamma"], n)
     harmonics = {m: (c, s) for m, c, s in drive.harmonics}
     cosine, sine = harmonics.get(1, (arb(0), arb(0)))
     harmonics[1] = (cosine, sine - p * amplitude)
@@ -99,7 +99,7 @@ def everywhere(settled: Settled, pieces: int) -> tuple[bool | None, float]:
     def at(low: float, high: float) -> bool | None:
         return settled(HALF * (1.0 - low - high), HALF * (high - low) + OVERLAP)
 
-    for low, high, answer in parts(pieces, DEEPEST, at):
+    for low, high, answer in subintervals(pieces, DEEPEST, at):
         if not answer:
             return answer, HALF * (1.0 - low - high)
     return True, 0.0

@@ -50,7 +50,14 @@ from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
 from contbreather.certified.averages import saltation
-from contbreather.certified.balls import Ball, hull, nearest_float, parts, square_root, working
+from contbreather.certified.balls import (
+    Ball,
+    hull,
+    nearest_float,
+    square_root,
+    subintervals,
+    working,
+)
 
 ALIASES = 24  # powers of nu^2 kept
 CUT = 2.0 ** (1 - 2 * ALIASES)  # bounds both remainders: 5 9^-41 is far less
@@ -168,7 +175,7 @@ def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
     circle = Circle.of(gamma, k, b)
     rectangles: list[Rectangle] = []
     for name, curve in (("on the band", circle.on_band), ("beyond the band", circle.beyond)):
-        for _, _, rectangle in parts(FIRST, DEEPEST, partial(_off_zero, curve)):
+        for _, _, rectangle in subintervals(FIRST, DEEPEST, partial(_off_zero, curve)):
             if rectangle is None:
                 return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)

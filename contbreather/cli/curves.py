@@ -350,7 +350,7 @@ def _name(point: cb.continuation.Point) -> str:
 
 def _stretches(arm: cb.Branch) -> Iterator[str]:
     """Between which of its special points an arm is stable, and on which chain."""
-    from contbreather.continuation.segment import between
+    from contbreather.continuation.step_interpolant import between
     from contbreather.stability.verdict import THRESHOLD
 
     on = f"the {arm[0].lattice.describe()}"

@@ -23,7 +23,7 @@ from contbreather.cli.output import (
     table_of,
 )
 from contbreather.cli.process import until_interrupted
-from contbreather.cli.simulate import content, judged, strobe_table, summary_of
+from contbreather.cli.simulate import content, strobe_table, summary_of, with_verdict
 from contbreather.cli.simulate import draw as draw_run
 from contbreather.cli.zones import curves_table, zones_entry, zones_lines
 from contbreather.errors import BadInput
@@ -218,7 +218,7 @@ def _as_left(by_name: Mapping[str, Any], axes: Axes) -> _Left:
 def _run_entry(run: Any) -> dict[str, Any]:
     on = run.conditions
     params = {name: getattr(on, name) for name in NEEDED if hasattr(on, name)}
-    return content(judged(summary_of(run)), params, getattr(on, "m", None))
+    return content(with_verdict(summary_of(run)), params, getattr(on, "m", None))
 
 
 def _each(by_name: Mapping[str, Any], axes: Axes) -> dict[str, Any]:

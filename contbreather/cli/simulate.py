@@ -211,7 +211,7 @@ def simulate(
     if summary.interrupted:
         inform("interrupted: writing, then judging what there is; Ctrl-C while judging: no verdict")
     written = [str(path) for path in _files(summary, options, into)]
-    summary = judged(summary)
+    summary = with_verdict(summary)
     undamped = where.given.get("damping") and not (where.lattice or options.start or options.smooth)
     if undamped and summary.lost is not None:
         inform(
@@ -288,7 +288,7 @@ def summary_of(
 
 
 @computing()
-def judged(summary: RunSummary) -> RunSummary:
+def with_verdict(summary: RunSummary) -> RunSummary:
     """What it shows, and the verdict; without it where Ctrl-C does not wait for it."""
     try:
         if hasattr(summary.run, "impacts"):

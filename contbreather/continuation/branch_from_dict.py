@@ -23,8 +23,8 @@ from .maps import Iterate, with_period
 from .newton import Undefined
 from .point import Event, Point, UnstableDimension
 from .problem import Problem
-from .segment import value_of_test
 from .settings import Settings, Steps, active_events
+from .step_interpolant import value_of_test
 
 Array = NDArray[Any]
 Content = Mapping[str, Any]

@@ -15,7 +15,7 @@ from .branch import Branch
 from .curve import Curve
 from .newton import OUT_OF_DOMAIN
 from .point import Point
-from .segment import StepInterpolant
+from .step_interpolant import StepInterpolant
 
 Array = NDArray[np.float64]
 

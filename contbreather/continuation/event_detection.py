@@ -28,7 +28,14 @@ from .event_location import (
 )
 from .newton import Array, Undefined
 from .point import Event, Point
-from .segment import ASIDE, StepInterpolant, StepSamples, Value, counts_apart, value_of_test
+from .step_interpolant import (
+    ASIDE,
+    StepInterpolant,
+    StepSamples,
+    Value,
+    counts_apart,
+    value_of_test,
+)
 
 _START = (0.0, 0.5, 1.0)  # where a test is looked at first
 _POINT = 1e-6  # relative length of a piece of curve within which two zeros are one

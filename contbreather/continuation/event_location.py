@@ -21,7 +21,7 @@ from .curve import Curve
 from .defining_systems import extended
 from .newton import OUT_OF_DOMAIN, Solution, Undefined, newton
 from .point import DefiningSystem, Examined, Level, Point
-from .segment import ASIDE, StepSamples, count_at, counts_apart, value_of_test
+from .step_interpolant import ASIDE, StepSamples, count_at, counts_apart, value_of_test
 
 Located = tuple[float, float, Point]  # bracket and point
 

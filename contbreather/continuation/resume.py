@@ -19,8 +19,8 @@ from .defining_systems import event_of
 from .duplicates import lies_on
 from .newton import Undefined
 from .point import Event, Point
-from .segment import StepInterpolant
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
+from .step_interpolant import StepInterpolant
 from .trace import trace
 
 Windows = Mapping[str, tuple[float, float]]

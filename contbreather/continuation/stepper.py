@@ -16,7 +16,6 @@ from .curve import LEVEL, Curve
 from .ends import Bound, StartOnCurve
 from .newton import Array, Solution, Undefined, correction, newton
 from .point import Point
-from .segment import StepInterpolant
 from .settings import Steps
 from .step import (
     ITERATIONS,
@@ -30,6 +29,7 @@ from .step import (
     longest,
     next_size,
 )
+from .step_interpolant import StepInterpolant
 
 LOG = logging.getLogger(__name__)
 

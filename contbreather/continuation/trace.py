@@ -26,8 +26,8 @@ from .event_detection import Ends, Found, clear_steps, find, without_candidate
 from .newton import Undefined
 from .point import Event, Point
 from .problem import Problem, problem_in
-from .segment import StepInterpolant, Value, count_at, counted, measure_many, value_of_test
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
+from .step_interpolant import StepInterpolant, Value, count_at, counted, measure_many, value_of_test
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)

@@ -146,7 +146,7 @@ class ErrorLabel(Words):
 
 
 @contextmanager
-def said(trouble: ErrorLabel) -> Iterator[None]:
+def refusal_shown(trouble: ErrorLabel) -> Iterator[None]:
     """Have a label say why something was refused, or nothing."""
     try:
         yield
@@ -170,7 +170,7 @@ def read_all(fields: Mapping[str, Field]) -> dict[str, Any] | None:
     """All fields by name; None if any was refused, each of which says so."""
     values: dict[str, Any] = {}
     for name, field in fields.items():
-        with suppress(BadInput), said(field.trouble):
+        with suppress(BadInput), refusal_shown(field.trouble):
             values[name] = field.read(field.input.value or "")
     return values if len(values) == len(fields) else None
 
@@ -327,7 +327,7 @@ class PageForms:
         return self._card("Keep", self.file.view, button, which, self.figure, self.script)
 
     def _figure(self) -> BytesIO:
-        with said(self.troubles["Keep"]):
+        with refusal_shown(self.troubles["Keep"]):
             return BytesIO(self.explorer.figure(self.what.value, self.suffix.value))
 
     def _save(self, path: str) -> None:

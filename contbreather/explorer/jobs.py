@@ -245,7 +245,7 @@ def simulated(
         progress.total = periods
         how: dict[str, Any] = {"periods": periods, "sample": sample, "progress": progress}
         run = simulate((u, v), **vars(orbit.conditions), **how)
-        fate(run)  # here, not where pages are drawn
+        outcome(run)  # here, not where pages are drawn
         return run
 
     setup = (
@@ -261,7 +261,7 @@ def simulated(
 
 
 @lru_cache(maxsize=1)
-def fate(run: SimulationRun) -> str:
+def outcome(run: SimulationRun) -> str:
     """The verdict on a run where that takes no minutes, else how it ended."""
     if run.stop is RunStop.DONE and run.sites <= JUDGED:
         with suppress(BadInput):  # of too few periods

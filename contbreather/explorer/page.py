@@ -32,7 +32,7 @@ from contbreather.explorer.forms import (
     titled_box,
     tried,
 )
-from contbreather.explorer.jobs import fate
+from contbreather.explorer.jobs import outcome
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import PageState, drawn_columns, names, verdict_in_words, verdicts
 from contbreather.explorer.style import (
@@ -302,7 +302,7 @@ class Page:
             self._render_chosen(new, old)
             self.run_card.visible = new.run is not None
             if new.run is not None and new.run is not old.run:
-                self.run.run(*new.run, fate(new.run[1]))
+                self.run.run(*new.run, outcome(new.run[1]))
 
     def _render_status(self) -> None:
         explorer, chosen = self.explorer, self.explorer.state.chosen

@@ -430,7 +430,7 @@ class MotionView(OrbitView):
         real = there if size is None else [n % size for n in there]
         self._bound(wall for n in real for wall in orbit.walls.at(n))
 
-    def run(self, name: str, run: SimulationRun, fate: str) -> None:
+    def run(self, name: str, run: SimulationRun, outcome: str) -> None:
         """The motion of a simulation, and what became of it."""
         record = run.record
         assert record is not None  # asked for by `jobs.simulated`
@@ -438,7 +438,7 @@ class MotionView(OrbitView):
         self._draw(record.times / PERIOD, dict(columns))
         self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
         count = len(run.impacts)
-        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {fate}"
+        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {outcome}"
 
     def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
         colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}

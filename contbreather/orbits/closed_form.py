@@ -196,9 +196,9 @@ class ClosedForm:
         return motion
 
     def locus(self, of: Any, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
-        from contbreather.orbits.closed_problem import locus
+        from contbreather.orbits.closed_problem import defining_system
 
-        return locus(of, point, nu, **more)
+        return defining_system(of, point, nu, **more)
 
     def grazing_site(self, site: int) -> GrazingSite:
         from contbreather.orbits.closed_problem import local_maximum

@@ -257,7 +257,9 @@ class SymmetricProblem(OrbitProblem):
         return symmetric_problem(soft, self.threshold).having(*names)
 
 
-def locus(of: OnCircle, point: Point, nu: float | None = None, **more: Any) -> DefiningSystem:
+def defining_system(
+    of: OnCircle, point: Point, nu: float | None = None, **more: Any
+) -> DefiningSystem:
     """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
     breather = point.solution.representation
     if nu is not None:

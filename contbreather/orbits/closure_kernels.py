@@ -256,7 +256,7 @@ def pair_slopes(z: Any, data: Any, out: Any) -> int:
 # --- a site that touches a wall -------------------------------------------------------------
 
 
-def flight(data: Any) -> None:
+def free_flight(data: Any) -> None:
     """Amplitudes of -sin y and of the odd powers of y, and their slopes in gamma."""
     x, n = 4.0 * data[GAMMA], int(data[DISTANCE])
     r = math.sqrt(1.0 - x)
@@ -298,7 +298,7 @@ def motion(z: Any, data: Any) -> float:
     """Of the site per unit p, its slopes in gamma, and f at that time; the sign of its half."""
     halves = math.floor((z[2] - z[1]) / math.pi)
     y = z[2] - z[1] - (halves + 0.5) * math.pi
-    flight(data)
+    free_flight(data)
     oscillator_state(data, OWN, y, MOTION)
     oscillator_state(data, SLOPE, y, MOTION + 3)
     drive(data, z[2])

@@ -26,8 +26,8 @@ from contbreather.continuation.newton import OUT_OF_DOMAIN
 from contbreather.continuation.point import CodimensionTwo, Event, Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.resume import refined
-from contbreather.continuation.segment import measure_many
 from contbreather.continuation.settings import Steps
+from contbreather.continuation.step_interpolant import measure_many
 from contbreather.continuation.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.orbits.closed_form import symmetric_roots

@@ -16,8 +16,8 @@ from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
 from contbreather.continuation.resume import refined, with_columns
-from contbreather.continuation.segment import between
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
+from contbreather.continuation.step_interpolant import between
 from contbreather.errors import BadInput
 from contbreather.plotting.canvas import (
     CYCLE,
@@ -25,11 +25,11 @@ from contbreather.plotting.canvas import (
     Drawn,
     Labels,
     drawing,
-    ink,
     legend_size,
     marker,
     size,
     symbol,
+    text_colour,
     to_the_rim,
 )
 
@@ -108,7 +108,7 @@ def plot_branches(
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         tops = [names[0] for names in heights]
-        paper, plain = Labels(axes), ink(axes)
+        paper, plain = Labels(axes), text_colour(axes)
         by_value = any(group.values for group in groups)
         words = _words(paper, marked, x, tops, shades if by_value else [plain] * len(shades))
         named = len(words) <= CROWD if labels is None else labels
@@ -145,7 +145,7 @@ def _key(ax: Axes, alike: Sequence[Any], values: bool) -> dict[Any, str]:
     """The colour of each group of branches that are alike; no two values have the same one."""
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
-    order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], ink(ax))
+    order, colours = list(dict.fromkeys(alike)), (*CYCLE[:-1], text_colour(ax))
     if not values or len(order) <= len(colours):
         return {one: colours[(taken + i) % len(colours)] for i, one in enumerate(order)}
     from matplotlib import colormaps

@@ -282,7 +282,7 @@ def symbol(name: str) -> str:
     return f"${name[0]}{index}$" if len(letter) == 1 and letter.isalpha() else name
 
 
-def ink(ax: Axes) -> str:
+def text_colour(ax: Axes) -> str:
     """The colour of words that stand out from the ground of these axes, black on white."""
     from matplotlib.colors import to_hex
 

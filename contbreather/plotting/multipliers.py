@@ -25,8 +25,8 @@ from contbreather.plotting.canvas import (
     Drawn,
     Labels,
     drawing,
-    ink,
     symbol,
+    text_colour,
 )
 from contbreather.plotting.orbits import no_orbit, solution_of
 from contbreather.simulation.periodic import PeriodicMotion
@@ -121,7 +121,7 @@ def plot_multipliers(
             labels.announce(multiplier.real, multiplier.imag)
         space = "\n" if axes.bbox.width / labels.pixel < NARROW else " "
         for multiplier, place in _named(mu, shown, alone & (mu.imag >= 0.0)):
-            colour = VERMILLION if abs(multiplier) > 1.0 else ink(axes)
+            colour = VERMILLION if abs(multiplier) > 1.0 else text_colour(axes)
             text = _number(multiplier, digits, space)
             labels.place(place.real, place.imag, text, color=colour)
     return drawn

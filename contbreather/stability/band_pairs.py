@@ -244,7 +244,7 @@ def pair_window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int
             roots += bracketed(data, out, answer, roots, i * step, i * step + step,
                                out[VALUES + i], out[VALUES + i + 1])  # fmt: skip
     else:
-        crest(data, out, top)
+        refine_maximum(data, out, top)
         middle = out[FOUND + 3]
         if out[FOUND + 4] > 0.0:  # a pair of roots between two nodes
             i = int(middle / step)
@@ -262,7 +262,7 @@ def pair_window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int
             answer[2], answer[3] = answer[3], answer[2]
     else:
         answer[2] = answer[3] = 0.0
-        crest(data, out, top)
+        refine_maximum(data, out, top)
         unopened(out, answer)
     return 0
 
@@ -296,8 +296,8 @@ def bracketed(
     return 1
 
 
-def crest(data: Any, out: Any, top: int) -> None:
-    """Three samples around the one crest of the equation, closer and closer to it."""
+def refine_maximum(data: Any, out: Any, top: int) -> None:
+    """Three samples around the one maximum of the equation, closer and closer to it."""
     step = 0.5 * math.pi / GRID
     i = min(max(top, 1), GRID - 1)
     around(data, out, i * step, step)

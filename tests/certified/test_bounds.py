@@ -93,7 +93,7 @@ def test_no_site_beyond_moves_farther_than_the_reach_says() -> None:
                 reach = float(averages.reach(arb(gamma), n))
                 tops = []
                 for site in (n, n + 1, n + 4):
-                    s, P, _ = averages.flight(arb(gamma), site)
+                    s, P, _ = averages.free_flight(arb(gamma), site)
                     tops.append(max(abs(float(-s * arb(x).sin() + P(arb(x)))) for x in y))
                 assert max(tops) <= reach < 1.5 * tops[0]
 
@@ -224,7 +224,7 @@ def test_what_is_cut_off_from_motions_and_aliases_is_bounded_closely() -> None:
     assert 0.5 * np.pi <= averages.REACH < 1.02 * 0.5 * np.pi
     gamma, first = 0.2, 2 * averages.POWERS + 1
     with balls.working():
-        errors = [float(one.rad()) for one in averages.flight(arb(gamma), 3)[2]]
+        errors = [float(one.rad()) for one in averages.free_flight(arb(gamma), 3)[2]]
     size = 4 / np.pi / (1 - 4 * gamma) ** 0.5
     for r, error in enumerate(errors):
         term = size * averages.REACH ** (first - r) / float(mpmath.factorial(first - r))

@@ -15,7 +15,7 @@ from contbreather.continuation import Problem, Stop, derivatives, fold, trace
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.maps import FixedPoint
 from contbreather.continuation.newton import Dense, Undefined, approach, newton
-from contbreather.continuation.segment import closest_tangent
+from contbreather.continuation.step_interpolant import closest_tangent
 from contbreather.errors import NotConverged
 
 from .zoo import CIRCLE, counted, events_of, scalar

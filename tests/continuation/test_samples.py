@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.segment import ASIDE, StepSamples, value_of_test
+from contbreather.continuation.step_interpolant import ASIDE, StepSamples, value_of_test
 
 EVENT = cb.user("mu", 0.0)
 

@@ -13,7 +13,7 @@ import contbreather as cb
 from contbreather import kernels
 from contbreather.continuation import Steps, compiled_steps
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.segment import StepInterpolant
+from contbreather.continuation.step_interpolant import StepInterpolant
 from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.grazing import other_contacts
