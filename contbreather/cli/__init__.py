@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tokens = [STDOUT if token == "-" else token for token in typed if token != VERBOSE]
     try:
         with interruptible(alone=arguments is None), heard(VERBOSE in typed):
-            status = _run(tokens, about=typed == ["--version", VERBOSE])
+            status = _about() if typed == ["--version", VERBOSE] else _run(tokens)
             sys.stdout.flush()
     except BadInput as error:
         return _refused(error, BAD_INPUT)
@@ -71,15 +71,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-def _run(tokens: list[str], about: bool) -> int:
-    """Run a command, or say what version this is, and whether its loops are compiled."""
+def _about() -> int:
+    """The version, and whether its loops are compiled."""
+    from contbreather.kernels import status
+
+    print(f"{__version__}\n{status()}")
+    return DONE
+
+
+def _run(tokens: list[str]) -> int:
     from cyclopts import CycloptsError
 
-    if about:
-        from contbreather.kernels import status as compiled
-
-        print(f"{__version__}\n{compiled()}")
-        return DONE
     app = application()
     try:
         command, bound, *_ = app.parse_args(tokens, print_error=False, exit_on_error=False)

@@ -360,9 +360,11 @@ def kinks(samples: StepSamples) -> Iterator[Point]:
     left, right = _downhill(samples, around, [size[u] for u in around], _TOUCH * highest)
     u = 0.5 * (left + right)
     if _ONE < u < 1 - _ONE and not samples.changes():  # at an end it only approaches zero
+        least = _seen_at(samples, u)
         # where the test jumps it is small on one side alone
-        beside, least, beyond = (_seen_at(samples, v) for v in (left, u, right))
-        if least < _TOUCH * highest and max(beside, beyond) < _LOW * highest:
+        if least < _TOUCH * highest and all(
+            _seen_at(samples, v) < _LOW * highest for v in (left, right)
+        ):
             reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
             yield _double(samples, left, right, samples.segment.provisional(u), reason)
 

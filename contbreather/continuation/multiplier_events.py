@@ -125,7 +125,9 @@ def _units(curve: Curve) -> Array:
 def _eigenvectors(mu: float, point: Point) -> int:
     """How many, one or two, belong to a multiplier that is there."""
     ground = point.base_point
-    weak = least_singular(closed(ground.curve, ground.jacobian(), mu))
+    matrix, moved = closed(ground.curve, ground.jacobian(), mu), ground.curve.problem.perturbed
+    # meshes have no multipliers: that of an orbit that rests is all but free
+    weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
     return 2 if weak.second < _RANK * max(1.0, weak.largest) else 1
 
 

@@ -73,3 +73,20 @@ def test_what_only_the_period_ends_has_doubled_orbits() -> None:
     th = arm["max(th)"][1:]
     assert arm[-1]["K"] == 8
     assert arm["K"][1:] * np.sin(th) == pytest.approx(steepest * th, rel=1e-8)
+
+
+def test_a_map_at_each_stroke_has_its_double_multiplier() -> None:
+    """Where its trace is -2 and its determinant 1: a companion matrix has one eigenvector there.
+    The orbit rests in between, so that its mesh is all but free."""
+
+    def turned(t, x, p):
+        return [x[1], -p["D"] * x[0] + p["T"] * x[1] + 0.3 * x[0] ** 2]
+
+    rest = cb.Flow(lambda t, x, p: [0 * x[0], 0 * x[0]], at=0, reset=turned)
+    orbit = cb.cycle([rest], {"x": 0.0, "y": 0.0}, {"T": -1.0, "D": 0.5}, period=1.0, t0=0.5)
+    flip = cb.trace(orbit, "T", within={"T": (-1.8, 0)}).first("PD")
+    assert flip["T"] == pytest.approx(-1.5, abs=1e-9)
+    line = cb.boundary(flip, ("D", "T"), within={"D": (0.4, 1.2)})
+    assert [point.kind for point in line.special] == ["EP", "R2", "EP"]
+    assert (line.first("R2")["D"], line.first("R2")["T"]) == pytest.approx((1, -2), abs=1e-9)
+    assert not line.doubtful
