@@ -446,12 +446,12 @@ def _solved(equations: Equations, made: Made) -> tuple[Equations, Problem]:
             count = sum(flight.knots.size - 1 for flight in equations.start)
             coarse = any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
             if not coarse or count > _MOST_INTERVALS:
-                finer = f"{count} intervals do not resolve it, " if coarse else ""
+                finer = f"{count} intervals do not resolve it; " if coarse else ""
                 _refuse_family(getattr(error, "last", None), error)
                 _refuse_family(made(equations), error)
                 raise NotConverged(
-                    f"no periodic orbit was found from there: {error}; {finer}let it settle "
-                    "longer (settle=), or start closer to the orbit",
+                    f"no periodic orbit was found from there: {error}; {finer}let it "
+                    "settle longer (settle=)",
                     residual=getattr(error, "residual", math.nan),
                 ) from error
         halved = [flight.halved() for flight in equations.start]

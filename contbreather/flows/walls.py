@@ -20,8 +20,8 @@ from .multipliers import paces, relative_paces
 from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
-_ON_IT, _AS_MUCH = 1e-9, 10.0  # a flow that begins this close to its condition begins on it; or
-# that is off by no more than so many times what the one before it is where it ends
+_ON_IT = 1e-9  # of a condition, relative to its size: a flow that begins this close begins on it
+_AS_MUCH = 10.0  # or off by so many times what the flow before it is off where it ends
 _FLAT = 1e-12  # a minimum that is less deep, relative to the largest value, is rounding
 _SHRUNK = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 _SLOW = 1e-2  # of how fast a condition may change: it is all but touched
