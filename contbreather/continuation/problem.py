@@ -37,9 +37,6 @@ class Problem:
         ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
         Checked once against differences, unless there are `loops`. Without it, complex steps are
         used where they hold, differences elsewhere.
-    sensitivity : callable, optional
-        ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter. Used, and
-        checked, together with `jacobian` only.
     events : tuple of Event, optional
         What a walk looks for by default.
     record : dict, optional
@@ -50,8 +47,6 @@ class Problem:
     scales : dict, optional
         Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
         and differences are measured in it.
-    interpret : callable, optional
-        Turns a `Point` into what it is to its user; ``point.solution`` calls it.
     label : str, optional
         Shown in tables.
     sparsity : array_like or scipy.sparse array, shape (n, n), optional
@@ -64,7 +59,9 @@ class Problem:
         ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``.
     Notes
     -----
-    What else there may be to know of equations is said by a class derived from this one: `images`
+    What else there may be to know of equations is said by methods of a class derived from this
+    one: ``interpret(point)``, what a point is to its user, as ``point.solution`` has it;
+    ``sensitivity(x, params, name)``, the derivative in one parameter beside `jacobian`; `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
     `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show,
     `with_parameters`, those that are there when asked for, and ``serialised``, what files make the
@@ -94,15 +91,18 @@ class Problem:
     record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
-    interpret: Callable[[Any], Any] | None = None
     label: str = ""
     # how else derivatives are had
-    sensitivity: Callable[[Array, Params, str], Array] | None = None
     sparsity: Any = None
     compiled: bool = False
 
     # --- what a derived class may know besides ---
 
+    # ``(point) -> object``: what a point is to its user, as ``point.solution`` has it
+    interpret: ClassVar[Callable[[Any], Any] | None] = None
+    # ``(x, params, name) -> (n,) array``: the derivative in one parameter. Used, and checked,
+    # together with `jacobian` only
+    sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
     # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
@@ -192,7 +192,7 @@ class Problem:
                 f"serialised = {form!r}: a dict with a 'kind' and the values that its reader takes "
                 "was expected."
             )
-        for what in ("residual", "jacobian", "sensitivity"):
+        for what in ("residual", "jacobian"):
             function = getattr(self, what)
             if not (callable(function) or (function is None and what != "residual")):
                 raise BadInput(f"{what} must be a function, got {function!r}")

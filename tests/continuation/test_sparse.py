@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -306,10 +306,6 @@ def pattern_without(i: int, j: int) -> np.ndarray:
             r"^the Jacobian is sparse and has shape \(30, 29\); \(30, 30\) was expected$",
         ),
         (
-            {"sensitivity": lambda u, p, name: coo_array(np.exp(u)[:, None])},
-            r"a dense array of shape \(30,\) was expected: return its toarray\(\)$",
-        ),
-        (
             {"jacobian": None, "sparsity": pattern_without(11, 12)},
             r"^the sparsity pattern does not fit the residual: it misses entry \(11, 12\)",
         ),
@@ -318,6 +314,18 @@ def pattern_without(i: int, j: int) -> np.ndarray:
 def test_what_does_not_fit_a_large_problem_is_named(given, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         cb.trace(replace(bratu(second(30)), **given), "lam", within={"lam": (0, 1)})
+
+
+def test_a_sparse_derivative_in_a_parameter_is_refused() -> None:
+    class Column(cb.Problem):
+        def sensitivity(self, x, params, name):
+            return coo_array(np.exp(x)[:, None])
+
+    plain = bratu(second(30))
+    problem = Column(**{entry.name: getattr(plain, entry.name) for entry in fields(plain)})
+    words = r"a dense array of shape \(30,\) was expected: return its toarray\(\)$"
+    with pytest.raises(BadInput, match=words):
+        cb.trace(problem, "lam", within={"lam": (0, 1)})
 
 
 def test_a_pattern_of_the_wrong_shape_or_beside_a_jacobian_is_refused() -> None:
