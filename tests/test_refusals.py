@@ -50,7 +50,10 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     # problems
     (lambda: problem(residual=3.0), r"residual must be a function, got 3\.0"),
     (lambda: problem(residual=None), r"residual must be a function, got None"),
-    (lambda: problem(jacobian=3.0), r"jacobian must be a function, got 3\.0"),
+    (
+        lambda: problem(jacobian=3.0),
+        r"jacobian must be a function, or a pattern of its entries; got 3\.0",
+    ),
     (lambda: problem(start=[1.0]), r"start must be a dict of names and values, got \[1\.0\]"),
     (lambda: problem(params=2.0), r"params must be a dict of names and values"),
     (lambda: problem(scales=[1.0]), r"scales must be a dict of names and values"),

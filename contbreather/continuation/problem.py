@@ -33,10 +33,12 @@ class Problem:
         Name and start value of each unknown; a value may be a one-dimensional array.
     params : dict
         Name and value of each parameter. Which one is free is an argument of the walk.
-    jacobian : callable, optional
+    jacobian : callable or pattern, optional
         ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
-        Checked once against differences, unless there are `loops`. Without it, complex steps are
-        used where they hold, differences elsewhere.
+        Or which of its entries may differ from zero, as an array, dense or from scipy.sparse: large
+        problems are then differentiated with as few residuals as that allows, and solved as with a
+        sparse Jacobian. Checked once against differences, unless there are `loops`. Without it,
+        complex steps are used where they hold, differences elsewhere.
     events : tuple of Event, optional
         What a walk looks for by default.
     record : dict, optional
@@ -49,10 +51,6 @@ class Problem:
         and differences are measured in it.
     label : str, optional
         Shown in tables.
-    sparsity : array_like or scipy.sparse array, shape (n, n), optional
-        Which entries of the derivative in `x` may differ from zero, in place of `jacobian`: large
-        problems are then differentiated with as few residuals as that allows, and solved as with a
-        sparse Jacobian.
     compiled : bool
         Whether numba can compile `residual`, and `jacobian` if given: then steps are taken by
         compiled code, up to a dozen unknowns. So they are where these functions are decorated with
@@ -86,14 +84,12 @@ class Problem:
     start: Mapping[str, Any]
     params: Params
     _: KW_ONLY
-    jacobian: Callable[[Array, Params], Matrix] | None = None
+    jacobian: Callable[[Array, Params], Matrix] | Any = None
     events: tuple[Any, ...] = ()
     record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
-    # how else derivatives are had
-    sparsity: Any = None
     compiled: bool = False
 
     # --- what a derived class may know besides ---
@@ -192,10 +188,8 @@ class Problem:
                 f"serialised = {form!r}: a dict with a 'kind' and the values that its reader takes "
                 "was expected."
             )
-        for what in ("residual", "jacobian"):
-            function = getattr(self, what)
-            if not (callable(function) or (function is None and what != "residual")):
-                raise BadInput(f"{what} must be a function, got {function!r}")
+        if not callable(self.residual):
+            raise BadInput(f"residual must be a function, got {self.residual!r}")
         if not self.start:
             raise BadInput("a problem needs at least one unknown: start is empty")
         clash = set(self.start) & set(self.params)
@@ -226,18 +220,25 @@ class Problem:
         listed = isinstance(self.events, tuple | list)
         if not (listed and all(hasattr(event, "kind") for event in self.events)):
             raise BadInput(f"events must be a list of them, got {self.events!r}")
-        if self.sparsity is not None and not isinstance(self.sparsity, Pattern):
-            object.__setattr__(self, "sparsity", self._pattern())
+        if not (self.jacobian is None or callable(self.jacobian)) and self.pattern is None:
+            # with what is made of it, which stays with the problem
+            object.__setattr__(self, "jacobian", self._as_pattern(self.jacobian))
 
-    def _pattern(self) -> Pattern:
-        """The pattern that was given, with what is made of it: it stays with the problem."""
+    def _as_pattern(self, entries: Any) -> Pattern:
         n = self.x.size
-        if self.jacobian is not None:
-            raise BadInput("either a jacobian or a sparsity pattern was expected, not both")
-        shape = getattr(self.sparsity, "shape", None) or numbers("sparsity", self.sparsity).shape
+        if not (hasattr(entries, "shape") or isinstance(entries, list | tuple)):
+            raise BadInput(
+                f"jacobian must be a function, or a pattern of its entries; got {entries!r}"
+            )
+        shape = getattr(entries, "shape", None) or numbers("jacobian", entries).shape
         if shape != (n, n):
             raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
-        return Pattern(self.sparsity)
+        return Pattern(entries)
+
+    @property
+    def pattern(self) -> Pattern | None:
+        """Which entries of the derivative may differ from zero, where that was given."""
+        return self.jacobian if isinstance(self.jacobian, Pattern) else None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from contbreather.continuation import Event
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.storage.netcdf import checked_file
 
-from .zoo import LINE, PITCHFORK
+from .zoo import LINE, PITCHFORK, knowing
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -124,22 +124,13 @@ def line(**given: Any) -> cb.Branch:
     return cb.trace(LINE.problem, given.pop("free", "mu"), **given)
 
 
-def solved(
-    residual: Any, *, n: int = 2, kind: type[cb.Problem] = cb.Problem, **given: Any
-) -> cb.Branch:
+def solved(residual: Any, *, n: int = 2, sensitivity: Any = None, **given: Any) -> cb.Branch:
     """A walk from x = 0, or from a row of numbers, with the parameter mu."""
     start = {"x": 0.0} if n == 1 else {"x": np.zeros(n)}
-    return cb.trace(kind(residual, start, {"mu": 0.0}, **given), "mu")
-
-
-class Flat(cb.Problem):
-    def sensitivity(self, x: Any, params: Any, name: str) -> Any:
-        return np.zeros((2, 1))
-
-
-class Misspelt(cb.Problem):
-    def sensitivity(self, x: Any, params: Any, name: str) -> Any:
-        return np.array([-params["mu2"]])
+    problem = cb.Problem(residual, start, {"mu": 0.0}, **given)
+    if sensitivity is not None:
+        problem = knowing(problem, sensitivity=sensitivity)
+    return cb.trace(problem, "mu")
 
 
 def problem(start: Any, params: Any, **given: Any) -> cb.Problem:
@@ -213,7 +204,7 @@ GIVEN: list[Row] = [
     (solved, (lambda u, p: u,), {"jacobian": lambda u, p: np.eye(3)},
      r"Jacobian has shape \(3, 3\); \(2, 2\) was expected"),
     (solved, (lambda u, p: u,),
-     {"kind": Flat, "jacobian": lambda u, p: RIGHT},
+     {"jacobian": lambda u, p: RIGHT, "sensitivity": lambda u, p, name: np.zeros((2, 1))},
      r"sensitivity has shape \(2, 1\); \(2,\) was expected"),
     # starts and directions
     *(
@@ -335,8 +326,9 @@ def test_a_misspelt_parameter_is_a_sentence_with_the_parameters_there_are(where:
     if where == "map":
         problem = cb.FixedPoint(lambda x, p: x + p["mu2"] - x**2, start, params)
     else:
-        kind = Misspelt if where == "sensitivity" else cb.Problem
-        problem = kind(parabola, start, params, **more)
+        problem = cb.Problem(parabola, start, params, **more)
+    if where == "sensitivity":
+        problem = knowing(problem, sensitivity=lambda x, p, name: np.array([-p["mu2"]]))
     words = r"ask for a parameter 'mu2'; this problem has \['mu', 'h'\]"
     with pytest.raises(BadInput, match=words):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})

@@ -48,7 +48,7 @@ from .zoo import (
     STIFF,
     Case,
     brusselator,
-    interpreted,
+    knowing,
     takens,
     trace_case,
 )
@@ -199,7 +199,7 @@ def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) 
         lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0},
         record={"square": lambda point: point.solution, "half": lambda point: point.solution / 2},
     )  # fmt: skip
-    line = interpreted(line, lambda point: looked.append(point["mu"]) or point["x"] ** 2)
+    line = knowing(line, interpret=lambda point: looked.append(point["mu"]) or point["x"] ** 2)
     branch = trace(line, "mu", within={"mu": (0, 1)})
     assert len(branch) > 8
     for ask in (lambda: save(path, branch), branch.columns):

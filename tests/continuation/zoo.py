@@ -301,11 +301,11 @@ def chebyshev(n: int) -> Array:
     return 4 * (first @ first)[1:-1, 1:-1]
 
 
-def bratu(second: Array, kind: type[Problem] = Problem, **given: Any) -> Problem:
+def bratu(second: Array, **given: object) -> Problem:
     def residual(u: Array, p: Mapping[str, float]) -> Array:
         return second @ u + p["lam"] * np.exp(u)
 
-    return kind(residual, {"u": np.zeros(len(second))}, {"lam": 0.0}, **given)
+    return Problem(residual, {"u": np.zeros(len(second))}, {"lam": 0.0}, **given)
 
 
 def ignition(
@@ -327,26 +327,9 @@ def ignition(
     return Problem(residual, u, params, jacobian=jacobian, scales={"u": 1 / unit})
 
 
-class AnalyticBratu(Problem):
-    def sensitivity(self, x: Array, params: Mapping[str, float], name: str) -> Array:
-        return np.exp(x)
-
-
 def analytic_bratu(second: Array) -> Problem:
-    def jacobian(u: Array, p: Mapping[str, float]) -> Array:
-        return second + np.diag(p["lam"] * np.exp(u))
-
-    return bratu(second, AnalyticBratu, jacobian=jacobian)
-
-
-def interpreted(problem: Problem, meaning: Callable[[Point], Any]) -> Problem:
-    """The same equations as a problem that says what its points are."""
-
-    class Interpreted(type(problem)):
-        def interpret(self, point: Point) -> Any:
-            return meaning(point)
-
-    return Interpreted(**{entry.name: getattr(problem, entry.name) for entry in fields(problem)})
+    plain = bratu(second, jacobian=lambda u, p: second + np.diag(p["lam"] * np.exp(u)))
+    return knowing(plain, sensitivity=lambda u, p, name: np.exp(u))
 
 
 BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solution
