@@ -279,16 +279,18 @@ class ContinuationIterator:
         while stop is None and self.count < self.steps.most:
             try:
                 with np.errstate(**QUIET):
-                    # predict:  z + s t + s^2/2 dt/ds
-                    #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
-                    # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
-                    # adapt:    s so that the tangent turns by 0.15, in 4 iterations
-                    # test: what no event has a candidate on is recorded as it is
+                    # Of the steps that machine code takes many in one call those pass at once on
+                    # which no event has a candidate. All others, as at the start, at an edge or
+                    # beside a branch point, and every step without machine code:
                     clear = self._without_candidates() if self.stepper.rules else None
                     if not clear:
-                        # or one step more: at an edge, a branch point, the start
+                        # predict   z + s t + s^2/2 dt/ds
+                        #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
+                        # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
+                        # adapt     s, so that the tangent turns by 0.15, in 4 iterations
                         step = self.stepper.next(self.point, self.count)
-                        # locate
+                        # test      at its end: a change of sign, or what may hide two of them
+                        # locate    by the defining system of the event, where it has one
                         found = self._located(step) if self.events else _NOTHING
                         line, stop = self._line_up(step, found)
             except StepFailed as failed:
