@@ -152,7 +152,7 @@ def compiled_equations(curve: Any, params: Mapping[str, float]) -> Loops | None:
     slopes = curve.jacobian(start)  # by then it is known how derivatives are to be taken
     scalar = np.ndim(problem.residual(start[: curve.size].copy(), curve.params(start))) == 0
     slots = tuple(names.index(name) for name in free)
-    jacobian = None if problem.pattern is not None else problem.jacobian
+    jacobian = problem.jacobian if callable(problem.jacobian) else None  # or a pattern
     functions = _functions(problem.residual, jacobian, names, curve.size, slots, scalar)
     if functions is None:
         return None

@@ -21,6 +21,7 @@ from .sparse import (
     Dense,
     Factors,
     Matrix,
+    Pattern,
     beside,
     canonical,
     entry_columns,
@@ -333,11 +334,11 @@ class Curve:
             if problem.derivatives is not None:
                 whole = problem.derivatives(z[: self.size].copy(), self.params(z), self.free)
                 return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
-            if problem.pattern is not None:
+            if isinstance(problem.jacobian, Pattern):
                 # unknowns of one colour move together, each in proportion to its size
                 steps = np.maximum(self.scales, abs(z))[: self.size]
                 few = partial(self._by_few, z, columns=range(1))
-                matrix = problem.pattern.derivative(lambda way: few(way)[:, 0], steps)
+                matrix = problem.jacobian.derivative(lambda way: few(way)[:, 0], steps)
                 return self._with_parameters(z, matrix, width)
             if problem.jacobian is None:
                 return self._by_trying(self.residual, z, range(width), self.scales)
@@ -441,7 +442,7 @@ class Curve:
         if problem.jacobian is None and problem.sensitivity is None:
             return ""
         wrong = self.wrong_entry(z)
-        if problem.pattern is not None:
+        if isinstance(problem.jacobian, Pattern):
             return wrong and f"the sparsity pattern does not fit the residual: {wrong}"
         return wrong and f"the Jacobian that was given does not fit the residual: {wrong}"
 
@@ -458,8 +459,9 @@ class Curve:
         if wrong is None:
             return ""
         if is_sparse(matrix):
-            pattern = self.problem.pattern
-            given = None if pattern is None else pattern.matrix[[wrong[0]]].indices
+            pattern = self.problem.jacobian
+            listed = isinstance(pattern, Pattern)
+            given = pattern.matrix[[wrong[0]]].indices if listed else None
             return derivatives.wrong_in_row(self.residual, z, matrix, wrong[0], direction, given)
         wanted, doubt, _ = derivatives.estimate(self.residual, z, self.scales)
         entry = derivatives.misfit(matrix, wanted, doubt)

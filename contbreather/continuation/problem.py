@@ -220,11 +220,12 @@ class Problem:
         listed = isinstance(self.events, tuple | list)
         if not (listed and all(hasattr(event, "kind") for event in self.events)):
             raise BadInput(f"events must be a list of them, got {self.events!r}")
-        if not (self.jacobian is None or callable(self.jacobian)) and self.pattern is None:
-            # with what is made of it, which stays with the problem
-            object.__setattr__(self, "jacobian", self._as_pattern(self.jacobian))
+        given = self.jacobian
+        if not (given is None or callable(given) or isinstance(given, Pattern)):
+            object.__setattr__(self, "jacobian", self._pattern(given))
 
-    def _as_pattern(self, entries: Any) -> Pattern:
+    def _pattern(self, entries: Any) -> Pattern:
+        """The pattern that was given, with what is made of it: it stays with the problem."""
         n = self.x.size
         if not (hasattr(entries, "shape") or isinstance(entries, list | tuple)):
             raise BadInput(
@@ -234,11 +235,6 @@ class Problem:
         if shape != (n, n):
             raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
         return Pattern(entries)
-
-    @property
-    def pattern(self) -> Pattern | None:
-        """Which entries of the derivative may differ from zero, where that was given."""
-        return self.jacobian if isinstance(self.jacobian, Pattern) else None
 
     @property
     def names(self) -> tuple[str, ...]:
