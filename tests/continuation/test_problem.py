@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -36,6 +36,11 @@ def coupled_sensitivity(u, p, name):
 
 
 # --- names and shapes -------------------------------------------------------------------------
+
+
+def test_a_user_is_asked_for_ten_things_at_most() -> None:
+    """What else there is to know of equations are methods of the classes that know it."""
+    assert len(fields(Problem)) <= 10
 
 
 def test_a_residual_may_be_a_list() -> None:
