@@ -205,7 +205,7 @@ def with_period(problem: Problem, period: int) -> Problem:
     return replace(
         problem,
         residual=other,
-        jacobian=None if problem.jacobian is None else other.jacobian,
+        jacobian=other.jacobian if callable(problem.jacobian) else problem.jacobian,
         label=generic(period) if unnamed else problem.label,
     )
 
