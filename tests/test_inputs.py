@@ -118,7 +118,7 @@ def options(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         "boundary": (followed, {"start": point, "pair": ("gamma", "a"), **along}),
         "switch": (cb.switch, {"point": point, **along}),
         "extend": (cb.extend, {"branch": branch, "end": "last", "steps": few}),
-        "problem": (solved, dict.fromkeys(("jacobian", "sparsity"))),
+        "problem": (solved, {"jacobian": None}),
         "problem by name": (solved, {what: {} for what in ("record", "domain", "scales")}),
         "map": (cycle, dict.fromkeys(("jacobian", "events", "record", "domain", "scales"))),
         "user": (cb.user, {"name": "a", "value": 0.5, "terminal": False}),

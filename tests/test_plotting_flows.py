@@ -91,14 +91,15 @@ def test_equations_of_a_flow_count_unstable_eigenvalues_and_are_dashed_by_them(t
         np.testing.assert_array_equal(again["unstable"][regular], branch["unstable"][regular])
 
 
-@pytest.mark.parametrize("given", ["jacobian", "sparsity"])
+@pytest.mark.parametrize("given", ["function", "pattern"])
 def test_large_equations_have_no_column(given) -> None:
     """Of sparse ones some eigenvalues are known only; with up to 250 unknowns, all of them."""
     eye_array = pytest.importorskip("scipy.sparse").eye_array
 
     def traced(n: int) -> cb.Branch:
-        more = {given: eye_array(n) if given == "sparsity" else lambda x, p: np.eye(n)}
-        mine = cb.Problem(lambda x, p: x - p["mu"], {"u": np.zeros(n)}, {"mu": 0.0}, **more)
+        jacobian = eye_array(n) if given == "pattern" else lambda x, p: np.eye(n)
+        start = {"u": np.zeros(n)}
+        mine = cb.Problem(lambda x, p: x - p["mu"], start, {"mu": 0.0}, jacobian=jacobian)
         return cb.trace(mine, "mu", within={"mu": (0, 0.1)}, events=[cb.hopf()])
 
     assert "unstable" not in traced(251).names

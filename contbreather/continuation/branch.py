@@ -343,7 +343,8 @@ class Branch(Columns, HtmlRepr):
         looked = {event.kind for event in (self.problem.events if asked is None else asked)}
         wanted = str(kind).rstrip("0123456789")
         # breathers, maps and cycles come with their events, a problem of one's own without
-        if wanted in _ASKED and wanted not in looked and type(self.problem) is Problem:
+        own = type(self.problem) is Problem or not self.problem.events
+        if wanted in _ASKED and wanted not in looked and own:
             there += f"; it is looked for with events=[{_ASKED[wanted]}]"
         raise BadInput(there)
 

@@ -189,7 +189,7 @@ class _Stored:
             {name: self.here[name] for name in content[which]}
             for which in ("unknowns", "parameters")
         )
-        bare = Problem(missing, start, params, interpret=missing, label=content["label"])
+        bare = _Bare(missing, start, params, label=content["label"])
         curve = self._curve(bare)
         if content["boundary"]:
             curve.varied = (content["free"][0], content["unknowns"][-1])
@@ -275,6 +275,13 @@ def missing(*_: Any) -> Any:
     raise BadInput(
         "this branch was loaded without its equations; load(path, problem=...) attaches them"
     )
+
+
+class _Bare(Problem):
+    """The names and numbers of a branch alone."""
+
+    def interpret(self, point: Point) -> Any:  # type: ignore[override]
+        missing()
 
 
 def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | None:

@@ -152,7 +152,8 @@ def compiled_equations(curve: Any, params: Mapping[str, float]) -> Loops | None:
     slopes = curve.jacobian(start)  # by then it is known how derivatives are to be taken
     scalar = np.ndim(problem.residual(start[: curve.size].copy(), curve.params(start))) == 0
     slots = tuple(names.index(name) for name in free)
-    functions = _functions(problem.residual, problem.jacobian, names, curve.size, slots, scalar)
+    jacobian = problem.jacobian if callable(problem.jacobian) else None  # or a pattern
+    functions = _functions(problem.residual, jacobian, names, curve.size, slots, scalar)
     if functions is None:
         return None
     values = [float(params.get(name, 0.0)) for name in names]

@@ -21,6 +21,7 @@ from .sparse import (
     Dense,
     Factors,
     Matrix,
+    Pattern,
     beside,
     canonical,
     entry_columns,
@@ -269,7 +270,7 @@ class Curve:
         if of_user and np.count_nonzero(matrix) < _THIN * matrix.size:
             self.hint = (
                 f"a derivative of {self.size} x {self.size} entries, nearly all of them 0: "
-                "Problem(..., sparsity=pattern), or a sparse jacobian, is faster"
+                "Problem(..., jacobian=pattern), or a sparse jacobian, is faster"
             )
         return matrix
 
@@ -333,11 +334,11 @@ class Curve:
             if problem.derivatives is not None:
                 whole = problem.derivatives(z[: self.size].copy(), self.params(z), self.free)
                 return whole[:, :width] if is_sparse(whole) else np.asarray(whole[:, :width])
-            if problem.sparsity is not None:
+            if isinstance(problem.jacobian, Pattern):
                 # unknowns of one colour move together, each in proportion to its size
                 steps = np.maximum(self.scales, abs(z))[: self.size]
                 few = partial(self._by_few, z, columns=range(1))
-                matrix = problem.sparsity.derivative(lambda way: few(way)[:, 0], steps)
+                matrix = problem.jacobian.derivative(lambda way: few(way)[:, 0], steps)
                 return self._with_parameters(z, matrix, width)
             if problem.jacobian is None:
                 return self._by_trying(self.residual, z, range(width), self.scales)
@@ -416,7 +417,7 @@ class Curve:
         if value.dtype == bool:
             raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
         try:
-            if problem.jacobian is not None:
+            if callable(problem.jacobian):
                 derivative = problem.jacobian(z[:n].copy(), self.params(z))
                 _check_shape("Jacobian", derivative, (n, n))
             for name in self.free if problem.sensitivity is not None else ():
@@ -438,10 +439,10 @@ class Curve:
         if problem.beneath is not None:
             curve, place = problem.beneath(z[: self.size], self.params(z), self.free)
             return str(curve.misfit(place))
-        if problem.jacobian is None and problem.sensitivity is None and problem.sparsity is None:
+        if problem.jacobian is None and problem.sensitivity is None:
             return ""
         wrong = self.wrong_entry(z)
-        if problem.sparsity is not None:
+        if isinstance(problem.jacobian, Pattern):
             return wrong and f"the sparsity pattern does not fit the residual: {wrong}"
         return wrong and f"the Jacobian that was given does not fit the residual: {wrong}"
 
@@ -458,8 +459,9 @@ class Curve:
         if wrong is None:
             return ""
         if is_sparse(matrix):
-            pattern = self.problem.sparsity
-            given = None if pattern is None else pattern.matrix[[wrong[0]]].indices
+            pattern = self.problem.jacobian
+            listed = isinstance(pattern, Pattern)
+            given = pattern.matrix[[wrong[0]]].indices if listed else None
             return derivatives.wrong_in_row(self.residual, z, matrix, wrong[0], direction, given)
         wanted, doubt, _ = derivatives.estimate(self.residual, z, self.scales)
         entry = derivatives.misfit(matrix, wanted, doubt)

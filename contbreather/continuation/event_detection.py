@@ -203,23 +203,17 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
     while left:
         first = left.pop(0)
         curve, together = first.curve, [first]
-        if _is_verified(first):
+        if first.event and first.event.examine:
             reach = _SAME * (1 + curve.length(first.z))
             around = [p for p in left if curve.length(p.z - first.z) <= reach]
-            together += filter(_is_verified, around)
+            together += [point for point in around if point.event and point.event.examine]
         left = [point for point in left if point not in together]
-        best = max(together, key=_rank)
+        best = max(
+            together,
+            key=lambda p: (p.located, bool(p.event and p.event.ends), "tangents" in p.detail),
+        )
         also = {p.kind: None for p in together if p.located and p.kind != best.kind}
         yield replace(best, detail={**best.detail, "also": ", ".join(also)}) if also else best
-
-
-def _is_verified(point: Point) -> bool:
-    return point.event is not None and point.event.examine is not None
-
-
-def _rank(point: Point) -> tuple[bool, bool, bool]:
-    ends = point.event is not None and bool(point.event.ends)
-    return point.located, ends, "tangents" in point.detail
 
 
 def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, ...]:

@@ -109,7 +109,6 @@ def FixedPoint(
         record={**(record or {}), "unstable": UnstableDimension(attrgetter("solution.unstable"))},
         domain={} if domain is None else domain,
         scales={} if scales is None else scales,
-        interpret=cycle_at,
         label=generic(iterate.period) if label == "" else label,
     )
 
@@ -192,12 +191,6 @@ class MapCycle:
         return int((abs(self.multipliers) > 1).sum())
 
 
-def cycle_at(point: Point) -> MapCycle:
-    iterate: Iterate = point.curve.problem.residual
-    points = np.array([point.x, *iterate.phases(point.x, point.params)])
-    return MapCycle(points, multiplier_matrix(point), point.params)
-
-
 def multiplier_matrix(point: Point) -> Array:
     n = point.curve.size
     # F = G - x: its derivative is that of G but for 1
@@ -212,7 +205,7 @@ def with_period(problem: Problem, period: int) -> Problem:
     return replace(
         problem,
         residual=other,
-        jacobian=None if problem.jacobian is None else other.jacobian,
+        jacobian=other.jacobian if callable(problem.jacobian) else problem.jacobian,
         label=generic(period) if unnamed else problem.label,
     )
 
@@ -245,6 +238,10 @@ class MapCycleProblem(Problem):
     @property
     def period(self) -> int:
         return self.residual.period
+
+    def interpret(self, point: Point) -> Any:  # type: ignore[override]
+        points = np.array([point.x, *self.residual.phases(point.x, point.params)])
+        return MapCycle(points, multiplier_matrix(point), point.params)
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)

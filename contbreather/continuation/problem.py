@@ -33,13 +33,12 @@ class Problem:
         Name and start value of each unknown; a value may be a one-dimensional array.
     params : dict
         Name and value of each parameter. Which one is free is an argument of the walk.
-    jacobian : callable, optional
+    jacobian : callable or pattern, optional
         ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
-        Checked once against differences, unless there are `loops`. Without it, complex steps are
-        used where they hold, differences elsewhere.
-    sensitivity : callable, optional
-        ``sensitivity(x, params, name) -> (n,) array``, the derivative in one parameter. Used, and
-        checked, together with `jacobian` only.
+        Or which of its entries may differ from zero, as an array, dense or from scipy.sparse: large
+        problems are then differentiated with as few residuals as that allows, and solved as with a
+        sparse Jacobian. Checked once against differences, unless there are `loops`. Without it,
+        complex steps are used where they hold, differences elsewhere.
     events : tuple of Event, optional
         What a walk looks for by default.
     record : dict, optional
@@ -50,21 +49,17 @@ class Problem:
     scales : dict, optional
         Typical size of an unknown or parameter where that is far from 1: arclength, tolerance
         and differences are measured in it.
-    interpret : callable, optional
-        Turns a `Point` into what it is to its user; ``point.solution`` calls it.
     label : str, optional
         Shown in tables.
-    sparsity : array_like or scipy.sparse array, shape (n, n), optional
-        Which entries of the derivative in `x` may differ from zero, in place of `jacobian`: large
-        problems are then differentiated with as few residuals as that allows, and solved as with a
-        sparse Jacobian.
     compiled : bool
         Whether numba can compile `residual`, and `jacobian` if given: then steps are taken by
         compiled code, up to a dozen unknowns. So they are where these functions are decorated with
         ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``.
     Notes
     -----
-    What else there may be to know of equations is said by a class derived from this one: `images`
+    What else there may be to know of equations is said by methods of a class derived from this
+    one: ``interpret(point)``, what a point is to its user, as ``point.solution`` has it;
+    ``sensitivity(x, params, name)``, the derivative in one parameter beside `jacobian`; `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
     `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show,
     `with_parameters`, those that are there when asked for, and ``serialised``, what files make the
@@ -89,20 +84,21 @@ class Problem:
     start: Mapping[str, Any]
     params: Params
     _: KW_ONLY
-    jacobian: Callable[[Array, Params], Matrix] | None = None
+    jacobian: Callable[[Array, Params], Matrix] | Any = None
     events: tuple[Any, ...] = ()
     record: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
-    interpret: Callable[[Any], Any] | None = None
     label: str = ""
-    # how else derivatives are had
-    sensitivity: Callable[[Array, Params, str], Array] | None = None
-    sparsity: Any = None
     compiled: bool = False
 
     # --- what a derived class may know besides ---
 
+    # ``(point) -> object``: what a point is to its user, as ``point.solution`` has it
+    interpret: ClassVar[Callable[[Any], Any] | None] = None
+    # ``(x, params, name) -> (n,) array``: the derivative in one parameter. Used, and checked,
+    # together with `jacobian` only
+    sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
     # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
@@ -192,10 +188,8 @@ class Problem:
                 f"serialised = {form!r}: a dict with a 'kind' and the values that its reader takes "
                 "was expected."
             )
-        for what in ("residual", "jacobian", "sensitivity"):
-            function = getattr(self, what)
-            if not (callable(function) or (function is None and what != "residual")):
-                raise BadInput(f"{what} must be a function, got {function!r}")
+        if not callable(self.residual):
+            raise BadInput(f"residual must be a function, got {self.residual!r}")
         if not self.start:
             raise BadInput("a problem needs at least one unknown: start is empty")
         clash = set(self.start) & set(self.params)
@@ -226,18 +220,21 @@ class Problem:
         listed = isinstance(self.events, tuple | list)
         if not (listed and all(hasattr(event, "kind") for event in self.events)):
             raise BadInput(f"events must be a list of them, got {self.events!r}")
-        if self.sparsity is not None and not isinstance(self.sparsity, Pattern):
-            object.__setattr__(self, "sparsity", self._pattern())
+        given = self.jacobian
+        if not (given is None or callable(given) or isinstance(given, Pattern)):
+            object.__setattr__(self, "jacobian", self._pattern(given))
 
-    def _pattern(self) -> Pattern:
+    def _pattern(self, entries: Any) -> Pattern:
         """The pattern that was given, with what is made of it: it stays with the problem."""
         n = self.x.size
-        if self.jacobian is not None:
-            raise BadInput("either a jacobian or a sparsity pattern was expected, not both")
-        shape = getattr(self.sparsity, "shape", None) or numbers("sparsity", self.sparsity).shape
+        if not (hasattr(entries, "shape") or isinstance(entries, list | tuple)):
+            raise BadInput(
+                f"jacobian must be a function, or a pattern of its entries; got {entries!r}"
+            )
+        shape = getattr(entries, "shape", None) or numbers("jacobian", entries).shape
         if shape != (n, n):
             raise BadInput(f"the sparsity pattern has shape {shape}; {(n, n)} was expected")
-        return Pattern(self.sparsity)
+        return Pattern(entries)
 
     @property
     def names(self) -> tuple[str, ...]:

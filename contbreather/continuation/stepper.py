@@ -77,8 +77,6 @@ class Stepper:
         To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
     rules
         What many steps in one call go by; None where there are none.
-    points, used
-        Steps that were taken ahead, if any were, and how many of them were looked at.
     """
 
     def __init__(self, way: StartOnCurve, steps: Steps) -> None:
@@ -89,8 +87,6 @@ class Stepper:
         self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
         self.side, self.size, self.bend = way.side, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
-        self.points: Points | None = None
-        self.used = 0
         able = self.curve.compiled is not None
         able = able and all(isinstance(bound.slot, int) for bound in self.bounds)
         # at the level of debugging each step has a line of its own
@@ -98,23 +94,23 @@ class Stepper:
 
     # --- many at once ---
 
-    def fill(self, point: Point, most: int) -> None:
-        """Take steps ahead, as many as come off, where all that were are looked at."""
-        if self.points is not None and self.used < len(self.points):
-            return
-        self.points, self.used, compiled = None, 0, self.curve.compiled
+    def many(self, point: Point, most: int) -> Points | None:
+        """As many steps from a point as come off in one call of machine code, at most so many; None
+        where the first does not."""
+        compiled = self.curve.compiled
         if self.rules is None or compiled is None:
-            return
+            return None
         state = np.array([point.arclength, self.size, self.side, self.longest])
         rows = compiled.steps(self.rules, (point.z, point.direction, self.bend), state, most)
         if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
             self.rules = None
-            return
+            return None
         _, self.size, side, longest = state.tolist()
         self.bend = compiled.here.bend.copy()
-        if len(rows[0]):
-            self.side, self.longest, self.tiny = int(side), longest, 0
-            self.points = Points(self.curve, *rows)
+        if not len(rows[0]):
+            return None
+        self.side, self.longest, self.tiny = int(side), longest, 0
+        return Points(self.curve, *rows)
 
     def _strayed(self, z: Array, tangent: Array) -> bool:
         """Whether the derivative of compiled functions, differences with the steps that suited the
@@ -143,10 +139,7 @@ class Stepper:
     # --- one by one ---
 
     def next(self, point: Point, count: int) -> Step:
-        """The next of those taken ahead, or else one more, which may close a loop."""
-        if self.points is not None and self.used < len(self.points):
-            self.used += 1
-            return Step(self.points[self.used - 1])
+        """The next step, which may close a loop."""
         try:
             step = self._advance(point)
         except StepFailed as failed:

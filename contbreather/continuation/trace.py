@@ -232,6 +232,8 @@ class ContinuationIterator:
                 )
         self.growth = Growth(self.curve, way.bounds, start.z)
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
+        self.taken: Points | None = None  # the steps of the last call of machine code
+        self.used = 0  # and how many of them are recorded
         self.ahead = 1  # so many of the next steps are looked at, as long as they are taken
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
@@ -279,16 +281,21 @@ class ContinuationIterator:
         while stop is None and self.count < self.steps.most:
             try:
                 with np.errstate(**QUIET):
-                    # predict:  z + s t + s^2/2 dt/ds
-                    #           [  J(z) ]      [ H(z) ]       [  J(z) ]      [ 0 ]
-                    # correct:  [ t^T W ] dz = [  0   ]  and  [ t^T W ] t' = [ 1 ]
-                    # adapt:    s so that the tangent turns by 0.15, in 4 iterations
-                    # test: what no event has a candidate on is recorded as it is
+                    # of the steps that machine code takes many in one call, those pass at once on
+                    # which no event has a candidate
                     clear = self._without_candidates() if self.stepper.rules else None
                     if not clear:
-                        # or one step more: at an edge, a branch point, the start
-                        step = self.stepper.next(self.point, self.count)
-                        # locate
+                        if self.taken is not None and self.used < len(self.taken):
+                            # and this one has a candidate
+                            step, self.used = Step(self.taken[self.used]), self.used + 1
+                        else:
+                            # predict   z + s t + s^2/2 dt/ds
+                            #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
+                            # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
+                            # adapt     s, so that the tangent turns by 0.15, in 4 iterations
+                            step = self.stepper.next(self.point, self.count)
+                        # test      at its end: a change of sign, or what may hide two of them
+                        # locate    by the defining system of the event, where it has one
                         found = self._located(step) if self.events else _NOTHING
                         line, stop = self._line_up(step, found)
             except StepFailed as failed:
@@ -318,30 +325,31 @@ class ContinuationIterator:
     def _without_candidates(self) -> Points | None:
         """The next of the steps that are taken many at once, as far as no event has anything to
         look for on them."""
-        stepper = self.stepper
-        stepper.fill(self.point, self.steps.most - self.count)
-        points, start = stepper.points, stepper.used
+        if self.taken is None or self.used == len(self.taken):
+            most = self.steps.most - self.count
+            self.taken, self.used = self.stepper.many(self.point, most), 0
+        points, start = self.taken, self.used
         if points is None:
             return None
         most = min(start + _TOGETHER, len(points))
         if self.count and not self.events:
-            stepper.used, self.point = len(points), points[-1]
+            self.used, self.point = len(points), points[-1]
         # matrices say more of what is between two points than values do
         elif self.earlier and not any(isinstance(event.test, Singular) for event in self.events):
             # where there is no value, the reason is seen when the step is looked through
             with suppress(Undefined):
-                while stepper.used < most:
-                    end = min(stepper.used + self.ahead, most)
-                    few = end - stepper.used < _MANY
-                    if few or not self._looked_ahead(points[stepper.used : end]):
-                        while stepper.used < end and self._has_no_candidate(points[stepper.used]):
-                            stepper.used += 1
-                    if stepper.used < end:
+                while self.used < most:
+                    end = min(self.used + self.ahead, most)
+                    few = end - self.used < _MANY
+                    if few or not self._looked_ahead(points[self.used : end]):
+                        while self.used < end and self._has_no_candidate(points[self.used]):
+                            self.used += 1
+                    if self.used < end:
                         self.ahead = 1
                         break
                     self.ahead = min(4 * self.ahead, _TOGETHER)
-        self.count += stepper.used - start
-        return points[start : stepper.used]
+        self.count += self.used - start
+        return points[start : self.used]
 
     def _looked_ahead(self, points: Points) -> bool:
         """Take steps up to the first of these points before which an event has a candidate, by
@@ -366,7 +374,7 @@ class ContinuationIterator:
             self.tests = tuple(tests[:, n + 1].tolist())
             for z in points.z[max(n - PASSED, 0) : n]:
                 self.curve.passes(z)
-            self.stepper.used += n
+            self.used += n
             self.point = points[n - 1]
         return True
 

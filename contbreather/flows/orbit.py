@@ -202,11 +202,8 @@ def _top(flight: TrajectorySegment, i: int, sign: float) -> float:
 def cycle_of(problem: Problem) -> Cycle:
     """The orbit at which a problem of a cycle starts."""
     curve = Curve(problem, ())
-    return orbit_of(Point(curve, curve.start))
-
-
-def orbit_of(point: Point) -> Cycle:
-    return Cycle(equations_of(point), np.array(point.x), point.params)
+    cycle: Cycle = Point(curve, curve.start).solution
+    return cycle
 
 
 def equations_of(point: Point) -> Equations:
@@ -234,6 +231,9 @@ class CycleProblem(Problem):
     @property
     def internals(self) -> frozenset[str]:
         return frozenset(("orbit", "mesh"))
+
+    def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
+        return Cycle(self.residual, np.array(point.x), point.params)
 
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
         return self.residual(x, params, _ROUGHLY)
@@ -332,6 +332,6 @@ def problem_of(
     # or steps would be all about what has large numbers, as the frequency of what is fast
     scales |= {name: abs(value) for name, value in params.items() if abs(value) > _FAR}
     return CycleProblem(
-        equations, start, dict(params), events=tuple(events), record=record, interpret=orbit_of,
-        scales=scales, label=label,
+        equations, start, dict(params), events=tuple(events), record=record, scales=scales,
+        label=label,
     )  # fmt: skip

@@ -30,7 +30,7 @@ from contbreather.lattice.periodic_green import periodic_green, sinc, slope_rati
 from contbreather.orbits.closure import forcing_at
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_events import events_without_losses
-from contbreather.orbits.orbit_problem import OrbitProblem, ring_label, unstable_by
+from contbreather.orbits.orbit_problem import OrbitProblemByEquations, ring_label, unstable_by
 from contbreather.orbits.symmetries import simpler_than
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.verdict import THRESHOLD
@@ -208,7 +208,7 @@ def asymmetric_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         start=dict(zip(NAMES, (orbit.p, *times, orbit.c), strict=True)),
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
         jacobian=equations.jacobian,
-        sensitivity=equations.sensitivity,
+        equations=equations,
         events=(
             pitchfork_of_arms(),
             fold_of_arms(),
@@ -228,7 +228,7 @@ def _asymmetry(point: Point) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Asymmetric(OrbitProblem):
+class _Asymmetric(OrbitProblemByEquations):
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         p, t1, t2, c = x
         # u(t) -> -u(t + pi): the impacts change places, the offset its sign

@@ -34,7 +34,7 @@ from contbreather.orbits.orbit_problem import (
     STEP,
     Equations,
     OnCircle,
-    OrbitProblem,
+    OrbitProblemByEquations,
     by_differences,
     read_by,
     unstable_by,
@@ -241,7 +241,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     record: dict[str, Any] = {"unstable": unstable_by(threshold)}
     optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
     record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
-    return OrbitProblem.of(
+    return OrbitProblemByEquations.of(
         "orbit with impacts",
         partial(type(motion).of, on, orbit.section),
         orbit,
@@ -250,7 +250,7 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
         start=dict(zip(equations.names, motion.x.tolist(), strict=True)),
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **on.forcing.params},
         jacobian=equations.jacobian,
-        sensitivity=equations.sensitivity,
+        equations=equations,
         events=(
             fold(),
             from_arms(branch_point()),

@@ -70,7 +70,6 @@ class OrbitProblem(Problem):
             conditions=orbit.conditions,
             section=orbit.section,
             threshold=threshold,
-            interpret=partial(_interpreted, at),
             **equations,
         )
 
@@ -78,6 +77,9 @@ class OrbitProblem(Problem):
     def serialised(self) -> Mapping[str, Any]:
         names = ("kind", "conditions", "section", "threshold")
         return {name: getattr(self, name) for name in names}
+
+    def interpret(self, point: Point) -> Orbit:  # type: ignore[override]
+        return Orbit(self.motion_at(point.x, point.params))
 
     def images(self, x: FloatArray, params: Params) -> tuple[FloatArray, ...]:
         orbit = Orbit(self.motion_at(x, params))
@@ -111,6 +113,17 @@ class OrbitProblem(Problem):
         return self
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class OrbitProblemByEquations(OrbitProblem):
+    """By equations that know their derivatives in the parameters, too."""
+
+    equations: Any = field(kw_only=True)
+
+    def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:  # type: ignore[override]
+        derivative: FloatArray = self.equations.sensitivity(x, params, name)
+        return derivative
+
+
 def read_by(kind: str, of: Callable[..., Representation]) -> Callable[[Make], Make]:
     """Enter what reads the serialised form of a kind: conditions, a section, unknowns and
     parameters are a representation by `of`, and that is a problem."""
@@ -141,10 +154,6 @@ def ring_label(lattice: Any, threshold: float) -> str:
     """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
     sites = lattice.sites
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
-
-
-def _interpreted(at: At, point: Point) -> Orbit:
-    return Orbit(at(point.x, point.params))
 
 
 def unstable_by(threshold: float, lattice: Any = None) -> UnstableDimension:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from operator import attrgetter
 from typing import Any, Unpack
 
@@ -327,16 +327,13 @@ def _dressed(problem: Problem, back: PoincareMap) -> Problem:
     motion = MotionProblem(
         **{entry.name: getattr(problem, entry.name) for entry in fields(Problem)}, back=back
     )
-    exact = isinstance(back.on, SmoothConditions) and not back.on.forcing.params
     return replace(
         motion,
-        sensitivity=partial(_sensitivity, back, motion.period) if exact else None,
         events=_events(back.on, motion.breaks),
         record={
             "largest": attrgetter("solution.largest"),
             "unstable": UnstableDimension(attrgetter("solution.unstable")),
         },
-        interpret=_motion,
         label=f"{'symmetric ' if motion.symmetric else ''}motion of period {2 * motion.periods} pi",
     )
 
@@ -370,6 +367,26 @@ class MotionProblem(maps.MapCycleProblem):
             "period": self.period,
         }
 
+    def interpret(self, point: Point) -> PeriodicMotion:  # type: ignore[override]
+        back, params = self.back, point.params
+        state, on = State(*np.split(point.x.copy(), 2)), back.on.at(params)
+        gap = float(np.abs(self.residual(point.x, params)).max())
+        matrix = multiplier_matrix(point)
+        return PeriodicMotion(state, back.t0, self.periods, self.symmetric, on, matrix, gap)
+
+    @property
+    def sensitivity(self) -> Callable[[Array, Params, str], Array] | None:  # type: ignore[override]
+        on = self.back.on
+        exact = isinstance(on, SmoothConditions) and not on.forcing.params
+        return self._sensitivity if exact else None
+
+    def _sensitivity(self, x: Array, params: Params, name: str) -> Array:
+        back, total = self.back, np.zeros(x.size)
+        for _ in range(self.period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
+            total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
+            x = back.image(x, params)
+        return total
+
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         return self._lifted if kind == self.breaks else None
 
@@ -380,22 +397,6 @@ class MotionProblem(maps.MapCycleProblem):
     def simpler(self, point: Point) -> Problem | None:
         problem = shorter(point)
         return None if problem is None else _dressed(problem, self.back)
-
-
-def _motion(point: Point) -> PeriodicMotion:
-    problem: MotionProblem = point.curve.problem
-    back, params = problem.back, point.params
-    state, on = State(*np.split(point.x.copy(), 2)), back.on.at(params)
-    matrix, gap = multiplier_matrix(point), float(np.abs(problem.residual(point.x, params)).max())
-    return PeriodicMotion(state, back.t0, problem.periods, problem.symmetric, on, matrix, gap)
-
-
-def _sensitivity(back: PoincareMap, period: int, x: Array, params: Params, name: str) -> Array:
-    total = np.zeros(x.size)
-    for _ in range(period):  # x_(n+1) = P(x_n, p): dx_(n+1)/dp = P_x dx_n/dp + P_p
-        total = back.derivative(x, params) @ total + back.sensitivity(x, params, name)
-        x = back.image(x, params)
-    return total
 
 
 def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:

@@ -41,8 +41,8 @@ def bratu(laplacian: csc_array, road: str = "sparse", lam: float = 0.1) -> cb.Pr
         matrix.data[diagonal] += p["lam"] * np.exp(u)
         return matrix.toarray() if road == "dense" else matrix
 
-    given = {"sparsity": laplacian} if road == "pattern" else {"jacobian": jacobian}
-    return cb.Problem(residual, {"u": np.zeros(n)}, {"lam": lam}, **given)
+    given = laplacian if road == "pattern" else jacobian
+    return cb.Problem(residual, {"u": np.zeros(n)}, {"lam": lam}, jacobian=given)
 
 
 def ignition(n: int, road: str = "sparse") -> cb.Problem:

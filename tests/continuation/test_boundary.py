@@ -37,6 +37,7 @@ from .zoo import (
     cusp_surface,
     events_of,
     ignition,
+    knowing,
     mesh,
     scalar,
     takens,
@@ -93,9 +94,8 @@ def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: Bran
 
 
 def test_recorded_numbers_and_solutions_are_those_of_the_original_problem(planar: Branch) -> None:
-    own = replace(
-        takens(),
-        record={"trace": lambda point: float(point.jacobian()[:, :2].trace())},
+    own = knowing(
+        replace(takens(), record={"trace": lambda point: float(point.jacobian()[:, :2].trace())}),
         interpret=lambda point: {name: point[name] for name in ("x", "b1", "b2")},
     )
     branch = trace(own, "b1", within={"b1": (-1.0, 1.0)}, events=[hopf()])

@@ -28,7 +28,7 @@ from contbreather.continuation import (
 )
 from contbreather.errors import BadInput
 
-from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, trace_case
+from .zoo import ALL, ARMS, BRATU, BRUSSELATOR, CIRCLE, CUSP, LINE, knowing, trace_case
 
 
 @pytest.fixture(scope="module")
@@ -330,7 +330,7 @@ def test_what_an_event_knows_is_read_by_name() -> None:
 def test_a_point_says_what_it_is_to_its_user() -> None:
     with pytest.raises(BadInput, match="says no more of a point than its values"):
         _ = trace_case(LINE)[0].solution
-    problem = replace(LINE.problem, interpret=lambda point: f"x is {point['x']:.1f}")
+    problem = knowing(LINE.problem, interpret=lambda point: f"x is {point['x']:.1f}")
     assert trace(problem, "mu", within={"mu": (-1, 1)})[-1].solution == "x is 2.0"
 
 
@@ -413,7 +413,7 @@ def test_a_point_answers_what_its_solution_answers() -> None:
         def above(self, floor: float) -> float:
             return self.x_squared - floor
 
-    told = replace(CUSP.problem, interpret=lambda point: Height(point["x"]))
+    told = knowing(CUSP.problem, interpret=lambda point: Height(point["x"]))
     point = trace_case(replace(CUSP, problem=told))[3]
     assert point.above(floor=1.0) == point["x"] ** 2 - 1.0
     assert copy.deepcopy(point).x_squared == point["x"] ** 2

@@ -112,7 +112,7 @@ def test_events_are_found_on_steps_taken_in_one_call(compiled: Any) -> None:
     compiled(False)
     problem = closure().problem
     own = cb.trace(problem, "a", within={"a": (0.05, 0.95)})
-    other = cb.trace(knowing(problem), "a", within={"a": (0.05, 0.95)})
+    other = cb.trace(knowing(problem, interpret=problem.interpret), "a", within={"a": (0.05, 0.95)})
     assert [point.label for point in own.special] == [point.label for point in other.special]
     for one, two in zip(own.special, other.special, strict=True):
         assert one["a"] == pytest.approx(two["a"], abs=1e-11)

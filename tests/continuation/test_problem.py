@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import complex_steps, differences, estimate, misfit
 from contbreather.errors import BadInput, NotConverged
 
-from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, counted, scalar, trace_case
+from .zoo import CUSP, ISOLA, LINE, LORENZ, STIFF, Case, counted, knowing, scalar, trace_case
 
 PAIR = {"x": 0.3, "y": -0.2}
 
@@ -36,6 +36,11 @@ def coupled_sensitivity(u, p, name):
 
 
 # --- names and shapes -------------------------------------------------------------------------
+
+
+def test_a_user_is_asked_for_ten_things_at_most() -> None:
+    """What else there is to know of equations are methods of the classes that know it."""
+    assert len(fields(Problem)) <= 10
 
 
 def test_a_residual_may_be_a_list() -> None:
@@ -67,13 +72,14 @@ def test_every_way_to_derivatives_gives_the_same() -> None:
         [coupled_jacobian(z[:2], {"mu": 0.4}), coupled_sensitivity(z[:2], {"mu": 0.4}, "mu")]
     )
     given = {
-        "by hand": {"jacobian": coupled_jacobian, "sensitivity": coupled_sensitivity},
-        "half by hand": {"jacobian": coupled_jacobian},
-        "other half": {"sensitivity": coupled_sensitivity},
-        "automatic": {},
+        "by hand": (coupled_jacobian, {"sensitivity": coupled_sensitivity}),
+        "half by hand": (coupled_jacobian, {}),
+        "other half": (None, {"sensitivity": coupled_sensitivity}),
+        "automatic": (None, {}),
     }
-    for how in given.values():
-        curve = Curve(Problem(coupled, PAIR, {"mu": 0.4}, **how), ("mu",))
+    for jacobian, methods in given.values():
+        plain = Problem(coupled, PAIR, {"mu": 0.4}, jacobian=jacobian)
+        curve = Curve(knowing(plain, **methods), ("mu",))
         assert np.allclose(curve.jacobian(z), exact, rtol=0, atol=1e-15)
     real = Curve(Problem(lambda u, p: coupled(u.astype(float), p), PAIR, {"mu": 0.4}), ("mu",))
     assert np.allclose(real.jacobian(z), exact, rtol=0, atol=1e-11)
@@ -147,11 +153,13 @@ def test_the_shorter_a_step_the_more_of_rounding_is_doubted() -> None:
 def test_a_wrong_entry_of_a_derivative_is_named(row: int, column: int) -> None:
     off = np.zeros((2, 3))
     off[row, column] = 1e-3
-    problem = Problem(
-        coupled,
-        PAIR,
-        {"mu": 0.4},
-        jacobian=lambda u, p: coupled_jacobian(u, p) + off[:, :2],
+    problem = knowing(
+        Problem(
+            coupled,
+            PAIR,
+            {"mu": 0.4},
+            jacobian=lambda u, p: coupled_jacobian(u, p) + off[:, :2],
+        ),
         sensitivity=lambda u, p, name: coupled_sensitivity(u, p, name) + off[:, 2],
     )
     with pytest.raises(BadInput, match=rf"its entry \({row}, {column}\) is .+, differences give"):
@@ -162,13 +170,8 @@ def test_a_jacobian_that_is_wrong_only_further_on_is_named_in_the_reason() -> No
     def jacobian(u, p):
         return np.array([[1 + 3 * u[0] ** 2 if p["mu"] < 0.5 else -1.0]])
 
-    problem = Problem(
-        lambda u, p: u + u**3 - p["mu"],
-        {"x": 0.0},
-        {"mu": 0.0},
-        jacobian=jacobian,
-        sensitivity=lambda u, p, name: np.array([-1.0]),
-    )
+    plain = Problem(lambda u, p: u + u**3 - p["mu"], {"x": 0.0}, {"mu": 0.0}, jacobian=jacobian)
+    problem = knowing(plain, sensitivity=lambda u, p, name: np.array([-1.0]))
     branch = trace(problem, "mu", towards="up", within={"mu": (0.0, 1.0)})
     assert branch.stop is Stop.NO_CONVERGENCE
     assert "its entry (0, 0) is -1, differences give" in branch.reason

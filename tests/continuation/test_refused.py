@@ -18,7 +18,7 @@ from contbreather.continuation import Event
 from contbreather.errors import BadInput, NoSolution, NotConverged
 from contbreather.storage.netcdf import checked_file
 
-from .zoo import LINE, PITCHFORK
+from .zoo import LINE, PITCHFORK, knowing
 
 Array = NDArray[np.float64]
 Params = Mapping[str, float]
@@ -124,10 +124,13 @@ def line(**given: Any) -> cb.Branch:
     return cb.trace(LINE.problem, given.pop("free", "mu"), **given)
 
 
-def solved(residual: Any, *, n: int = 2, **given: Any) -> cb.Branch:
+def solved(residual: Any, *, n: int = 2, sensitivity: Any = None, **given: Any) -> cb.Branch:
     """A walk from x = 0, or from a row of numbers, with the parameter mu."""
     start = {"x": 0.0} if n == 1 else {"x": np.zeros(n)}
-    return cb.trace(cb.Problem(residual, start, {"mu": 0.0}, **given), "mu")
+    problem = cb.Problem(residual, start, {"mu": 0.0}, **given)
+    if sensitivity is not None:
+        problem = knowing(problem, sensitivity=sensitivity)
+    return cb.trace(problem, "mu")
 
 
 def problem(start: Any, params: Any, **given: Any) -> cb.Problem:
@@ -317,16 +320,15 @@ def test_a_misspelt_parameter_is_a_sentence_with_the_parameters_there_are(where:
 
     more = {
         "jacobian": {"jacobian": lambda x, p: np.array([[2 * x[0] * p["mu2"]]])},
-        "sensitivity": {
-            "jacobian": lambda x, p: np.array([[2 * x[0]]]),
-            "sensitivity": lambda x, p, name: np.array([-p["mu2"]]),
-        },
+        "sensitivity": {"jacobian": lambda x, p: np.array([[2 * x[0]]])},
     }.get(where, {})
     start, params = {"x": 1.0}, {"mu": 1.0, "h": 2.0}
     if where == "map":
         problem = cb.FixedPoint(lambda x, p: x + p["mu2"] - x**2, start, params)
     else:
         problem = cb.Problem(parabola, start, params, **more)
+    if where == "sensitivity":
+        problem = knowing(problem, sensitivity=lambda x, p, name: np.array([-p["mu2"]]))
     words = r"ask for a parameter 'mu2'; this problem has \['mu', 'h'\]"
     with pytest.raises(BadInput, match=words):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})

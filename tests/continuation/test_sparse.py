@@ -24,6 +24,7 @@ from .large import (
     swift_hohenberg,
     swift_hohenberg_branches,
 )
+from .zoo import knowing
 
 FEW = [cb.fold(), cb.branch_point(), cb.hopf()]
 
@@ -145,11 +146,11 @@ def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
     """On the line of progress and in what the branch says of itself; a full one gets none."""
     thin = cb.Problem(lambda u, p: p["mu"] - u, {"u": np.zeros(500)}, {"mu": 0.0})
     full = replace(thin, residual=lambda u, p: p["mu"] - u - 0.5 * u.mean())
-    hint = "500 x 500 entries, nearly all of them 0: Problem(..., sparsity=pattern)"
+    hint = "500 x 500 entries, nearly all of them 0: Problem(..., jacobian=pattern)"
     for problem, wanted in (
         (thin, True),
         (full, False),
-        (replace(thin, sparsity=np.eye(500)), False),
+        (replace(thin, jacobian=np.eye(500)), False),
     ):
         branch = cb.trace(problem, "mu", towards="up", events=(), steps=cb.Steps(most=1))
         shown = Counter(None)
@@ -306,11 +307,7 @@ def pattern_without(i: int, j: int) -> np.ndarray:
             r"^the Jacobian is sparse and has shape \(30, 29\); \(30, 30\) was expected$",
         ),
         (
-            {"sensitivity": lambda u, p, name: coo_array(np.exp(u)[:, None])},
-            r"a dense array of shape \(30,\) was expected: return its toarray\(\)$",
-        ),
-        (
-            {"jacobian": None, "sparsity": pattern_without(11, 12)},
+            {"jacobian": pattern_without(11, 12)},
             r"^the sparsity pattern does not fit the residual: it misses entry \(11, 12\)",
         ),
     ],
@@ -320,11 +317,18 @@ def test_what_does_not_fit_a_large_problem_is_named(given, words: str) -> None:
         cb.trace(replace(bratu(second(30)), **given), "lam", within={"lam": (0, 1)})
 
 
-def test_a_pattern_of_the_wrong_shape_or_beside_a_jacobian_is_refused() -> None:
+def test_a_sparse_derivative_in_a_parameter_is_refused() -> None:
+    column = knowing(
+        bratu(second(30)), sensitivity=lambda u, p, name: coo_array(np.exp(u)[:, None])
+    )
+    words = r"a dense array of shape \(30,\) was expected: return its toarray\(\)$"
+    with pytest.raises(BadInput, match=words):
+        cb.trace(column, "lam", within={"lam": (0, 1)})
+
+
+def test_a_pattern_of_the_wrong_shape_is_refused() -> None:
     with pytest.raises(BadInput, match=r"pattern has shape \(3, 3\); \(30, 30\) was expected"):
-        replace(bratu(second(30)), jacobian=None, sparsity=np.eye(3))
-    with pytest.raises(BadInput, match="either a jacobian or a sparsity pattern"):
-        replace(bratu(second(30)), sparsity=second(30))
+        replace(bratu(second(30)), jacobian=np.eye(3))
 
 
 @pytest.mark.parametrize("many", [1, 2, 3])

@@ -48,6 +48,7 @@ from .zoo import (
     STIFF,
     Case,
     brusselator,
+    knowing,
     takens,
     trace_case,
 )
@@ -196,9 +197,9 @@ def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) 
     looked = []
     line = Problem(
         lambda x, p: np.array([x[0] - p["mu"]]), {"x": 0.0}, {"mu": 0.0},
-        interpret=lambda point: looked.append(point["mu"]) or point["x"] ** 2,
         record={"square": lambda point: point.solution, "half": lambda point: point.solution / 2},
     )  # fmt: skip
+    line = knowing(line, interpret=lambda point: looked.append(point["mu"]) or point["x"] ** 2)
     branch = trace(line, "mu", within={"mu": (0, 1)})
     assert len(branch) > 8
     for ask in (lambda: save(path, branch), branch.columns):

@@ -328,11 +328,8 @@ def ignition(
 
 
 def analytic_bratu(second: Array) -> Problem:
-    return bratu(
-        second,
-        jacobian=lambda u, p: second + np.diag(p["lam"] * np.exp(u)),
-        sensitivity=lambda u, p, name: np.exp(u),
-    )
+    plain = bratu(second, jacobian=lambda u, p: second + np.diag(p["lam"] * np.exp(u)))
+    return knowing(plain, sensitivity=lambda u, p, name: np.exp(u))
 
 
 BRATU = Case(  # far up, beyond this window, 20 nodes no longer resolve the solution

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation.branch_to_dict import branch_to_dict
+from contbreather.continuation.checkpoint import branch_to_dict
 from contbreather.continuation.diagram import Diagram
 from contbreather.lattice.conditions import Conditions, Walls, spring_response
 from contbreather.orbits.constructors import asymmetric
