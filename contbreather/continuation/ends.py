@@ -42,6 +42,8 @@ _REACH = 0.5  # how far, relative to 1 + |z|, the nearest solution may be
 _AHEAD = 1e-3  # how far ahead, relative to 1 + |z|, a branch point looks like any other
 _STEEP = 1e-3  # a curve along which a parameter changes by less, of its length, is nearly a fold
 _SKEW = 1e-3  # how far a direction that was given may be off the tangent
+_SMALL, _LARGE = 1e-3, 1e4  # what is not as small or large is walked along without `scales`
+_NONE = 1e-10  # and what is smaller is zero
 _ROUNDING = 1e-14  # relative residual of a start that is a solution already
 
 
@@ -345,6 +347,19 @@ class Tendency:
             return False
         self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
         return True
+
+
+def unlike_scales(curve: Curve, z: Array) -> str:
+    """What to say of unknowns and parameters far from 1 in size without `scales`, where a walk
+    breaks off: a fold of what is 1e-4 in size is one step of the smallest kind."""
+    problem = curve.problem
+    unlike = {}
+    for name, slot in curve.slots.items():
+        size = max(float(abs(at[slot]).max()) for at in (curve.start, z))
+        far = _NONE < size < _SMALL or size > _LARGE
+        if far and name not in problem.internals and name not in problem.scales:
+            unlike[name] = float(f"{size:.0e}")
+    return f"sizes are far from 1: give the problem scales={unlike}" if unlike else ""
 
 
 class Growth:

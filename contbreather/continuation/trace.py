@@ -21,7 +21,7 @@ from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
 from .defining_systems import Singular
-from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
+from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
 from .event_detection import Ends, Found, clear_steps, find, without_candidate
 from .newton import Undefined
 from .point import Event, Point
@@ -300,6 +300,9 @@ class ContinuationIterator:
                         line, stop = self._line_up(step, found)
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
+                if stop is Stop.NO_CONVERGENCE:
+                    advice = unlike_scales(self.curve, self.point.z)
+                    reason = "; ".join(filter(None, (reason, advice)))
                 break
             # record
             if clear:

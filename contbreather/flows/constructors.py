@@ -480,12 +480,9 @@ def _refuse_passed(orbit: Cycle) -> None:
     touch = lowest(orbit)
     if touch is None or not touch.clearance < -_BEHIND:
         return
-    flow, flight = orbit.equations.flows[touch.flow], orbit.flights[touch.flow]
-    name = next(name for name, guard in flow.guards.items() if guard is touch.wall)
-    t = flight.start + touch.place * flight.duration
     raise NotConverged(
-        f"no periodic orbit was found from there: the closest passes {name} of flow {touch.flow}, "
-        f"which is {touch.clearance:.3g} at t = {t:.4g}; let it settle longer (settle=), or start "
-        "closer to the orbit",
+        "no periodic orbit was found from there: the closest passes "
+        f"{touch.guard} of flow {touch.flow}, which is {touch.clearance:.3g} at "
+        f"t = {touch.time:.4g}; let it settle longer (settle=), or start closer to the orbit",
         residual=-touch.clearance,
     )

@@ -11,7 +11,7 @@ import numpy as np
 from ..continuation.curve import Curve
 from ..continuation.derivatives import RELATIVE, directional
 from ..continuation.newton import Array, Undefined
-from ..continuation.point import DefiningSystem, Event, Point
+from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
 from .equations import Equations
 from .filippov import Filippov, slid_along
@@ -34,11 +34,22 @@ def _slowest(point: Point) -> float:
     return float(paces(orbit.equations, orbit.x, orbit.params).min())
 
 
+def _slowest_end(orbit: Cycle) -> tuple[int, Function]:
+    """The flow whose condition falls that slowly where it ends, and the condition."""
+    ended = [(i, flow.until) for i, flow in enumerate(orbit.equations.flows) if flow.until]
+    return ended[int(paces(orbit.equations, orbit.x, orbit.params).argmin())]
+
+
 def _slowest_locus(point: Point) -> DefiningSystem:
     orbit: Cycle = point.base_point.solution
-    ended = [(i, flow.until) for i, flow in enumerate(orbit.equations.flows) if flow.until]
-    i, until = ended[int(paces(orbit.equations, orbit.x, orbit.params).argmin())]
+    i, until = _slowest_end(orbit)
     return _Reached(orbit.equations, i, until, 1.0, slice(1, 2)).system()  # it does not change
+
+
+def _examine_slowest(point: Point) -> Examined:
+    orbit: Cycle = point.base_point.solution
+    i, _ = _slowest_end(orbit)
+    return {"said": f"flow {i} only just reaches its end at t = {orbit.flights[i].last:.6g}"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +104,13 @@ class _Reached:
 @dataclass(frozen=True, eq=False)
 class Touch:
     """The lowest place of a wall along its flow: how far off it is, of which flow, when (in its
-    duration), which wall."""
+    duration, and in time), which of its guards."""
 
     clearance: float
     flow: int
     place: float
-    wall: Function
+    time: float
+    guard: str
 
 
 def lowest(orbit: Cycle) -> Touch | None:
@@ -121,10 +133,10 @@ def lowest(orbit: Cycle) -> Touch | None:
                 beside = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(_bottom(wall, flight, orbit.params, s[j], beside, ends))
             at = np.array(places)
-            off = values(wall, flight.start + flight.duration * at, flight.at(at), orbit.params)[0]
-            touches += [
-                Touch(c, i, u, wall) for c, u in zip(off.tolist(), at.tolist(), strict=True)
-            ]
+            t = flight.start + flight.duration * at
+            off = values(wall, t, flight.at(at), orbit.params)[0]
+            low = int(off.argmin())
+            touches.append(Touch(float(off[low]), i, float(at[low]), float(t[low]), name))
     return min(touches, key=lambda touch: touch.clearance, default=None)
 
 
@@ -193,9 +205,18 @@ def _clearance_locus(point: Point) -> DefiningSystem:
     if touch is None:
         raise Undefined("no wall comes close between the ends of a flow")
     flow = equations.flows[touch.flow]
+    wall = flow.guards[touch.guard]
     if touch.place in (0.0, 1.0) and (flow.until or flow.reset):  # it goes on elsewhere
-        return _Reached(equations, touch.flow, touch.wall, touch.place, slice(1)).system()
-    return _Reached(equations, touch.flow, touch.wall, None, slice(2)).system(touch=touch.place)
+        return _Reached(equations, touch.flow, wall, touch.place, slice(1)).system()
+    return _Reached(equations, touch.flow, wall, None, slice(2)).system(touch=touch.place)
+
+
+def _examine_clearance(point: Point) -> Examined:
+    orbit: Cycle = point.base_point.solution
+    touch = lowest(orbit)
+    if touch is None:
+        return ""
+    return {"said": f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"}
 
 
 # --- where a surface is reached ------------------------------------------------------------------
@@ -214,6 +235,11 @@ class _Arrivals:
     def locus(self, point: Point) -> DefiningSystem:
         _, i, field = min(self._arrivals(point), key=lambda arrival: arrival[0])
         return _Reached(equations_of(point.base_point), i, field, 1.0, slice(1)).system()
+
+    def examine(self, point: Point) -> Examined:
+        orbit: Cycle = point.base_point.solution
+        _, i, _ = min(self._arrivals(point), key=lambda arrival: arrival[0])
+        return {"said": f"flow {i} ends at the rim of sliding at t = {orbit.flights[i].last:.6g}"}
 
     def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:
         orbit: Cycle = point.base_point.solution
@@ -234,7 +260,7 @@ class _Arrivals:
 def sliding(system: Filippov) -> Event:
     """SL, of the cycles of a Filippov system."""
     arrivals = _Arrivals(system)
-    return Event("SL", arrivals, locus=arrivals.locus, ends="domain")
+    return Event("SL", arrivals, locus=arrivals.locus, examine=arrivals.examine, ends="domain")
 
 
 # --- where a flow shrinks to nothing --------------------------------------------------------------
@@ -275,10 +301,16 @@ def _shortest_locus(point: Point) -> DefiningSystem:
     return DefiningSystem({}, conditions, derivative)
 
 
+def _examine_shortest(point: Point) -> Examined:
+    return {"said": f"flow {_shortest(point)[1]} shrinks to nothing, it begins at a tangency"}
+
+
 def shrinking(kind: str) -> Event:
     """GR, or SL of a Filippov system, of cycles whose flows follow each other without a reset."""
-    return Event(kind, _least_share, locus=_shortest_locus, ends="domain")
+    return Event(
+        kind, _least_share, locus=_shortest_locus, examine=_examine_shortest, ends="domain"
+    )
 
 
-IMPACT = Event("VI", _slowest, locus=_slowest_locus, ends="domain")
-GRAZING = Event("GR", _clearance, locus=_clearance_locus, ends="domain")
+IMPACT = Event("VI", _slowest, locus=_slowest_locus, examine=_examine_slowest, ends="domain")
+GRAZING = Event("GR", _clearance, locus=_clearance_locus, examine=_examine_clearance, ends="domain")

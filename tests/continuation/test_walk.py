@@ -504,3 +504,29 @@ def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
     branch = trace(LINE.problem, "mu", within={"mu": (-1.0, 1.0)}, events=[Event("UP", above)])
     assert branch.first("UP")["mu"] == pytest.approx(0.3217, abs=1e-13)
     assert tests < 2 * len(branch) + 60
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e6])
+def test_a_branch_that_breaks_off_says_which_scales_are_far_from_one(size: float) -> None:
+    def residual(x, p):
+        return np.array([p["mu"] - (x[0] / size) ** 2])
+
+    def walked(start, **scales) -> Branch:
+        problem = Problem(residual, start=start, params={"mu": 1.0}, **scales)
+        return trace(problem, "mu", within={"mu": (-1, 2)}, events=[fold()])
+
+    broken = walked({"x": size})
+    assert broken.began is Stop.NO_CONVERGENCE
+    advice = {"x": size}
+    assert broken.began_reason.endswith(f"give the problem scales={advice}")
+    assert [at.label for at in walked({"x": size}, scales=advice).special] == ["EP1", "LP1", "EP2"]
+
+
+def test_a_branch_that_breaks_off_in_sizes_near_one_is_given_no_advice() -> None:
+    def residual(x, p):
+        return np.array([x[0] - np.sqrt(p["mu"] - 1.0)])  # not a number below mu = 1
+
+    problem = Problem(residual, start={"x": 1.0}, params={"mu": 2.0})
+    broken = trace(problem, "mu", within={"mu": (0, 3)})
+    assert broken.began.failed
+    assert "scales" not in broken.began_reason

@@ -430,7 +430,10 @@ def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parame
     )
     start = {"x": 0.9, "v": -1.0}
     forced = cb.cycle(flow, start, {"F": 1.0, "b": 5.0}, period=TAU / 1.5, settle=200)
-    point = cb.trace(forced, "b", within={"b": (0.5, 6)}, towards="down").first("GR")
+    branch = cb.trace(forced, "b", within={"b": (0.5, 6)}, towards="down")
+    point = branch.first("GR")
+    time = point.solution.flights[0].start + point["touch"] * point.solution.flights[0].duration
+    assert branch.reason == f"flow 0 touches walls[0] at t = {time:.6g}"
     assert point["b"] == pytest.approx(-point.solution.min["x"], abs=1e-12)
     line = cb.boundary(point, ("F", "b"), within={"F": (0.9, 1.1)}, events=())
     for place in (line[0], line[-1]):

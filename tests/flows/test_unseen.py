@@ -100,6 +100,7 @@ def test_a_contact_without_impact_begins_at_grazing_in_one_and_in_two_parameters
     orbit = cb.cycle(flows, {"x": 0.0, "v": 0.0}, params, period=lambda p: TAU / p["w"], settle=200)
     branch = cb.trace(orbit, "F", within={"F": (0.02, 3)}, towards="down")
     grazing = branch.special[-1]
+    assert branch.reason == "flow 1 shrinks to nothing, it begins at a tangency"
     curve = cb.boundary(grazing, ("w", "F"), within={"w": (0.95, 1.05)})
     assert (grazing.kind, branch.doubtful, curve.stop.name) == ("GR", (), "BOUND")
     # the linear motion reaches 1 = 0.2 + F / |1 - w^2 + 0.1 i w|

@@ -93,6 +93,8 @@ def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
     params = {"F": 0.5, "g": 1.0, "e": 0.5, **start}
     problem = cb.cycle(flow, {"x": 0.0, "v": 0.0}, params, period=TURN, settle=100)
     limit = cb.trace(problem, "F", within={"F": (0.3, 4)}, events=()).first(kind)
+    happened = "only just reaches its end" if kind == "VI" else "touches walls[0]"
+    assert limit.detail["said"].startswith(f"flow 0 {happened} at t = ")
     before = asked
     line = cb.boundary(limit, ("g", "F"), steps=cb.Steps(most=10), events=())
     assert asked - before < 50 * len(line)  # each derivative looks twice
