@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,7 @@ class HalfMap:
     k: float
     b: float
     lattice: Any = InfiniteChain()
+    sign: ClassVar[int] = -1
 
     def __post_init__(self) -> None:
         check_lattice(self.lattice)
