@@ -236,7 +236,7 @@ def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
     if curve.free != ("a",) or curve.problem.beneath is not None:
         return None
     first = points[0].solution
-    if not isinstance(first.map, HalfMap) or first.map.lattice.sites is not None:
+    if first.map.sign > 0 or first.map.lattice.sites is not None:
         return None
     p, phi, a = np.ascontiguousarray(z.T)
     # with p <= 0 the wall +1 would pull at its site

@@ -19,8 +19,6 @@ from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along
-from contbreather.stability.chain_map import OrbitMap
-from contbreather.stability.half_period import HalfMap
 from contbreather.stability.modal_map import ModalMap
 from contbreather.stability.zeros import REAL, nearest_pair, passing, upper
 
@@ -86,8 +84,7 @@ class _Pair:
         if map.lattice.sites is None:
             return OnCircle(lattice=self.lattice)
         # multipliers over the period are the squares of those over half of it
-        half = isinstance(map, HalfMap) or map.sign < 0
-        radius = math.sqrt(self.threshold) if half else self.threshold
+        radius = math.sqrt(self.threshold) if map.sign < 0 else self.threshold
         return OnCircle(radius, lattice=self.lattice)
 
     def map(self, point: Point) -> Any:
@@ -115,7 +112,7 @@ class _Pair:
     def _on_chain(self, map: Any, point: Point) -> tuple[float, int]:
         # along a curve in k elastic impacts are the limit of those before: what is neutral only
         # there is no event
-        if map.k == 1.0 and isinstance(map, OrbitMap):
+        if map.k == 1.0 and map.sign > 0:
             map = replace(map, k=_NEARLY)  # on the circle itself a side is rounding
         elif "k" in point.curve.varied and _is_elastic(map):
             map = replace(map, k=_ALL_BUT)
@@ -139,18 +136,18 @@ class _Pair:
         circle = self.circle(map)
         if map.lattice.sites is None:
             return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
-        if isinstance(map, HalfMap):
+        if isinstance(map, ModalMap):
+            ends = tuple(_turns_real(circle.radius, point))
+        else:
             others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + _ON)
             outside = passing(others, beyond)[1] + _real_pairs(others, beyond)
-            ends: tuple[Event, ...] = (_Next(self, circle.radius, outside).event(),)
-        else:
-            ends = tuple(_turns_real(circle.radius, point))
+            ends = (_Next(self, circle.radius, outside).event(),)
         return representation.locus(circle, point, angle, events=ends)
 
 
 def _is_elastic(map: Any) -> bool:
     """Where pairs meet beyond the band: over half a period."""
-    return isinstance(map, HalfMap) and map.k == 1.0 and map.lattice.sites is None
+    return map.lattice.sites is None and map.sign < 0 and map.k == 1.0
 
 
 @dataclass(frozen=True)

@@ -116,6 +116,7 @@ class OrbitMap:
     kicks: tuple[Saltation, ...]
     periods: int = 1
     lattice: ClassVar[InfiniteChain] = InfiniteChain()
+    sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         kicks = tuple(Saltation(int(site), float(time), float(b)) for site, time, b in self.kicks)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from contbreather.stability.arc import (
 from contbreather.stability.characteristic import D, D_gradient, Gradient
 from contbreather.stability.counting import (
     Count,
+    check_radius,
     closest_approach,
     count_on_chain,
     unstable_count,
@@ -52,6 +53,7 @@ class HalfMap:
     k: float
     b: float
     lattice: Any = InfiniteChain()
+    sign: ClassVar[int] = -1
 
     def __post_init__(self) -> None:
         check_lattice(self.lattice)
@@ -131,8 +133,8 @@ class HalfMap:
         beyond a threshold over the period."""
         if self.lattice.sites is None:
             return count_on_chain(self.gamma, self.k, self.b, self.lattice)
-        radius = math.sqrt(threshold)
-        return unstable_count(self.gamma, self.k, self.b, self.lattice, radius=radius).count
+        check_radius(math.sqrt(threshold), self.lattice.sites)
+        return int(np.count_nonzero(np.abs(self.over_period) > threshold))
 
     def count(self) -> Count:
         """Multipliers outside the unit circle of the infinite chain."""

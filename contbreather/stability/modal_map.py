@@ -62,6 +62,11 @@ class Map(Protocol):
     @property
     def gamma(self) -> float: ...
     @property
+    def sign(self) -> int:
+        """-1 where the section is half the period of a symmetric orbit, whose multipliers are the
+        squares of those over the section; 1 where it is the whole."""
+
+    @property
     def period(self) -> float:
         """Of the orbit."""
 

@@ -114,8 +114,9 @@ class Verdict(HtmlRepr):
         return self._half().over_reflection()
 
     def _half(self) -> HalfMap:
-        if self.threshold is None and isinstance(self.map, HalfMap):
-            return self.map
+        if self.threshold is None and self.map.sign < 0:
+            half: HalfMap = self.map
+            return half
         raise BadInput(
             f"{self.lattice}: over-reflection is known of symmetric breathers on the infinite "
             "chain; ask symmetric(a, gamma, k).stability() for it."
@@ -147,7 +148,7 @@ class Verdict(HtmlRepr):
         )
 
     def _on_the_chain(self) -> str:
-        half = isinstance(self.map, HalfMap)
+        half = self.map.sign < 0
         text = f"{'QS' if half else 'the orbit'} outside the unit circle"
         if not self.certain and 0.25 * (1.0 - self.map.lattice.spring) - self.map.gamma <= RIM:
             text += "; uncertain, the band's edge is within rounding of mu = -1"

@@ -45,6 +45,13 @@ def test_half_a_ring_and_its_modes_have_the_same_multipliers_and_verdict(b: floa
     assert modes.multipliers().size == 60
 
 
+def test_a_count_on_a_ring_is_that_of_its_verdict_even_with_multipliers_on_the_circle() -> None:
+    half = HalfMap(0.11, 0.8, -0.3385, Ring(30))
+    sizes = np.unique(abs(half.over_period))
+    for threshold in sizes[sizes > 1.0001].tolist():
+        assert half.unstable(threshold) == verdict(half, threshold).unstable
+
+
 @pytest.mark.parametrize("mu", [1.0, -1.0])
 @pytest.mark.parametrize("spring", [0.0, 0.2])
 def test_scalars_change_sign_where_the_count_does(mu: float, spring: float) -> None:
