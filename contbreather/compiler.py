@@ -160,12 +160,6 @@ def _by_address() -> Any:
     return by_address
 
 
-_ENTRY = """def entry({taken}):
-    i8, f8s, i8s, i1s = as_i8(f8), as_f8s(f8), as_i8s(f8), as_i1s(f8)
-    {call}
-"""
-
-
 def _entry(kernel: Kernel) -> Any:
     """A function of the address of some words, which makes numbers, arrays and tuples of them."""
     import numba
@@ -178,12 +172,12 @@ def _entry(kernel: Kernel) -> Any:
         scope[f"as_{name}s"] = pointer_to(types.CPointer(getattr(types, name)))
     words = count()
     arguments = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
-    if kernel.data is None:
-        text = _ENTRY.format(taken="f8", call=f"function({arguments})\n    return 0")
-    else:
+    taken, call = "f8", f"function({arguments}); return 0"
+    if kernel.data is not None:
+        taken, call = "z, f8, out", f"return function(z, data({arguments}), out)"
         scope["data"] = kernel.data
-        text = _ENTRY.format(taken="z, f8, out", call=f"return function(z, data({arguments}), out)")
-    exec(text, scope)
+    kinds = "i8, f8s, i8s, i1s = as_i8(f8), as_f8s(f8), as_i8s(f8), as_i1s(f8)"
+    exec(f"def entry({taken}):\n    {kinds}\n    {call}\n", scope)
     return scope["entry"]
 
 

@@ -82,9 +82,8 @@ class Kernel:
     @cached_property
     def takes(self) -> tuple[Shape, ...]:
         """What is handed over in words: its arguments, or the parts of its data."""
-        if self.kinds:
-            return () if self.data is None else _shapes(self.data)
-        return _shapes(self.function)
+        annotated = self.data if self.kinds else self.function
+        return () if annotated is None else _shapes(annotated)
 
     @cached_property
     def signature(self) -> str:

@@ -80,7 +80,10 @@ class CompiledCurve:
         evaluate: Any = self.machine.evaluate if self.machine else loops.evaluate
         derive: Any = self.machine.derive if self.machine else loops.derive
         value, flat = np.zeros((2, 3 * d * d))
-        matrix, data = flat[: d * d].reshape(d, d), _handed_over(loops, self.machine is not None)
+        matrix = flat[: d * d].reshape(d, d)
+        data: Any = np.array(loops.data) if loops.at_once else loops.data
+        if self.machine and not loops.at_once:
+            data = kernel_of(loops.evaluate, EQUATIONS).framed(data)
         self.eq = CompiledEquations(
             evaluate, derive, data, metric, value, flat, matrix, np.zeros(d)
         )
@@ -122,14 +125,6 @@ class CompiledCurve:
         if status != TAKEN:
             return None
         return here.there.copy(), here.ahead.copy(), residual, int(iterations)
-
-
-def _handed_over(loops: Loops, to_machine_code: bool) -> Any:
-    """What the equations ask for: numbers, a NamedTuple as it is, or its words."""
-    if not hasattr(loops.data, "_fields"):
-        return np.array(loops.data)
-    kernel = kernel_of(loops.evaluate, EQUATIONS)
-    return kernel.framed(loops.data) if to_machine_code else loops.data
 
 
 _known: dict[Any, MachineCode | None] = {}

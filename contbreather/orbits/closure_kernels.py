@@ -115,20 +115,15 @@ def terms(z: Any, on: ClosureData, mean: BandAverage, f: Four) -> ClosureTerms:
 @inlined
 def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int) -> ClosureTerms:
     """Their derivatives in one entry of z."""
-    p = k = by_mean = u = v = w = 0.0
-    i = column - 2 - on.extra
+    i, a, by_mean, u, v, w = column - 2 - on.extra, on.params[A], 0.0, 0.0, 0.0, 0.0
     place = on.freed[i] if i >= 0 else -1
-    if column == 0:
-        p = 1.0
-    elif column == 1:
-        a = on.params[A]
+    if column == 1:
         u, v, w = a * f[1], a * f[2], a * f[3]
     elif place == GAMMA:
         by_mean = average_slope(mean, 4.0 * on.params[GAMMA], excess_slope)
-    elif place == K:
-        k = 1.0
     elif place >= 0:
         u, v, w, _ = driven(on, i, z[1], f)
+    p, k = 1.0 if column == 0 else 0.0, 1.0 if place == K else 0.0
     return ClosureTerms(p, k, by_mean, u, v, w)
 
 

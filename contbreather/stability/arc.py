@@ -45,16 +45,8 @@ from contbreather.checks import number, shown
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma, in_powers_of_x
 from contbreather.lattice.chain import InfiniteChain
-from contbreather.stability.band_pairs import (
-    GRID,
-    ON_ARC,
-    ORDERS,
-    POWERS,
-    WINDOW,
-    BandWorkspace,
-    ChainWithImpacts,
-    smooth_and_L,
-)
+from contbreather.stability import band_pairs
+from contbreather.stability.band_pairs import GRID, ON_ARC, ORDERS, WINDOW, smooth_and_L
 from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables
 from contbreather.stability.saltation import check_finite, check_kb
 from contbreather.stability.zeros import steep
@@ -182,7 +174,7 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     gamma = check_gamma(gamma, spring)
     check_finite(k, b)
     x, *_ = on_band(gamma, nu, spring)
-    on, work = ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
+    on, work = band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
     out = np.empty((x.size, 6, 2))
     for angle, rows in zip(x.ravel().tolist(), out, strict=True):
         ON_ARC(on, work, b, angle, rows)
@@ -190,7 +182,7 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
 
 
 @lru_cache(maxsize=16)
-def band_workspace(spring: float, thread: int) -> BandWorkspace:
+def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
     """What `band_pairs` ask for, with room for what a thread makes of it."""
     # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
     moments = InfiniteChain().moments(0) * in_powers_of_x(spring)
@@ -199,14 +191,15 @@ def band_workspace(spring: float, thread: int) -> BandWorkspace:
         np.ascontiguousarray((tables() @ rows[:ORDERS, :ORDERS])[:, ::-1, ::-1])
         for rows in (moments, slopes)
     )
-    room = np.empty((3, 3, POWERS)), np.empty(GRID + 1), np.empty((3, 3))
-    return BandWorkspace(values, by_spring, *room)
+    room = np.empty((3, 3, band_pairs.POWERS)), np.empty(GRID + 1), np.empty((3, 3))
+    return band_pairs.BandWorkspace(values, by_spring, *room)
 
 
 def _window(gamma: float, k: float, spring: float) -> tuple[list[float], list[list[float]]]:
     """What `pair_window` fills in."""
+    on, work = band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
     window, roots = np.empty(4), np.full((2, 2), math.nan)
-    WINDOW(ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident()), window, roots)
+    WINDOW(on, work, window, roots)
     return window.tolist(), [row for row in roots.tolist() if not math.isnan(row[0])]
 
 

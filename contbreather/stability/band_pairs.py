@@ -53,18 +53,14 @@ def find_tails(gamma: float, work: BandWorkspace) -> None:
 @inlined
 def regular(on: ChainWithImpacts, tails: Cube, nu: float) -> Triple:
     """R, B, C at an angle."""
-    z, x = nu * nu, 4.0 * on.gamma
-    (R, _), (B, _), (C, _) = tails_at(tails, 0, z)
-    R, C = nu * R, C + 1.0 / math.pi
+    (R, _), (B, _), (C, _) = tails_at(tails, 0, nu * nu)
+    total = nu * R, B, C + 1.0 / math.pi
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
             A = s * s - on.spring
-            h = s * s / A / math.sqrt(1.0 - x / A)  # -s^2 g(s)
-            R -= h / s / math.pi
-            B += h / (s * s) / math.pi
-            C += (1.0 - h) / math.pi
-    return R, B, C
+            total = plus(total, share(s, -1.0 / (A * math.sqrt(1.0 - 4.0 * on.gamma / A)), 1.0))
+    return total
 
 
 @inlined
@@ -76,33 +72,50 @@ def tails_at(tails: Cube, way: int, z: float) -> Any:
 @inlined
 def regular_slopes(on: ChainWithImpacts, tails: Cube, nu: float) -> tuple[Triple, Triple, Triple]:
     """Their derivatives in nu, gamma and the spring."""
-    z, x, spring = nu * nu, 4.0 * on.gamma, on.spring
+    z = nu * nu
     (r, r_z), (_, b_z), (_, c_z) = tails_at(tails, 0, z)
-    R_nu, B_nu, C_nu = r + 2.0 * z * r_z, 2.0 * nu * b_z, 2.0 * nu * c_z
-    (R_gamma, _), (B_gamma, _), (C_gamma, _) = tails_at(tails, 1, z)
-    (R_spring, _), (B_spring, _), (C_spring, _) = tails_at(tails, 2, z)
-    R_gamma, R_spring = nu * R_gamma, nu * R_spring
+    (r_gamma, _), (b_gamma, _), (c_gamma, _) = tails_at(tails, 1, z)
+    (r_spring, _), (b_spring, _), (c_spring, _) = tails_at(tails, 2, z)
+    in_nu = r + 2.0 * z * r_z, 2.0 * nu * b_z, 2.0 * nu * c_z
+    in_gamma, in_spring = (nu * r_gamma, b_gamma, c_gamma), (nu * r_spring, b_spring, c_spring)
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
-            s2 = s * s
-            A = s2 - spring
-            edge = A - x
-            h = s2 / A / math.sqrt(1.0 - x / A)
-            # d ln h/ds = 2/s - s (A + edge)/(A edge), which would cancel for large s
-            h_s = -h * (A * x + spring * (A + edge)) / (s * A * edge)
-            R_nu -= (h_s - h / s) / s / math.pi
-            B_nu += (h_s - 2.0 * h / s) / s2 / math.pi
-            C_nu -= h_s / math.pi
-            # h = s^2/sqrt(A edge): by gamma edge falls by 4, by the spring A and edge by 1
-            by_gamma, by_spring = 2.0 * h / edge, 0.5 * h * (A + edge) / (A * edge)
-            R_gamma -= by_gamma / s / math.pi
-            B_gamma += by_gamma / s2 / math.pi
-            C_gamma -= by_gamma / math.pi
-            R_spring -= by_spring / s / math.pi
-            B_spring += by_spring / s2 / math.pi
-            C_spring -= by_spring / math.pi
-    return (R_nu, B_nu, C_nu), (R_gamma, B_gamma, C_gamma), (R_spring, B_spring, C_spring)
+            A = s * s - on.spring
+            edge = A - 4.0 * on.gamma
+            g = -1.0 / (A * math.sqrt(edge / A))
+            by_s, by_gamma, by_spring = resolvent_changes(s, A, edge)
+            in_nu = plus(in_nu, share_along(s, g, g * by_s))
+            in_gamma = plus(in_gamma, share(s, g * by_gamma, 0.0))
+            in_spring = plus(in_spring, share(s, g * by_spring, 0.0))
+    return in_nu, in_gamma, in_spring
+
+
+# Of numbers and of arrays:
+
+
+def resolvent_changes(s: Any, A: Any, edge: Any) -> tuple[Any, Any, Any]:
+    """Derivatives of ln g of the infinite chain, ``g^2 = 1/(A edge)``, in s, gamma and the spring:
+    A is ``s^2 - spring``, edge ``A - 4 gamma``."""
+    both = (A + edge) / (A * edge)
+    return -s * both, 2.0 / edge, 0.5 * both
+
+
+def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
+    """What an alias s adds to pi R, pi B and pi C, with a rest of 1; or how that changes as g does,
+    without."""
+    sg = s * g
+    return sg, -g, rest + s * sg
+
+
+def share_along(s: Any, g: Any, g_s: Any) -> tuple[Any, Any, Any]:
+    """The derivative of that in s."""
+    return g + s * g_s, -g_s, s * (2.0 * g + s * g_s)
+
+
+def plus(total: Any, part: Any) -> tuple[Any, Any, Any]:
+    """R, B, C or their slopes with one more share."""
+    return total[0] + part[0] / math.pi, total[1] + part[1] / math.pi, total[2] + part[2] / math.pi
 
 
 # --- the two equations and their derivatives ------------------------------------------------
