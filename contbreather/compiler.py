@@ -72,11 +72,12 @@ def jitted(kernel: Kernel) -> Any:
     if getattr(config, "DISABLE_JIT", 0):
         raise NotCompiled("numba is switched off, by NUMBA_DISABLE_JIT")
     try:
-        if kernel.kinds:
-            signature = types.int64(*len(kernel.kinds) * [types.CPointer(types.float64)])
-            plain = getattr(kernel.function, "py_func", None) or _twin(kernel.function).py_func
+        pointers = len(kernel.kinds or kernels.FRAME) * [types.CPointer(types.float64)]
+        signature = types.int64(*pointers)
+        if kernel.takes:
+            plain = _entry(kernel)
         else:
-            signature, plain = _entry(kernel)
+            plain = getattr(kernel.function, "py_func", None) or _twin(kernel.function).py_func
         return cfunc(signature, error_model="numpy")(plain)
     except Exception as error:
         raise NotCompiled(" ".join(str(error).split())[:300]) from error
@@ -159,20 +160,41 @@ def _by_address() -> Any:
     return by_address
 
 
-def _entry(kernel: Kernel) -> tuple[Any, Any]:
-    """A function of one address, given as each kind of word that is there, which makes numbers,
-    arrays and tuples of them; and its signature."""
+def _entry(kernel: Kernel) -> Any:
+    """A function of the address of some words, which makes numbers, arrays and tuples of them."""
     import numba
     from numba import types
 
     carray: Any = numba.carray  # type: ignore[attr-defined]
     scope: dict[str, Any] = {"carray": carray, "function": _twin(kernel.function)}
+    scope["as_i8"] = pointer_to(types.int64)
+    for name in ("f8", "i8", "i1"):
+        scope[f"as_{name}s"] = pointer_to(types.CPointer(getattr(types, name)))
     words = count()
     arguments = ", ".join(_argument(shape, words, scope) for shape in kernel.takes)
-    exec(f"def entry(i8, f8, f8s, i8s, i1s):\n    function({arguments})\n    return 0\n", scope)
-    kinds: list[Any] = [types.int64, types.float64]
-    kinds += [types.CPointer(element) for element in (types.float64, types.int64, types.int8)]
-    return types.int64(*map(types.CPointer, kinds)), scope["entry"]
+    taken, call = "f8", f"function({arguments}); return 0"
+    if kernel.data is not None:
+        taken, call = "z, f8, out", f"return function(z, data({arguments}), out)"
+        scope["data"] = kernel.data
+    kinds = "i8, f8s, i8s, i1s = as_i8(f8), as_f8s(f8), as_i8s(f8), as_i1s(f8)"
+    exec(f"def entry({taken}):\n    {kinds}\n    {call}\n", scope)
+    return scope["entry"]
+
+
+def pointer_to(kind: Any) -> Any:
+    """A function for kernels that takes an address for that of something of this kind."""
+    from numba import types
+    from numba.extending import intrinsic
+
+    pointer = types.CPointer(kind)
+
+    def pointed(_: Any, where: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.bitcast(args[0], context.get_value_type(pointer))
+
+        return pointer(where), generate
+
+    return intrinsic(pointed)
 
 
 def _argument(shape: Shape, words: Iterator[int], scope: dict[str, Any]) -> str:

@@ -30,6 +30,7 @@ Signs = Annotated[NDArray[np.int8], "i1", 1]
 
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
     "contbreather.continuation.step",
+    "contbreather.lattice.forcing",
     "contbreather.lattice.periodic_green",
     "contbreather.lattice.modal_flow",
     "contbreather.stability.band_pairs",
@@ -57,6 +58,8 @@ class Kernel:
         A letter p for each argument, where all are pointers to floats, as of functions to `call`;
         it returns an int. Unless given, arguments are those of the annotations, and it returns
         nothing.
+    data : type, optional
+        The NamedTuple that a function to `call` takes between two pointers.
     long : bool, optional
         A call takes so long that other threads have the interpreter in the meantime.
 
@@ -67,8 +70,10 @@ class Kernel:
     True
     """
 
-    def __init__(self, function: Function, kinds: str = "", *, long: bool = False) -> None:
-        self.function, self.kinds, self.long = function, kinds, long
+    def __init__(
+        self, function: Function, kinds: str = "", *, data: Any = None, long: bool = False
+    ) -> None:
+        self.function, self.kinds, self.data, self.long = function, kinds, data, long
         KERNELS.append(self)
 
     def __repr__(self) -> str:
@@ -76,12 +81,13 @@ class Kernel:
 
     @cached_property
     def takes(self) -> tuple[Shape, ...]:
-        """What its arguments are, if the annotations say so."""
-        return () if self.kinds else _shapes(self.function)
+        """What is handed over in words: its arguments, or the parts of its data."""
+        annotated = self.data if self.kinds else self.function
+        return () if annotated is None else _shapes(annotated)
 
     @cached_property
     def signature(self) -> str:
-        return self.kinds or " ".join(map(str, self.takes))
+        return " ".join([self.kinds, *map(str, self.takes)])
 
     @property
     def file(self) -> str:
@@ -110,11 +116,11 @@ class Kernel:
 
     def run(self, code: Function, values: Iterable[Any]) -> None:
         """By machine code of it."""
-        frame = self._framed(values)
-        code(*len(FRAME) * [_begin(frame)])
+        frame = self.framed(values)
+        code(_begin(frame))
 
-    def _framed(self, values: Iterable[Any]) -> NDArray[np.float64]:
-        """Its arguments in words of eight bytes."""
+    def framed(self, values: Iterable[Any]) -> NDArray[np.float64]:
+        """What it takes in words of eight bytes."""
         words = self._reader(*values)
         frame = np.empty(len(words))
         self._struct.pack_into(frame.data, 0, *words)
@@ -134,25 +140,28 @@ class Kernel:
         code = self.code
         if code is None:
             return lambda first: self.as_it_is(first, *values)
-        frame = self._framed((0.0, *values))
-        at = len(FRAME) * [_begin(frame)]
+        frame = self.framed((0.0, *values))
+        at = _begin(frame)
 
         def go(first: float, keep: Any = values) -> None:  # the arrays, whose addresses are known
             frame[0] = first
-            code(*at)
+            code(at)
 
         return go
 
 
-def listed(kinds: str, *functions: Function) -> None:
+EQUATIONS = "ppp"  # kinds of functions to `call`
+
+
+def listed(data: Any, *functions: Function) -> None:
     """Have them compiled with the package: for those that are handed over, not called by name."""
     for function in functions:
-        Kernel(function, kinds)
+        Kernel(inlined(function), EQUATIONS, data=data)
 
 
 def call(function: Any, z: Any, data: Any, out: Any) -> int:
-    """Call a function of three arrays that was handed over; compiled, by its address, of pointers
-    to their beginnings."""
+    """Call a function that was handed over, of two arrays and what it asks for besides; compiled,
+    by its address, of pointers to their beginnings and to the words of what it asks for."""
     answer: int = function(z, data, out)
     return answer
 
@@ -210,7 +219,7 @@ class Shape(NamedTuple):
         return f"{self.name}:{inner}{self.axes or ''}"
 
 
-FRAME = 5 * "p"  # one address, of words that are i8, f8, and addresses of f8, i8 and i1
+FRAME = "p"  # where there are words that are i8, f8, and addresses of f8, i8 and i1
 _PLAIN = {float: "f8", int: "i8", bool: "b1"}
 
 
@@ -322,7 +331,7 @@ def kernel_of(function: Function, kinds: str) -> Kernel:
         if kernel.function is function and kernel.kinds == kinds:
             return kernel
     unlisted = object.__new__(Kernel)
-    unlisted.function, unlisted.kinds = function, kinds
+    unlisted.function, unlisted.kinds, unlisted.data = function, kinds, None
     return unlisted
 
 

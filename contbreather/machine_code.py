@@ -46,7 +46,7 @@ NEVER = (
 )
 
 SEAL = 4  # bytes before the code that tell whether it is whole
-_FORMAT = 6  # of what is kept, and of how it is compiled
+_FORMAT = 7  # of what is kept, and of how it is compiled
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH  # who might write besides the owner
 _ONE_AT_A_TIME = threading.RLock()  # neither compiler nor loader likes company of other threads
 _loaded: dict[str, int] = {}  # by file: the address

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .. import compiler, kernels
 from ..errors import BadInput
-from ..kernels import FRAME, Kernel, callable_at
+from ..kernels import EQUATIONS, FRAME, Kernel, callable_at, kernel_of
 from ..machine_code import NotCompiled
 from . import derivatives
 from .step import CORRECTED, STEPS, TAKEN, CompiledEquations, Here, Rules
@@ -44,15 +44,16 @@ class Loops:
     evaluate, derive : callable
         ``(z, data, out) -> int``: fill in the equations, or their derivatives row by row; 0, or
         anything else where there are none. In the words of `kernels`.
-    data : tuple of float
-        What they ask for besides z.
+    data : NamedTuple or sequence of float
+        What they ask for besides z: numbers for functions that a user gave, for others what their
+        kernels are listed with.
     at_once : bool
         Whether to compile them for this session: functions that a user gave.
     """
 
     evaluate: Callable[[Any, Any, Any], int]
     derive: Callable[[Any, Any, Any], int]
-    data: tuple[float, ...]
+    data: Any
     at_once: bool = False
 
 
@@ -79,7 +80,10 @@ class CompiledCurve:
         evaluate: Any = self.machine.evaluate if self.machine else loops.evaluate
         derive: Any = self.machine.derive if self.machine else loops.derive
         value, flat = np.zeros((2, 3 * d * d))
-        matrix, data = flat[: d * d].reshape(d, d), np.array(loops.data)
+        matrix = flat[: d * d].reshape(d, d)
+        data: Any = np.array(loops.data) if loops.at_once else loops.data
+        if self.machine and not loops.at_once:
+            data = kernel_of(loops.evaluate, EQUATIONS).framed(data)
         self.eq = CompiledEquations(
             evaluate, derive, data, metric, value, flat, matrix, np.zeros(d)
         )
@@ -132,7 +136,7 @@ def machine_code(loops: Loops) -> MachineCode | None:
         return _known[loops.evaluate]
     address, code = compiler.compiled_address if loops.at_once else kernels.address, None
     try:
-        evaluate, derive = address(loops.evaluate, "ppp"), address(loops.derive, "ppp")
+        evaluate, derive = address(loops.evaluate, EQUATIONS), address(loops.derive, EQUATIONS)
         entries = {k: callable_at(address(k.function, ""), FRAME) for k in (STEPS, CORRECTED)}
         code = MachineCode(evaluate, derive, entries)
     except NotCompiled as reason:
@@ -170,7 +174,7 @@ def _filled(loops: Loops, function: Any, z: Array, wanted: Array) -> Array | Non
     """What one of them fills in, None where it has no values."""
     values = np.zeros(wanted.shape)
     arrays = z.copy(), np.array(loops.data), values
-    code = callable_at(compiler.compiled_address(function, "ppp"), "ppp")
+    code = callable_at(compiler.compiled_address(function, EQUATIONS), EQUATIONS)
     status = code(*(array.ctypes.data for array in arrays))
     return None if status else values
 
@@ -202,7 +206,7 @@ def _functions(*arguments: Any) -> tuple[Any, Any] | None:
     try:
         functions = _compiled(*arguments)
         for function in functions:
-            compiler.compiled_address(function, "ppp")
+            compiler.compiled_address(function, EQUATIONS)
     except (NotCompiled, ImportError) as reason:
         _log.info("steps are taken without compiled code: %s", reason)
         return None
@@ -304,20 +308,12 @@ def _column(put: Any, count: int, n: int, slots: tuple[int, ...]) -> Callable[..
 def _as_record(names: tuple[str, ...]) -> Any:
     """The parameters at a pointer as a record, which is indexed by their names."""
     import numba
-    from numba.extending import intrinsic
 
     carray: Any = numba.carray  # type: ignore[attr-defined]
-    pointer = numba.types.CPointer(numba.from_dtype(np.dtype([(name, float) for name in names])))
-
-    def pointed(_: Any, where: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            return builder.bitcast(args[0], context.get_value_type(pointer))
-
-        return pointer(where), generate
-
-    cast: Any = intrinsic(pointed)
+    fields = np.dtype([(name, float) for name in names])
+    as_record = compiler.pointer_to(numba.from_dtype(fields))
 
     def record(where: Any) -> Any:
-        return carray(cast(where), 1)[0]
+        return carray(as_record(where), 1)[0]
 
     return numba.njit(record)

@@ -12,6 +12,7 @@ and the moments of ``q``.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
+from contbreather.kernels import Vector, inlined
 from contbreather.lattice.zeta import TERMS, binomial, zeta
 from contbreather.parameters import NUMBERS
 
@@ -72,37 +74,82 @@ def _functions() -> dict[str, _Raw]:
     }
 
 
-class _Series(NamedTuple):
+class BandAverage(NamedTuple):
     """A mean as ``constant + sum of weight * excess(x/width) + polynomial(x)``, x = 4 gamma: a
     quotient of floats is below 1 wherever x is below the width that it has up to its pole."""
 
     constant: float
-    poles: tuple[tuple[float, float], ...]  # (weight, width)
-    powers: tuple[float, ...]  # coefficients of x^1, x^2, ...
-    slopes: tuple[float, ...]  # those of the derivative: 1*c1, 2*c2, ...
+    weights: Vector  # of the poles
+    widths: Vector
+    powers: Vector  # coefficients of x, x^2, ..., the highest first
+
+
+@inlined
+def polynomial(coefficients: Any, x: Any) -> tuple[Any, Any]:
+    """By its coefficients, that of the highest power first, and its derivative."""
+    value = slope = 0.0
+    for c in coefficients:
+        slope = slope * x + value
+        value = value * x + c
+    return value, slope
+
+
+@inlined
+def average(series: BandAverage, x: Any, excess: Callable[[Any], Any]) -> Any:
+    """A mean at one x or many, by the mean of ``z q/(1 - z q)`` of the lattice."""
+    total = 0.0
+    for c in series.powers:
+        total = total * x + c
+    total = total * x + series.constant
+    for i in range(len(series.weights)):
+        # the pole next to the band, exact
+        total = total + series.weights[i] * excess(x / series.widths[i])
+    return total
+
+
+@inlined
+def average_slope(series: BandAverage, x: Any, excess_slope: Callable[[Any], Any]) -> Any:
+    """Its derivative with respect to gamma."""
+    value, slope = polynomial(series.powers, x)
+    total = value + x * slope
+    for i in range(len(series.weights)):
+        width = series.widths[i]
+        total = total + series.weights[i] / width * excess_slope(x / width)
+    return 4.0 * total
+
+
+def excess(z: float) -> float:
+    """The mean of ``z q/(1 - z q)`` over the modes of the infinite chain."""
+    r = math.sqrt(1.0 - z)
+    return z / (r * (1.0 + r))  # 1/r - 1 without cancellation
+
+
+def excess_slope(z: float) -> float:
+    """Its derivative."""
+    rr = 1.0 - z
+    return 0.5 / (rr * math.sqrt(rr))
 
 
 @lru_cache(maxsize=256)
-def band_averages(sites: int | None, spring: float = 0.0) -> dict[str, _Series]:
+def band_averages(sites: int | None, spring: float = 0.0) -> dict[str, BandAverage]:
     """Expansions of the means; ``sites=None`` is the infinite chain."""
     return {name: _series(raw, sites, spring) for name, raw in _functions().items()}
 
 
-def _series(raw: _Raw, sites: int | None, spring: float) -> _Series:
-    tail = np.concatenate([[raw.constant], raw.tail]) @ _shift(spring)
+def _series(raw: _Raw, sites: int | None, spring: float) -> BandAverage:
+    tail = np.concatenate([[raw.constant], raw.tail]) @ in_powers_of_x(spring)
     powers = tail[1:] * q_moments(sites, 0)[1:]
-    slopes = powers * np.arange(1, TERMS + 1)
     # with w^2 = s + x: w^2/(P - w^2) = s/(P - s) + P/(P - s) z/(1 - z), z = x/(P - s)
-    poles = [(weight * P / (P - spring), P - spring) for weight, P in raw.poles]
+    weights = [weight * P / (P - spring) for weight, P in raw.poles]
+    widths = [P - spring for _, P in raw.poles]
     constant = float(tail[0]) + sum(weight * spring / (P - spring) for weight, P in raw.poles)
-    # reversed once here, so that Horner runs straight through the tuple
-    return _Series(
-        constant, tuple(poles), tuple(powers[::-1].tolist()), tuple(slopes[::-1].tolist())
-    )
+    # lists of numbers: Python takes one from them sooner than from an array
+    rows: Any = weights, widths, powers[::-1].tolist()
+    return BandAverage(constant, *rows)
 
 
 @lru_cache(maxsize=256)
-def _shift(spring: float) -> FloatArray:
+def in_powers_of_x(spring: float) -> FloatArray:
     """``(spring + x)^j`` in powers of x: row j, shape (TERMS + 1, TERMS + 1)."""
     j = np.arange(TERMS + 1)
     apart = np.maximum(j[:, None] - j, 0)
@@ -146,7 +193,7 @@ class UniformLattice:
 
     sites: Any
     spring: float
-    _expansions: dict[str, _Series]
+    _expansions: dict[str, BandAverage]
 
     if TYPE_CHECKING:
 
@@ -158,42 +205,25 @@ class UniformLattice:
 
     def mean(self, gamma: float, name: str) -> float:
         """`chi`, `eta`, `sigma` or `psi` at one coupling."""
-        series = self._expansions[name]
         x = 4.0 * check_gamma(gamma, self.spring)
-        total = 0.0
-        for c in series.powers:
-            total = total * x + c
-        total = total * x + series.constant
-        for weight, width in series.poles:
-            total += weight * self._excess(x / width)  # the pole next to the band, exact
-        return total
+        return float(average(self._expansions[name], x, self._excess))
 
     def averages(self, gamma: FloatArray, name: str) -> FloatArray:
         """`mean` of the infinite chain at many couplings inside of its domain."""
-        series, x = self._expansions[name], 4.0 * gamma
-        total = np.polyval([*series.powers, series.constant], x)
-        for weight, width in series.poles:
-            total += weight * (1.0 / np.sqrt(1.0 - x / width) - 1.0)
-        return np.asarray(total)
+        series = self._expansions[name]
+        return np.asarray(average(series, 4.0 * gamma, lambda z: 1.0 / np.sqrt(1.0 - z) - 1.0))
 
     def slope(self, gamma: float, name: str) -> float:
         """Derivative of `mean` with respect to gamma."""
-        series = self._expansions[name]
         x = 4.0 * check_gamma(gamma, self.spring)
-        total = 0.0
-        for c in series.slopes:
-            total = total * x + c
-        for weight, width in series.poles:
-            total += weight / width * self._dexcess(x / width)
-        return 4.0 * total
+        return float(average_slope(self._expansions[name], x, self._dexcess))
 
-    def expansion(self, name: str) -> list[float]:
-        """A mean as numbers: constant, how many poles and powers, weight and width of each pole,
-        coefficients of the powers of 4 gamma from the highest on and those of the slope."""
-        series = self._expansions[name]
-        poles = [entry for pole in series.poles for entry in pole]
-        counts = [series.constant, len(series.poles), len(series.powers)]
-        return [*counts, *poles, *series.powers, *series.slopes]
+    def expansion(self, name: str, gamma: float | None = None) -> BandAverage:
+        """A mean as kernels take it; the same at every coupling where one is given."""
+        if gamma is not None:
+            return BandAverage(self.mean(gamma, name), *np.empty((3, 0)))
+        constant, *rows = self._expansions[name]
+        return BandAverage(constant, *map(np.array, rows))
 
     def moments(self, n: int | tuple[int, ...]) -> FloatArray:
         """``<q^j cos(n theta)>``, j = 0, 1, ..., with ``q = sin^2(theta/2)``; of several sites in
@@ -205,13 +235,13 @@ class UniformLattice:
     def powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """``<w^2j cos(n theta)>`` for j = 0, 1, ...; of several sites in rows."""
         powers = self.moments(n) * (4.0 * gamma) ** np.arange(TERMS + 1)
-        return powers @ _shift(self.spring).T if self.spring else powers
+        return powers @ in_powers_of_x(self.spring).T if self.spring else powers
 
     def dpowers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """Derivative of `powers` with respect to gamma."""
         j = np.arange(TERMS + 1)
         slopes = self.moments(n) * (4.0 * j * (4.0 * gamma) ** np.maximum(j - 1, 0))
-        return slopes @ _shift(self.spring).T if self.spring else slopes
+        return slopes @ in_powers_of_x(self.spring).T if self.spring else slopes
 
     def spring_powers(self, gamma: float, n: int | tuple[int, ...]) -> FloatArray:
         """Derivative of `powers` with respect to the spring."""

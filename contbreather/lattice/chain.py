@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, whole
 from contbreather.errors import BadInput
-from contbreather.lattice.band_averages import UniformLattice, band_averages, check_gamma
+from contbreather.lattice.band_averages import (
+    UniformLattice,
+    band_averages,
+    check_gamma,
+    excess,
+    excess_slope,
+)
 from contbreather.lattice.finite import PlaneWaves, plane_waves
 from contbreather.parameters import NUMBERS
 
@@ -67,13 +73,7 @@ class InfiniteChain(UniformLattice):
         s, edge = self.spring, self.spring + 4.0 * gamma
         return self.slope(gamma, "tau") - 4.0 / (math.pi * edge * math.sqrt(s * edge))
 
-    def _excess(self, z: float) -> float:
-        r = math.sqrt(1.0 - z)
-        return z / (r * (1.0 + r))  # 1/r - 1 without cancellation
-
-    def _dexcess(self, z: float) -> float:
-        rr = 1.0 - z
-        return 0.5 / (rr * math.sqrt(rr))  # d(1/r)/dz
+    _excess, _dexcess = staticmethod(excess), staticmethod(excess_slope)
 
     def distance(self, n: Any) -> Any:
         """How many bonds from site n to the impacting site 0; of an array for each."""

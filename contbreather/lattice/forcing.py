@@ -20,12 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import real, shown
 from contbreather.errors import BadInput
+from contbreather.kernels import Kernel, Matrix, Vector, inlined
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 HIGHEST = 1001  # harmonic; sixteen points to its period are looked at
 LARGEST = 1e100  # coefficient; sums of their squares stay finite
-LONG = 12  # from so many harmonics on numpy beats a loop, even for one time
+LONG = 12  # from so many harmonics on machine code beats Python, even for one time
 
 Harmonics = tuple[tuple[int, float, float], ...]  # (m, A, B): A cos(m t) + B sin(m t)
 
@@ -58,33 +59,56 @@ class Forcing(Protocol):
     def __hash__(self) -> int: ...
 
 
-class TrigonometricSeries:
-    """f as a trigonometric series, with its derivatives of any order."""
+@inlined
+def harmonic(m: float, A: float, B: float, t: float) -> tuple[float, float, float, float]:
+    """``A cos mt + B sin mt`` and its first three derivatives."""
+    c, s = math.cos(m * t), math.sin(m * t)
+    value, slope = A * c + B * s, m * (B * c - A * s)
+    return value, slope, -m * m * value, -m * m * slope
 
-    __slots__ = ("harmonics", "m", "pair")
+
+@inlined
+def series_motion(harmonics: Any, t: float) -> tuple[float, float, float, float]:
+    """A sum of them, of rows m, A, B."""
+    f = df = d2f = d3f = 0.0
+    for row in harmonics:
+        u, v, w, x = harmonic(row[0], row[1], row[2], t)
+        f, df, d2f, d3f = f + u, df + v, d2f + w, d3f + x
+    return f, df, d2f, d3f
+
+
+def series_motions(harmonics: Matrix, times: Vector, out: Matrix) -> None:
+    """At each time, in columns."""
+    for i in range(times.size):
+        f, df, d2f, d3f = series_motion(harmonics, times[i])
+        out[0, i], out[1, i], out[2, i], out[3, i] = f, df, d2f, d3f
+
+
+MOTIONS = Kernel(series_motions)
+
+
+class TrigonometricSeries:
+    """f as a trigonometric series, with its first three derivatives."""
+
+    __slots__ = ("harmonics", "rows")
 
     def __init__(self, harmonics: Harmonics) -> None:
         self.harmonics = harmonics
-        self.m = np.array([h[0] for h in harmonics], dtype=float)
-        self.pair = np.array([[h[1], h[2]] for h in harmonics], dtype=float).reshape(-1, 2)
+        self.rows = np.array(harmonics, dtype=float).reshape(-1, 3)
+
+    def motion(self, t: Any) -> Any:
+        """Value and derivatives, at one time or many."""
+        one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
+        if one and len(self.harmonics) < LONG:
+            return series_motion(self.harmonics, t)
+        times = np.array(t, dtype=float)
+        out = np.empty((4, times.size))
+        MOTIONS(self.rows, times.ravel(), out)
+        return tuple(out[:, 0].tolist()) if one else out.reshape(4, *times.shape)
 
     def at(self, t: Any, order: int) -> Any:
         """The derivative of that order, at one time or many."""
-        one = type(t) is float or isinstance(t, float | int)  # the first is by far the sooner
-        # d/dt (a cos mt + b sin mt) = m (b cos mt - a sin mt); twice it is -m^2 of itself
-        if one and len(self.harmonics) < LONG:
-            total = 0.0
-            for m, a, b in self.harmonics:
-                c, s = math.cos(m * t), math.sin(m * t)
-                value = b * c - a * s if order % 2 else a * c + b * s
-                total += value * m**order
-            return -total if order % 4 >= 2 else total
-        angle = np.multiply.outer(np.asarray(t, dtype=float), self.m)
-        weight = self.pair * (self.m[:, None] ** order) * (-1.0 if order % 4 >= 2 else 1.0)
-        a, b = weight.T
-        cosines, sines = np.cos(angle), np.sin(angle)
-        values = cosines @ b - sines @ a if order % 2 else cosines @ a + sines @ b
-        return float(values) if one else values
+        return self.motion(t)[order]
 
     def on_grid(self, size: int) -> FloatArray:
         """Values at ``2 pi j/size``, j = 0..size-1; size exceeds twice the highest harmonic."""
@@ -120,8 +144,8 @@ class Periodic:
 
     def motion(self, t: float) -> tuple[float, float, float]:
         """f, f' and f'' at one time."""
-        at = self._series.at
-        return at(t, 0), at(t, 1), at(t, 2)
+        f, df, d2f, _ = self._series.motion(t)
+        return f, df, d2f
 
     @property
     def harmonics(self) -> Harmonics:

@@ -254,13 +254,13 @@ def half_period_green(
     """
     first_harmonic, powers = (getattr(lattice, name) for name in _PARTS[by])
     table = np.zeros((len(sites), POWERS + 2))
-    np.matmul(powers(gamma, sites), _per_impulse(), out=table[:, :POWERS])
+    np.matmul(powers(gamma, sites), weights_per_impulse(), out=table[:, :POWERS])
     table[:, POWERS] = 2.0 / math.pi * first_harmonic(gamma, np.array(sites))  # of sin y
     return _without_modes(np.arange(len(sites))[:, None], table, 1, half=True)
 
 
 @lru_cache(maxsize=1)
-def _per_impulse() -> FloatArray:
+def weights_per_impulse() -> FloatArray:
     """`response_weights`, which are per unit p, of a unit impulse, which is -2p; the highest power
     first."""
     return -0.5 * response_weights()[::-1].T

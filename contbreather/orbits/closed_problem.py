@@ -9,10 +9,11 @@ to the compiled steps besides (`contbreather.orbits.closure_kernels`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
+from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
 from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, TrigonometricSeries
-from contbreather.lattice.periodic_green import response_weights
+from contbreather.lattice.periodic_green import half_period_green, weights_per_impulse
 from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import (
     ClosureTerms,
@@ -51,7 +52,7 @@ from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
 from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
 from contbreather.parameters import NEEDED, NUMBERS
-from contbreather.stability.arc import arc_table
+from contbreather.stability.arc import band_workspace
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
@@ -215,10 +216,10 @@ class SymmetricProblem(OrbitProblem):
         """The equations with these parameters free, as functions that can be compiled; None with
         springs, for the coupling of a ring, and on lattices of somebody else."""
         on, forcing = self.closure.lattice, self.closure.forcing
-        places = {"a": (kernels.A, 1.0), "gamma": (kernels.GAMMA, 1.0), "k": (kernels.K, 1.0)}
+        places = {name: (place, 1.0) for place, name in enumerate(("a", "gamma", "k"))}
         if isinstance(forcing, Fourier):  # where its coefficients are, and the factor for each
             places |= {
-                f"{letter}{m}": (kernels.FIRST + 3 * i + 1 + side, -1.0 / m**2)
+                f"{letter}{m}": (kernels.COEFFICIENTS + 2 * i + side, -1.0 / m**2)
                 for i, (m, _, _) in enumerate(forcing.harmonics)
                 for side, letter in enumerate("cs")
                 if f"{letter}{m}" in forcing.params
@@ -228,17 +229,19 @@ class SymmetricProblem(OrbitProblem):
         if not own or ring or any(name not in places for name in free):
             return None
         f = forcing_at(forcing, params)
-        freed = [float(entry) for name in free for entry in places[name]]
-        values = [params.get(name, 0.0) for name in ("a", "gamma", "k")]
-        gamma = values[1]
-        names = "chi", "sigma", "eta"
-        means = [of(gamma, name) for name in names for of in (on.mean, on.slope)]
-        flat = [entry for harmonic in f.harmonics for entry in harmonic]
-        # in the order of `closure_kernels`; f and its derivatives are filled in at each phi
-        head = [len(free), *freed, *(4 - 2 * len(free)) * [0.0], *values, *means, *4 * [0.0]]
-        head += [len(f.harmonics), kernels.FIRST + len(flat), 0]
-        data = [*head, *flat, *(x for name in names for x in on.expansion(name))]
-        return Loops(kernels.closure, kernels.closure_slopes, tuple(map(float, data)))
+        freed, factors = zip(*(places[name] for name in free), strict=True)
+        fixed = None if "gamma" in free else params["gamma"]
+        data = kernels.ClosureData(
+            np.array(freed),
+            np.array(factors),
+            np.array([params.get(name, 0.0) for name in ("a", "gamma", "k")]),
+            np.array(f.harmonics, dtype=float),
+            on.expansion("chi", fixed),
+            on.expansion("sigma", fixed),
+            on.expansion("eta", fixed),
+            0,
+        )
+        return Loops(kernels.closure, kernels.closure_slopes, data)
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""
@@ -359,20 +362,11 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([row.real, row.imag])
 
 
-def _with_pair(closure: Loops, n: int) -> Loops | None:
+def _with_pair(closure: Loops, n: int) -> Loops:
     """The closure with both equations of a pair."""
-    # in the order of `closure_kernels`, from ARC to TABLE
-    more = [*np.zeros(kernels.TABLE - kernels.ARC), *arc_table()]
-    return _lengthened(closure, kernels.pair, kernels.pair_slopes, more)
-
-
-def _lengthened(closure: Loops, evaluate: Any, derive: Any, more: Sequence[float]) -> Loops | None:
-    """The closure with one more unknown and two more equations, which ask for more from `MORE` on;
-    None where a forcing has so many harmonics that these reach there."""
-    room = kernels.MORE - len(closure.data)
-    data = [*closure.data, *room * [0.0], *map(float, more)]
-    data[kernels.UNKNOWNS] = 1.0
-    return Loops(evaluate, derive, tuple(data)) if room >= 0 else None
+    work = band_workspace(0.0, get_ident())
+    data = kernels.PairData(closure.data._replace(extra=1), work, np.empty((6, 2)))
+    return Loops(kernels.pair, kernels.pair_slopes, data)
 
 
 # --- a site that grazes -------------------------------------------------------------------------
@@ -396,8 +390,10 @@ def _with_contact(
     """The closure with a contact on the infinite chain."""
     if lattice.sites is not None:
         return None
-    room = [0.0] * (kernels.MOMENTS - kernels.OWN)
-    weights = response_weights().ravel()
-    # in the order of `closure_kernels`, from WALL to MOTION
-    more = [wall, distance, *room, *lattice.moments(distance), *weights, *6 * [0.0]]
-    return _lengthened(closure, kernels.contact, kernels.contact_slopes, more)
+    # the coefficients of a response as polynomials in 4 gamma
+    expansions = (weights_per_impulse().T * lattice.moments(distance))[:, ::-1]
+    responses = half_period_green(lattice, 0.0, (distance, distance))  # but for its table
+    responses = responses._replace(table=np.zeros(responses.table.shape))
+    on = closure.data._replace(extra=1)
+    data = kernels.ContactData(on, wall, distance, expansions.copy(), responses)
+    return Loops(kernels.contact, kernels.contact_slopes, data)

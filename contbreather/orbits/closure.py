@@ -244,13 +244,12 @@ def level_crossing(series: TrigonometricSeries, level: float, left: float, right
         x = 0.5 * (left + right)
         left, right = (left, x) if (series.at(x, 0) > level) == rises else (x, right)
     # and one Newton step; next to a double root it would go astray
-    steepness = series.at(right, 1)
-    step = (series.at(right, 0) - level) / steepness if steepness else 0.0
+    height, steepness, bend, third = series.motion(right)
+    step = (height - level) / steepness if steepness else 0.0
     if abs(step) < 1e-9:
         return right - step
     # a root of third order is known to EPS^(1/3) by the level, to EPS by its inflection
-    third = series.at(right, 3)
-    flat = right - series.at(right, 2) / third if third else right
+    flat = right - bend / third if third else right
     solves = abs(series.at(flat, 0) - level) <= 4.0 * EPS * (1.0 + abs(level))
     return flat if solves and abs(flat - right) < EPS**0.25 else right
 
@@ -306,7 +305,7 @@ def _settled(phi: float, series: TrigonometricSeries) -> float:
     """A few Newton steps to the extremum next to ``phi``; where there is none, anywhere will do."""
     x = phi
     for _ in range(8):
-        slope, curvature = series.at(x, 1), series.at(x, 2)
+        _, slope, curvature, _ = series.motion(x)
         if curvature == 0.0:
             break
         x -= slope / curvature

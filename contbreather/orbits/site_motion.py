@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.kernels import Counts, Cube, Kernel, Matrix, Vector, fixed, inlined
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.finite import Finite, mode_solutions, stiffness_of
-from contbreather.lattice.forcing import Forcing
+from contbreather.lattice.forcing import Forcing, harmonic
 from contbreather.lattice.periodic_green import (
     LATE,
     RESPONSES,
@@ -102,12 +102,10 @@ def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float
     row = site if forced.cosines.shape[0] > 1 else 0
     f = df = d2f = 0.0
     for i in range(forced.orders.size):
-        m = forced.orders[i]
-        c, s = math.cos(m * t), math.sin(m * t)
-        value = forced.cosines[row, i] * c + forced.sines[row, i] * s
-        f += value
-        df += m * (forced.sines[row, i] * c - forced.cosines[row, i] * s)
-        d2f -= m * m * value
+        value, slope, bend, _ = harmonic(
+            forced.orders[i], forced.cosines[row, i], forced.sines[row, i], t
+        )
+        f, df, d2f = f + value, df + slope, d2f + bend
     u, v, w = motion.places[site, OFFSET] + motion.a * f, motion.a * df, motion.a * d2f
     for j in range(responses.which.shape[1]):
         J = motion.impacts[IMPULSE, j]

@@ -111,7 +111,7 @@ def apply_events(
     ``v`` and ``w`` hold the present state at these sites and their neighbours; ``changed`` marks
     the sites whose motion is another one from now on.
     """
-    motion, velocity, _ = drive_sum(on.motion, t)
+    motion, velocity, _, _ = drive_sum(on.motion, t)
     for i in range(work.many[0]):
         n = work.candidates[i]
         work.changed[n] = 0
@@ -347,7 +347,7 @@ def record_dense(
     """
     while sample < dense.grid.size and dense.grid[sample] < end:
         time = dense.grid[sample]
-        motion, velocity, _ = drive_sum(on.motion, t0 + time)
+        motion, velocity, _, _ = drive_sum(on.motion, t0 + time)
         for i in range(dense.sites.size):
             n = dense.sites[i]
             v, w, _ = site_at(work.rows, n, h, (time - s - work.origin[n]) / h)
@@ -360,7 +360,7 @@ def record_dense(
 @inlined
 def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> None:
     """Take out the forced motion; a site at rest on a wall that pushes it stays there."""
-    motion, velocity, _ = drive_sum(on.motion, t0)
+    motion, velocity, _, _ = drive_sum(on.motion, t0)
     for n in range(u.size):
         work.v[n] = u[n] - motion
         work.w[n] = v[n] - velocity
@@ -377,7 +377,7 @@ def begin_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: floa
 @inlined
 def end_period(on: Parameters, work: Workspace, u: Vector, v: Vector, t0: float) -> bool:
     """Put the forced motion back; False where a number is no longer one."""
-    motion, velocity, _ = drive_sum(on.motion, t0)
+    motion, velocity, _, _ = drive_sum(on.motion, t0)
     sound = True
     for n in range(u.size):
         if work.at_rest[n] != 0:

@@ -23,6 +23,7 @@ import math
 from typing import NamedTuple
 
 from contbreather.kernels import Counts, Cube, Matrix, Signs, Vector, inlined
+from contbreather.lattice.forcing import harmonic
 
 
 class Harmonics(NamedTuple):
@@ -128,26 +129,13 @@ def powers_needed(reach: float) -> int:
 
 
 @inlined
-def drive_sum(drive: Harmonics, t: float) -> tuple[float, float, float]:
-    """The sum at time t, and its first and second derivative."""
-    value = slope = bend = 0.0
+def drive_sum(drive: Harmonics, t: float) -> tuple[float, float, float, float]:
+    """The sum at time t, and its first three derivatives."""
+    value = slope = bend = jerk = 0.0
     for i in range(drive.m.size):
-        m = drive.m[i]
-        cosine, sine = math.cos(m * t), math.sin(m * t)
-        wave = drive.c[i] * cosine + drive.s[i] * sine
-        value += wave
-        slope += m * (drive.s[i] * cosine - drive.c[i] * sine)
-        bend -= m * m * wave
-    return value, slope, bend
-
-
-def driven_jerk(drive: Harmonics, t: float) -> float:
-    """The third derivative of the sum at time t."""
-    total = 0.0
-    for i in range(drive.m.size):
-        m = drive.m[i]
-        total += m * m * m * (drive.c[i] * math.sin(m * t) - drive.s[i] * math.cos(m * t))
-    return total
+        u, v, w, x = harmonic(drive.m[i], drive.c[i], drive.s[i], t)
+        value, slope, bend, jerk = value + u, slope + v, bend + w, jerk + x
+    return value, slope, bend, jerk
 
 
 def driven_terms(drive: Harmonics, t: float, h: float, column: Vector) -> None:
@@ -353,7 +341,7 @@ def first_contact(
     s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(WALKS):
         value, slope, bend = site_at(rows, n, h, s / h)
-        forced, forced_slope, forced_bend = drive_sum(drive, t + s)
+        forced, forced_slope, forced_bend, _ = drive_sum(drive, t + s)
         gap = level - sign * (value + forced)
         slope = sign * (slope + forced_slope)
         bend = sign * (bend + forced_bend)
@@ -398,8 +386,8 @@ def push_into_wall(
     ``d F - K 1 a g - (K v)_n``, which is u'' of (1) without the drag.
     """
     bonds, v, w = on.bonds, work.v, work.w
-    motion, velocity, _ = drive_sum(on.motion, t)
-    force, change, _ = drive_sum(on.force, t)
+    motion, velocity, _, _ = drive_sum(on.motion, t)
+    force, change, _, _ = drive_sum(on.force, t)
     stiff, extra, ground = bonds.pulls[0, n], bonds.pulls[1, n], bonds.pulls[2, n]
     drive = 1.0 + extra
     push = drive * force - ground * motion - (stiff * v[n] - near(bonds, v, n))
@@ -433,7 +421,7 @@ def release(on: Parameters, work: Workspace, n: int, t: float, h: float) -> floa
 def moving_away(on: Parameters, work: Workspace, n: int, t: float, h: float) -> float:
     """How long a site just released certainly moves away: velocity and acceleration are zero."""
     sign = float(work.released[n])
-    jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + driven_jerk(on.motion, t))
+    jerk = sign * (6.0 * work.rows[3, n] / (h * h * h) + drive_sum(on.motion, t)[3])
     snap = column_bound(work.rows, n, 1.0, 4) / (h * h * (h * h)) + driven_bound(on.motion, 4)
     # until then jerk + snap s < 0, and so are acceleration, velocity and displacement
     return min(h, -jerk / snap) if jerk < -1e-9 else min(h, 1e-3)

@@ -35,6 +35,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,11 +43,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import number, shown
 from contbreather.errors import BadInput
-from contbreather.kernels import Kernel
-from contbreather.lattice.band_averages import check_gamma
+from contbreather.lattice.band_averages import check_gamma, in_powers_of_x
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.stability import band_pairs
-from contbreather.stability.band_pairs import GRID, ON_ARC, WINDOW, smooth_and_L
+from contbreather.stability.band_pairs import GRID, ON_ARC, ORDERS, WINDOW, smooth_and_L
 from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables
 from contbreather.stability.saltation import check_finite, check_kb
 from contbreather.stability.zeros import steep
@@ -174,23 +174,33 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
     gamma = check_gamma(gamma, spring)
     check_finite(k, b)
     x, *_ = on_band(gamma, nu, spring)
-    rows = [_filled(ON_ARC, gamma, k, b, spring, float(angle)) for angle in x.ravel()]
-    return Gradient(*np.transpose(rows).reshape(6, 2, *x.shape))
+    on, work = band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
+    out = np.empty((x.size, 6, 2))
+    for angle, rows in zip(x.ravel().tolist(), out, strict=True):
+        ON_ARC(on, work, b, angle, rows)
+    return Gradient(*out.transpose(1, 2, 0).reshape(6, 2, *x.shape))
 
 
-def _filled(kernel: Kernel, gamma: float, k: float, b: float, spring: float, nu: float) -> Array:
-    """What a function of `band_pairs` fills in."""
-    data = np.array([gamma, k, (1.0 - k) / (1.0 + k), b, nu, spring])
-    answer = np.zeros(12)
-    kernel(data, arc_table(), np.empty(band_pairs.SIZE), answer)
-    return answer
+@lru_cache(maxsize=16)
+def band_workspace(spring: float, thread: int) -> band_pairs.BandWorkspace:
+    """What `band_pairs` ask for, with room for what a thread makes of it."""
+    # <w^2j> as a polynomial in 4 gamma; and its slope in the spring, j <w^(2j - 2)>
+    moments = InfiniteChain().moments(0) * in_powers_of_x(spring)
+    slopes = np.arange(ORDERS)[:, None] * np.roll(moments[:ORDERS], 1, axis=0)
+    values, by_spring = (
+        np.ascontiguousarray((tables() @ rows[:ORDERS, :ORDERS])[:, ::-1, ::-1])
+        for rows in (moments, slopes)
+    )
+    room = np.empty((3, 3, band_pairs.POWERS)), np.empty(GRID + 1), np.empty((3, 3))
+    return band_pairs.BandWorkspace(values, by_spring, *room)
 
 
-@lru_cache(maxsize=1)
-def arc_table() -> Array:
-    """What `band_pairs` ask for besides their data."""
-    moments = InfiniteChain().moments(0)[: band_pairs.ORDERS]
-    return np.concatenate([tables().ravel(), moments])
+def _window(gamma: float, k: float, spring: float) -> tuple[list[float], list[list[float]]]:
+    """What `pair_window` fills in."""
+    on, work = band_pairs.ChainWithImpacts(gamma, k, spring), band_workspace(spring, get_ident())
+    window, roots = np.empty(4), np.full((2, 2), math.nan)
+    WINDOW(on, work, window, roots)
+    return window.tolist(), [row for row in roots.tolist() if not math.isnan(row[0])]
 
 
 def values_at_ends(
@@ -237,9 +247,7 @@ def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[Neimark
     k, _ = check_kb(k, 0.0)
     if gamma == 0.0 or k == 1.0:
         return ()
-    answer = _filled(WINDOW, gamma, k, 0.0, spring, 0.0)
-    b, nu = answer[5:9].reshape(2, 2)[:, : int(answer[4])].tolist()
-    return tuple(sorted(map(NeimarkSacker, nu, b)))
+    return tuple(sorted(NeimarkSacker(*root) for root in _window(gamma, k, spring)[1]))
 
 
 class Window(NamedTuple):
@@ -293,7 +301,7 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
         if ends[0] >= ends[1]:
             return Window(ends[1], -1.0)
         return Window(0.5 * (ends[0] + ends[1]), 0.25 * (ends[0] - ends[1]) ** 2)
-    return Window(*_filled(WINDOW, gamma, k, 0.0, spring, 0.0)[:4].tolist())
+    return Window(*_window(gamma, k, spring)[0])
 
 
 def _neutral_until(gamma: float, spring: float) -> float:

@@ -1,180 +1,161 @@
 """The equations of a Neimark-Sacker point of the infinite chain, and where they have roots.
 
 Letters and formulas are those of `contbreather.stability.arc`, at one angle of the band at a time.
-`table` holds the tails of `characteristic`, three times `POWERS` rows of `ORDERS` numbers, and
-after them the moments of the chain.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
-from contbreather.kernels import Kernel, Vector
+from contbreather.kernels import Cube, Kernel, Matrix, Vector, fixed, inlined
+from contbreather.lattice.band_averages import polynomial
 
 EXACT = 3  # aliases m = -3..3 are exact
 ORDERS = 11  # of 4 gamma/s^2 <= 1/49: 49^-11 is below rounding
 POWERS = 13  # of (nu/7)^2 <= 2/49 for |nu|^2 <= 2
 GRID = 64  # angles of the band that are looked at first
-TAILS = 3 * POWERS * ORDERS
-TABLE = ANSWER = 0  # where table and answer begin
 ROUNDING = 4e-16
 
-# data: coupling, restitution, q, then b and the angle of `pair_equations`, and the spring
-GAMMA, K, Q, ENTRY, NU, SPRING = range(6)
-# out: where R, B, C are left, and their slopes in nu, gamma and the spring; then tails at gamma, in
-# powers of nu^2, with their slopes; then a row of Pascal's triangle, and means of powers of w^2
-# with their slopes; then v and nu at the latest angle
-REGULAR, IN_NU, IN_GAMMA, IN_SPRING, TAIL = 0, 3, 6, 9, 12
-PASCAL = TAIL + 9 * POWERS
-MEANS = PASCAL + ORDERS + 1
-WAVE = MEANS + 3 * ORDERS
-VALUES = WAVE + 2  # of the equation for the angle on the grid
-FOUND = VALUES + GRID + 1  # three samples of angle, equation and b; then bend, vertex and height
-SIZE = FOUND + 12
+Triple = tuple[float, float, float]  # R, B, C
 
 
-def band_averages(data: Any, table: Any, out: Any) -> None:
-    """<w^2j> over the band, ``w^2 = spring + w_0^2`` with w_0 of the chain without springs, and
-    their slopes in gamma and the spring."""
-    x = 4.0 * data[GAMMA]
-    for i in range(ORDERS + 1):
-        out[PASCAL + i] = 1.0 if i == 0 else 0.0
-    for j in range(ORDERS):
-        value = in_gamma = 0.0
-        power = below = 1.0  # x^i, x^(i-1)
-        for i in range(j + 1):
-            term = out[PASCAL + i] * table[TABLE + TAILS + i]
-            value += term * power
-            if i > 0:
-                in_gamma += term * 4.0 * i * below
-            below = power
-            power = power * x
-        out[MEANS + j], out[MEANS + ORDERS + j] = value, in_gamma
-        out[MEANS + 2 * ORDERS + j] = j * out[MEANS + j - 1] if j > 0 else 0.0
-        for i in range(j + 1, 0, -1):  # binomials times powers of the spring
-            out[PASCAL + i] = data[SPRING] * out[PASCAL + i] + out[PASCAL + i - 1]
-        out[PASCAL] = data[SPRING] * out[PASCAL]
+class ChainWithImpacts(NamedTuple):
+    """The infinite chain, with springs to the ground, and the impacts of one of its sites."""
+
+    gamma: float
+    k: float
+    spring: float
 
 
-def tails(data: Any, table: Any, out: Any) -> None:
-    """Of R/nu, B, C at this coupling, and their slopes in gamma and the spring."""
-    band_averages(data, table, out)
-    for row in range(3 * POWERS):
-        for which in range(3):
-            total = 0.0
-            for j in range(ORDERS):
-                total += table[TABLE + row * ORDERS + j] * out[MEANS + which * ORDERS + j]
-            out[TAIL + which * 3 * POWERS + row] = total
+@fixed
+class BandWorkspace(NamedTuple):
+    """Tails of R/nu, B, C, and room for what is made of them at one coupling; in polynomials the
+    highest power is the first."""
+
+    expansions: Cube  # coefficients of nu^2i, as polynomials in 4 gamma
+    by_spring: Cube  # their slopes in the spring
+    tails: Cube  # at this coupling, and their slopes in gamma and the spring
+    values: Vector  # of the equation for the angle on the grid
+    around: Matrix  # angle, equation and b of three samples
 
 
-def tail(out: Any, which: int, z: float) -> float:
-    """One of the tails as a polynomial in ``z = nu^2``."""
-    total = 0.0
-    for i in range(POWERS - 1, -1, -1):
-        total = total * z + out[TAIL + which * POWERS + i]
-    return total
+def find_tails(gamma: float, work: BandWorkspace) -> None:
+    """At this coupling, and their slopes in gamma and the spring."""
+    x, tails = 4.0 * gamma, work.tails
+    for row in range(3):
+        for i in range(POWERS):
+            value, slope = polynomial(work.expansions[row, i], x)
+            tails[0, row, i], tails[1, row, i] = value, 4.0 * slope
+            tails[2, row, i], _ = polynomial(work.by_spring[row, i], x)
 
 
-def tail_slope(out: Any, which: int, z: float) -> float:
-    """Its derivative in z."""
-    total = 0.0
-    for i in range(POWERS - 1, 0, -1):
-        total = total * z + i * out[TAIL + which * POWERS + i]
-    return total
-
-
-def regular(data: Any, out: Any, nu: float) -> None:
+@inlined
+def regular(on: ChainWithImpacts, tails: Cube, nu: float) -> Triple:
     """R, B, C at an angle."""
-    z, x = nu * nu, 4.0 * data[GAMMA]
-    R, B, C = nu * tail(out, 0, z), tail(out, 1, z), tail(out, 2, z) + 1.0 / math.pi
+    (R, _), (B, _), (C, _) = tails_at(tails, 0, nu * nu)
+    total = nu * R, B, C + 1.0 / math.pi
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
-            A = s * s - data[SPRING]
-            h = s * s / A / math.sqrt(1.0 - x / A)  # -s^2 g(s)
-            R -= h / s / math.pi
-            B += h / (s * s) / math.pi
-            C += (1.0 - h) / math.pi
-    out[REGULAR], out[REGULAR + 1], out[REGULAR + 2] = R, B, C
+            A = s * s - on.spring
+            total = plus(total, share(s, -1.0 / (A * math.sqrt(1.0 - 4.0 * on.gamma / A)), 1.0))
+    return total
 
 
-def regular_slopes(data: Any, out: Any, nu: float) -> None:
+@inlined
+def tails_at(tails: Cube, way: int, z: float) -> Any:
+    """Of R/nu, B, C or one of their slopes, with derivatives in ``z = nu^2``."""
+    return polynomial(tails[way, 0], z), polynomial(tails[way, 1], z), polynomial(tails[way, 2], z)
+
+
+@inlined
+def regular_slopes(on: ChainWithImpacts, tails: Cube, nu: float) -> tuple[Triple, Triple, Triple]:
     """Their derivatives in nu, gamma and the spring."""
-    z, x = nu * nu, 4.0 * data[GAMMA]
-    out[IN_NU] = tail(out, 0, z) + 2.0 * z * tail_slope(out, 0, z)
-    out[IN_NU + 1] = 2.0 * nu * tail_slope(out, 1, z)
-    out[IN_NU + 2] = 2.0 * nu * tail_slope(out, 2, z)
-    for place, first in ((IN_GAMMA, 3), (IN_SPRING, 6)):
-        out[place] = nu * tail(out, first, z)
-        out[place + 1] = tail(out, first + 1, z)
-        out[place + 2] = tail(out, first + 2, z)
+    z = nu * nu
+    (r, r_z), (_, b_z), (_, c_z) = tails_at(tails, 0, z)
+    (r_gamma, _), (b_gamma, _), (c_gamma, _) = tails_at(tails, 1, z)
+    (r_spring, _), (b_spring, _), (c_spring, _) = tails_at(tails, 2, z)
+    in_nu = r + 2.0 * z * r_z, 2.0 * nu * b_z, 2.0 * nu * c_z
+    in_gamma, in_spring = (nu * r_gamma, b_gamma, c_gamma), (nu * r_spring, b_spring, c_spring)
     for m in range(-EXACT, EXACT + 1):
         if m != 0:
             s = nu + 2.0 * m
-            s2, spring = s * s, data[SPRING]
-            A = s2 - spring
-            edge = A - x
-            h = s2 / A / math.sqrt(1.0 - x / A)
-            # d ln h/ds = 2/s - s (A + edge)/(A edge), which would cancel for large s
-            h_s = -h * (A * x + spring * (A + edge)) / (s * A * edge)
-            out[IN_NU] -= (h_s - h / s) / s / math.pi
-            out[IN_NU + 1] += (h_s - 2.0 * h / s) / s2 / math.pi
-            out[IN_NU + 2] -= h_s / math.pi
-            # h = s^2/sqrt(A edge): by gamma edge falls by 4, by the spring A and edge by 1
-            by_gamma = 2.0 * h / edge
-            by_spring = 0.5 * h * (A + edge) / (A * edge)
-            for place, slope in ((IN_GAMMA, by_gamma), (IN_SPRING, by_spring)):
-                out[place] -= slope / s / math.pi
-                out[place + 1] += slope / s2 / math.pi
-                out[place + 2] -= slope / math.pi
+            A = s * s - on.spring
+            edge = A - 4.0 * on.gamma
+            g = -1.0 / (A * math.sqrt(edge / A))
+            by_s, by_gamma, by_spring = resolvent_changes(s, A, edge)
+            in_nu = plus(in_nu, share_along(s, g, g * by_s))
+            in_gamma = plus(in_gamma, share(s, g * by_gamma, 0.0))
+            in_spring = plus(in_spring, share(s, g * by_spring, 0.0))
+    return in_nu, in_gamma, in_spring
+
+
+# Of numbers and of arrays:
+
+
+def resolvent_changes(s: Any, A: Any, edge: Any) -> tuple[Any, Any, Any]:
+    """Derivatives of ln g of the infinite chain, ``g^2 = 1/(A edge)``, in s, gamma and the spring:
+    A is ``s^2 - spring``, edge ``A - 4 gamma``."""
+    both = (A + edge) / (A * edge)
+    return -s * both, 2.0 / edge, 0.5 * both
+
+
+def share(s: Any, g: Any, rest: float) -> tuple[Any, Any, Any]:
+    """What an alias s adds to pi R, pi B and pi C, with a rest of 1; or how that changes as g does,
+    without."""
+    sg = s * g
+    return sg, -g, rest + s * sg
+
+
+def share_along(s: Any, g: Any, g_s: Any) -> tuple[Any, Any, Any]:
+    """The derivative of that in s."""
+    return g + s * g_s, -g_s, s * (2.0 * g + s * g_s)
+
+
+def plus(total: Any, part: Any) -> tuple[Any, Any, Any]:
+    """R, B, C or their slopes with one more share."""
+    return total[0] + part[0] / math.pi, total[1] + part[1] / math.pi, total[2] + part[2] / math.pi
 
 
 # --- the two equations and their derivatives ------------------------------------------------
 
 
-def pair_equations(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
-    """F at an angle, and its derivatives in nu, gamma, k, b and the spring: six pairs."""
-    gamma, nu = data[GAMMA], data[NU]
-    tails(data, table, out)
-    regular(data, out, nu)
-    regular_slopes(data, out, nu)
-    low = nu * nu - data[SPRING]
+VALUE, BY_NU, BY_GAMMA, BY_K, BY_B, BY_SPRING = range(6)  # rows of `pair_equations`
+
+
+def pair_equations(
+    on: ChainWithImpacts, work: BandWorkspace, b: float, nu: float, out: Matrix
+) -> None:
+    """Real and imaginary part of F at an angle, and of its derivatives, in rows."""
+    gamma, k, spring = on
+    find_tails(on.gamma, work)
+    value, still = regular(on, work.tails, nu), (0.0, 0.0, 0.0)
+    in_nu, in_gamma, in_spring = regular_slopes(on, work.tails, nu)
+    low = nu * nu - spring
     high = 4.0 * gamma - low
     # v^2 = low high: 2 v v' is 2 nu (high - low) by nu, 4 low by gamma, low - high by the spring
     v = math.sqrt(low * high)
-    pair(data, out, answer, v)
-    slope(data, out, answer, 1, v, 1.0, nu * (high - low) / v, IN_NU, 0.0, 0.0)
-    slope(data, out, answer, 2, v, 0.0, 2.0 * low / v, IN_GAMMA, 0.0, 0.0)
-    slope(data, out, answer, 3, v, 0.0, 0.0, -1, 1.0, 0.0)
-    slope(data, out, answer, 4, v, 0.0, 0.0, -1, 0.0, 1.0)
-    slope(data, out, answer, 5, v, 0.0, 0.5 * (low - high) / v, IN_SPRING, 0.0, 0.0)
-    return 0
+    smooth, L = smooth_and_L(nu, k, b, value)
+    add_alias(out, VALUE, v, smooth, L, 0.0, smooth)
+    smooth_nu, L_nu = smooth_and_L_slopes(nu, k, b, value, in_nu, 1.0, 0.0, 0.0)
+    add_alias(out, BY_NU, v, smooth_nu, L_nu, nu * (high - low) / v, smooth)
+    smooth_gamma, L_gamma = smooth_and_L_slopes(nu, k, b, value, in_gamma, 0.0, 0.0, 0.0)
+    add_alias(out, BY_GAMMA, v, smooth_gamma, L_gamma, 2.0 * low / v, smooth)
+    smooth_k, L_k = smooth_and_L_slopes(nu, k, b, value, still, 0.0, 1.0, 0.0)
+    add_alias(out, BY_K, v, smooth_k, L_k, 0.0, smooth)
+    smooth_b, L_b = smooth_and_L_slopes(nu, k, b, value, still, 0.0, 0.0, 1.0)
+    add_alias(out, BY_B, v, smooth_b, L_b, 0.0, smooth)
+    smooth_spring, L_spring = smooth_and_L_slopes(nu, k, b, value, in_spring, 0.0, 0.0, 0.0)
+    add_alias(out, BY_SPRING, v, smooth_spring, L_spring, 0.5 * (low - high) / v, smooth)
 
 
-def pair(data: Any, out: Any, answer: Any, v: float) -> None:
-    """Real and imaginary part of F."""
-    value = out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
-    smooth, L = smooth_and_L(data[NU], data[K], data[ENTRY], value)
-    # F = v D with v g = -i
-    answer[ANSWER] = v * smooth.real + L.imag / math.pi
-    answer[ANSWER + 1] = v * smooth.imag - L.real / math.pi
-
-
-def slope(
-    data: Any, out: Any, answer: Any, which: int, v: float, by_nu: float, by_v: float, place: int,
-    by_k: float, by_b: float,
-) -> None:  # fmt: skip
-    """Their derivative in one direction."""
-    nu, k, b = data[NU], data[K], data[ENTRY]
-    value, change = (out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]), (0.0, 0.0, 0.0)
-    if place >= 0:
-        change = out[place], out[place + 1], out[place + 2]
-    smooth, _ = smooth_and_L(nu, k, b, value)
-    by_smooth, by_L = smooth_and_L_slopes(nu, k, b, value, change, by_nu, by_k, by_b)
-    at = ANSWER + 2 * which
-    answer[at] = by_v * smooth.real + v * by_smooth.real + by_L.imag / math.pi
-    answer[at + 1] = by_v * smooth.imag + v * by_smooth.imag - by_L.real / math.pi
+def add_alias(
+    out: Matrix, row: int, v: float, change: complex, L: complex, by_v: float, smooth: complex
+) -> None:
+    """``F = v D`` from both parts of D, or how it changes as they and v do: v g = -i."""
+    out[row, 0] = by_v * smooth.real + v * change.real + L.imag / math.pi
+    out[row, 1] = by_v * smooth.imag + v * change.imag - L.real / math.pi
 
 
 def smooth_and_L(nu: Any, k: Any, b: Any, value: Any) -> tuple[Any, Any]:
@@ -203,75 +184,71 @@ def smooth_and_L_slopes(
 # --- between which values of b a pair is outside --------------------------------------------
 
 
-def equation(data: Any, out: Any, alpha: float) -> float:
+@inlined
+def at_angle(on: ChainWithImpacts, tails: Cube, alpha: float) -> Triple:
     """(v/nu) times the equation for the angle of a Neimark-Sacker point: negative at both ends of
-    the band, where alpha is 0 and pi/2, ``nu^2 = spring + 4 gamma sin(alpha)^2``."""
-    gamma, q = data[GAMMA], data[Q]
+    the band, where alpha is 0 and pi/2, ``nu^2 = spring + 4 gamma sin(alpha)^2``. The b that brings
+    D to zero there, if the equation holds; and nu."""
+    gamma, k, spring = on
+    c, q = 1.0 + k, (1.0 - k) / (1.0 + k)
     sine, cosine = math.sin(alpha), math.cos(alpha)
     edge = 2.0 * math.sqrt(gamma)
     nu, v, root = edge * sine, 4.0 * gamma * sine * cosine, edge * cosine
-    if data[SPRING] > 0.0:
-        nu = math.sqrt(data[SPRING] + nu * nu)
+    if spring > 0.0:
+        nu = math.sqrt(spring + nu * nu)
         root = v / nu
-    regular(data, out, nu)
-    R, B = out[REGULAR], out[REGULAR + 1]
-    out[WAVE], out[WAVE + 1] = nu, v
+    R, B, C = regular(on, tails, nu)
     square = (R + nu * B) * (R + nu * B) - 0.25 * q * q
-    return root * square - q * (1.0 / math.pi - math.pi * v * root * R * B)
+    value = root * square - q * (1.0 / math.pi - math.pi * v * root * R * B)
+    return value, c * c * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R), nu
 
 
-def needed(data: Any, out: Any) -> float:
-    """The b that brings D to zero at the angle that was looked at last."""
-    nu, v, c = out[WAVE], out[WAVE + 1], 1.0 + data[K]
-    R, B, C = out[REGULAR], out[REGULAR + 1], out[REGULAR + 2]
-    return float(c * c * (C - nu * (2.0 * R + nu * B) - math.pi * data[Q] * v * R))
+def equation(on: ChainWithImpacts, tails: Cube, alpha: float) -> float:
+    value, _, _ = at_angle(on, tails, alpha)
+    return value
 
 
-def pair_window(data: Vector, table: Vector, out: Vector, answer: Vector) -> int:
-    """Centre and square of the `Window`, and the angles at its ends, 0 where it has none; how many
-    roots there are, the b of each and their angles."""
-    tails(data, table, out)
-    step, top = 0.5 * math.pi / GRID, 0
+def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots: Matrix) -> None:
+    """Centre and square of the `Window`, and the angles at its ends, 0 where it has none; angle and
+    b of each root, in rows."""
+    find_tails(on.gamma, work)
+    step, values, top, count = 0.5 * math.pi / GRID, work.values, 0, 0
     for i in range(1, GRID):
-        out[VALUES + i] = equation(data, out, i * step)
-    out[VALUES] = out[VALUES + GRID] = -data[Q] / math.pi
+        values[i] = equation(on, work.tails, i * step)
+    values[0] = values[GRID] = -(1.0 - on.k) / (1.0 + on.k) / math.pi
     for i in range(GRID + 1):
-        if out[VALUES + i] > out[VALUES + top]:
+        if values[i] > values[top]:
             top = i
-    roots = 0
-    if out[VALUES + top] > 0.0:
+    if values[top] > 0.0:
         for i in range(GRID):
-            roots += bracketed(data, out, answer, roots, i * step, i * step + step,
-                               out[VALUES + i], out[VALUES + i + 1])  # fmt: skip
+            count += bracketed(on, work.tails, roots, count, i * step, i * step + step,
+                               values[i], values[i + 1])  # fmt: skip
     else:
-        refine_maximum(data, out, top)
-        middle = out[FOUND + 3]
-        if out[FOUND + 4] > 0.0:  # a pair of roots between two nodes
+        refine_maximum(on, work, top)
+        middle, highest = work.around[1, 0], work.around[1, 1]
+        if highest > 0.0:  # a pair of roots between two nodes
             i = int(middle / step)
-            roots += bracketed(data, out, answer, roots, i * step, middle,
-                               out[VALUES + i], out[FOUND + 4])  # fmt: skip
-            roots += bracketed(data, out, answer, roots, middle, i * step + step,
-                               out[FOUND + 4], out[VALUES + i + 1])  # fmt: skip
-    answer[4] = roots
-    for i in range(4):
-        answer[5 + i] = answer[i]
-    if roots == 2:
-        first, second = answer[0], answer[1]
-        answer[0], answer[1] = 0.5 * (first + second), 0.25 * (first - second) * (first - second)
-        if first > second:
-            answer[2], answer[3] = answer[3], answer[2]
+            count += bracketed(on, work.tails, roots, count, i * step, middle,
+                               values[i], highest)  # fmt: skip
+            count += bracketed(on, work.tails, roots, count, middle, i * step + step,
+                               highest, values[i + 1])  # fmt: skip
+    if count == 2:
+        lower = 1 if roots[0, 1] > roots[1, 1] else 0
+        apart = roots[0, 1] - roots[1, 1]
+        window[0], window[1] = 0.5 * (roots[0, 1] + roots[1, 1]), 0.25 * apart * apart
+        window[2], window[3] = roots[lower, 0], roots[1 - lower, 0]
     else:
-        answer[2] = answer[3] = 0.0
-        refine_maximum(data, out, top)
-        unopened(out, answer)
-    return 0
+        bend, vertex, height = refine_maximum(on, work, top)
+        window[0], window[1] = unopened(work.around, bend, vertex, height)
+        window[2] = window[3] = 0.0
 
 
 def bracketed(
-    data: Any, out: Any, answer: Any, count: int, low: float, high: float, first: float, last: float
-) -> int:
-    """The b of the one root between two angles, of which at most two are kept; how many there
-    are: secants, kept inside."""
+    on: ChainWithImpacts, tails: Cube, roots: Matrix, count: int, low: float, high: float,
+    first: float, last: float,
+) -> int:  # fmt: skip
+    """The one root between two angles, of which at most two are kept, and the b there; how many
+    there are: secants, kept inside."""
     if (first > 0.0) == (last > 0.0):
         return 0
     rising = last > first
@@ -285,59 +262,56 @@ def bracketed(
         new = step if low <= step <= high else 0.5 * (low + high)
         if abs(new - old) <= ROUNDING:
             break
-        after = equation(data, out, new)
+        after = equation(on, tails, new)
         if (after < 0.0) == rising:
             low = new
         else:
             high = new
-    equation(data, out, new)
     if count < 2:
-        answer[count], answer[2 + count] = needed(data, out), out[WAVE]
+        _, roots[count, 1], roots[count, 0] = at_angle(on, tails, new)
     return 1
 
 
-def refine_maximum(data: Any, out: Any, top: int) -> None:
-    """Three samples around the one maximum of the equation, closer and closer to it."""
-    step = 0.5 * math.pi / GRID
+def refine_maximum(on: ChainWithImpacts, work: BandWorkspace, top: int) -> Triple:
+    """Three samples around the one maximum of the equation, closer and closer to it, and their
+    `parabola`."""
+    step, around = 0.5 * math.pi / GRID, work.around
     i = min(max(top, 1), GRID - 1)
-    around(data, out, i * step, step)
-    for place in (-1, 0, 1):
-        out[FOUND + 3 * place + 4] = out[VALUES + i + place]
-    parabola(out)
-    while step > 1e-4 and abs(out[FOUND + 11]) < out[FOUND + 9]:
-        middle = out[FOUND + 3] + step * out[FOUND + 10]
+    look_around(on, work, i * step, step)
+    for place in range(3):
+        around[place, 1] = work.values[i + place - 1]
+    bend, vertex, height = parabola(around)
+    while step > 1e-4 and abs(height) < bend:
+        middle = around[1, 0] + step * vertex
         step *= 0.05
-        around(data, out, min(max(middle, step), 0.5 * math.pi - step), step)
-        parabola(out)
+        look_around(on, work, min(max(middle, step), 0.5 * math.pi - step), step)
+        bend, vertex, height = parabola(around)
+    return bend, vertex, height
 
 
-def around(data: Any, out: Any, middle: float, step: float) -> None:
-    for place in (-1, 0, 1):
-        alpha = middle + place * step
-        at = FOUND + 3 * (place + 1)
-        out[at] = alpha
-        out[at + 1] = equation(data, out, alpha)
-        out[at + 2] = needed(data, out)
+def look_around(on: ChainWithImpacts, work: BandWorkspace, middle: float, step: float) -> None:
+    for place in range(3):
+        alpha = middle + (place - 1) * step
+        work.around[place, 0] = alpha
+        work.around[place, 1], work.around[place, 2], _ = at_angle(on, work.tails, alpha)
 
 
-def parabola(out: Any) -> None:
-    y0, y1, y2 = out[FOUND + 1], out[FOUND + 4], out[FOUND + 7]
+def parabola(around: Matrix) -> Triple:
+    """Its bend, where its vertex is in units of the step, and how high."""
+    y0, y1, y2 = around[0, 1], around[1, 1], around[2, 1]
     bend, tilt = 2.0 * y1 - y0 - y2, y2 - y0
     # y1 + tilt x/2 - bend x^2/2 through all three, in units of the step; y1 + tilt vertex/4 on top
     vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
-    out[FOUND + 9], out[FOUND + 10] = bend, vertex
-    out[FOUND + 11] = y1 + 0.25 * tilt * vertex
+    return bend, vertex, y1 + 0.25 * tilt * vertex
 
 
-def unopened(out: Any, answer: Any) -> None:
-    """Where no b brings a pair out: how far it is from that."""
-    b0, b1, b2 = out[FOUND + 2], out[FOUND + 5], out[FOUND + 8]
-    bend, x, height = out[FOUND + 9], out[FOUND + 10], out[FOUND + 11]
+def unopened(around: Matrix, bend: float, x: float, height: float) -> tuple[float, float]:
+    """Centre and square where no b brings a pair out: how far it is from that."""
+    b0, b1, b2 = around[0, 2], around[1, 2], around[2, 2]
     rise = 0.5 * (b2 - b0)
     # the parabola has its roots sqrt(2 height/bend) from its vertex: b is rise times as far off
     square = 2.0 * height * rise * rise / bend if bend > 0.0 else -1.0
-    answer[0] = b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2)
-    answer[1] = min(square, 0.0)
+    return b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2), min(square, 0.0)
 
 
 ON_ARC, WINDOW = Kernel(pair_equations), Kernel(pair_window)

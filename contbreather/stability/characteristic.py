@@ -40,6 +40,10 @@ from contbreather.stability.band_pairs import (
     EXACT,
     ORDERS,
     POWERS,
+    plus,
+    resolvent_changes,
+    share,
+    share_along,
     smooth_and_L,
     smooth_and_L_slopes,
 )
@@ -126,8 +130,8 @@ def resolvent_slopes(
     r = np.sqrt(1.0 - 4.0 * gamma / A) if r is None else r
     lap = _lap(gamma, A, r, sites)
     g = np.asarray(-(1.0 + lap) / ((1.0 - lap) * A * r))
-    # g^2 = 1/(A edge), and the logarithm of a lap falls as that of s^2 rises, by N/r
-    by_s, by_gamma = -s * (A + edge) / (A * edge), 2.0 / edge
+    # the logarithm of a lap falls as that of s^2 rises, by N/r
+    by_s, by_gamma, _ = resolvent_changes(s, A, edge)
     if sites is not None and gamma > 0.0:
         turn = 2.0 * sites * lap / ((1.0 - lap * lap) * r)
         by_s, by_gamma = by_s - 2.0 * turn / s, by_gamma + turn / gamma
@@ -151,12 +155,12 @@ def regular(gamma: float, nu: Array, sites: int | None = None, spring: float = 0
 
 def _summed(nu: Array, s: Array, g: Array, tails: Array) -> Regular:
     """R, B, C by the nearest aliases s and the tails of R/nu, B, C."""
-    sg, (r, b, c) = s * g, tails
-    return Regular(
-        nu * r + sg.sum(0) / math.pi,
-        b - g.sum(0) / math.pi,
-        c + (1.0 + (1.0 + s * sg).sum(0)) / math.pi,
-    )
+    r, b, c = tails
+    return Regular(*plus((nu * r, b, c + 1.0 / math.pi), _sums(share(s, g, 1.0))))
+
+
+def _sums(shares: tuple[Array, ...]) -> list[Array]:
+    return [part.sum(0) for part in shares]
 
 
 def regular_slopes(
@@ -171,17 +175,9 @@ def regular_slopes(
     tails, (r_g, b_g, c_g) = both
     in_x = (coefficients[:, 1:] * np.arange(1, POWERS)) @ powers[:-1]
     r_x, b_x, c_x = 2.0 * nu * in_x.reshape(3, *nu.shape)
-    in_nu = Regular(
-        tails[0] + nu * r_x + (g + s * g_s).sum(0) / math.pi,
-        b_x - g_s.sum(0) / math.pi,
-        c_x + (s * (2.0 * g + s * g_s)).sum(0) / math.pi,
-    )
-    by_gamma = Regular(
-        nu * r_g + (s * g_gamma).sum(0) / math.pi,
-        b_g - g_gamma.sum(0) / math.pi,
-        c_g + (s * s * g_gamma).sum(0) / math.pi,
-    )
-    return _summed(nu, s, g, tails), in_nu, by_gamma
+    in_nu = plus((tails[0] + nu * r_x, b_x, c_x), _sums(share_along(s, g, g_s)))
+    by_gamma = plus((nu * r_g, b_g, c_g), _sums(share(s, g_gamma, 0.0)))
+    return _summed(nu, s, g, tails), Regular(*in_nu), Regular(*by_gamma)
 
 
 @lru_cache(maxsize=64)

@@ -9,8 +9,6 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.kernels import Kernel
-from contbreather.lattice import periodic_green
-from contbreather.orbits import closure_kernels
 from contbreather.stability import D, arc, neimark_sacker, on_arc, unstable_count
 from contbreather.stability.half_period import HalfMap
 from tests.stability.by_hand import b_of, slope
@@ -95,11 +93,6 @@ PLACES = [(0.24 * x + 1e-3, y) for x, y in RANDOM.random((12, 2))]
 # where two roots have met, to seven digits of k, and opened: both between two nodes
 PLACES += [(0.1, 0.781761944709733 + 1e-7), (0.1, 0.781761944709733 + 1e-5)]
 PLACES += [(0.0969, 0.8), (0.09514, 0.8), (0.0951, 0.8), (1e-6, 0.9), (0.2499, 0.5)]
-
-
-def test_a_flight_has_as_many_powers_compiled_as_not() -> None:
-    assert closure_kernels.POWERS == periodic_green.POWERS
-    assert closure_kernels.TERMS == periodic_green.TERMS + 1
 
 
 @pytest.mark.parametrize("spring", [0.0, 0.3])
