@@ -88,7 +88,7 @@ class LatticeOptions:
     lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
     threshold: float | None = None
-    site: Annotated[Whole, parameter_help("site")] = 0
+    site: Annotated[Whole, parameter_help("site")] = CHOICES["site"].default
     walls: Annotated[
         tuple[str, ...], Parameter(allow_leading_hyphen=True), parameter_help("walls")
     ] = ()

@@ -6,12 +6,13 @@ import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from contbreather.cli.options import Whole, Workers
+from contbreather.cli.options import Whole, Workers, parameter_help
 from contbreather.cli.output import Output, inform, say, to_json
 from contbreather.cli.process import computing, end, until_interrupted
 from contbreather.errors import BadInput, NotConverged
+from contbreather.parameters import NUMBERS
 
 if TYPE_CHECKING:
     from contbreather.studies import Report
@@ -50,7 +51,7 @@ def explore(
     run: str | None = None,
     /,
     *,
-    k: float = 0.8,
+    k: Annotated[float, parameter_help("k")] = NUMBERS["k"].first,
     port: Whole = 0,
     address: str = "127.0.0.1",
     origin: tuple[str, ...] = (),
@@ -62,8 +63,6 @@ def explore(
     ----------
     run
         A file with curves to begin with.
-    k
-        Restitution of the first zone diagram.
     port
         Where to listen; any free port unless given.
     address
