@@ -174,6 +174,11 @@ class Sheet:
         return kept, digits if _width(kept, digits) < _width(kept, DIGITS) else DIGITS
 
 
+def yes_or_no(verdict: bool | None) -> Cell:
+    """A verdict in a word; a dash where nothing is known."""
+    return {True: "yes", False: "no", None: None}[verdict]
+
+
 def _width(columns: Sequence[Column], digits: int) -> int:
     """With a rule and two spaces for each column, and one rule more."""
     return 1 + sum(column.width(digits) + 3 for column in columns)

@@ -26,7 +26,7 @@ from contbreather.parameters import window_of
 from contbreather.runs import load, save
 from contbreather.studies.schema import Chain, FromPoint, GridTask, Study, part
 from contbreather.studies.validation import read
-from contbreather.tables import Column, Sheet
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 MARKS = ".study"  # the folder of what is known of the tasks
 WORDS = {"": "to compute", "kept": "there", "failed": "failed before", "absent": "absent"}
@@ -247,8 +247,8 @@ def _source(task: Task, folder: Path) -> Point:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What a study will compute.
+class DryRun(HtmlRepr):
+    """What a study would compute.
 
     Attributes
     ----------
@@ -300,11 +300,8 @@ class Plan:
         settings = [(name, value) for name in names if (value := getattr(chain, name))]
         return ", ".join([chain.place.describe(), chain.drive.describe(), *map(_said, settings)])
 
-    def __rich__(self) -> Sheet:
-        return self.table()
 
-
-def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> Plan:
+def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> DryRun:
     """What `run` would do with a study file: everything is checked, nothing is computed or written.
 
     Parameters
@@ -340,7 +337,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
             f"{place} has results of other settings: {', '.join(other)}. Name another folder, or "
             "have them replaced (again, --again)"
         )
-    return Plan(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
+    return DryRun(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
 
 
 def task_conditions(task: Task) -> str:
