@@ -54,7 +54,7 @@ def looked_at(name: str) -> Parameter:
     """What help says of its window."""
     number = NUMBERS[name]
     words = f"Lowest and highest {number.meaning} to look at, {_usual(name)} unless given"
-    return Parameter(help=f"{words}{number.rim}.")
+    return Parameter(help=f"{words}{number.window_reason}.")
 
 
 def _usual(name: str) -> str:

@@ -147,7 +147,7 @@ def run(
     """
     asked = dry_run(path, folder=folder, again=again)
     report, todo = Report(asked.folder), asked.left
-    ended = _told(tell, len(todo))
+    ended = _reporting(tell, len(todo))
     try:
         report.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -187,16 +187,16 @@ def _outcome(result: Failed | str) -> tuple[str, str]:
     return "absent" if result else "computed", result
 
 
-def _told(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
+def _reporting(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
     """Called with each part as it ends."""
     numbers = count(1)
 
-    def told(task: Task, result: Failed | str) -> None:
+    def report_part(task: Task, result: Failed | str) -> None:
         _, why = _outcome(result)
         if tell is not None:
             tell(f"{next(numbers)} of {total}, {task.name}{f': none, {why}' if why else ''}")
 
-    return told
+    return report_part
 
 
 @contextmanager
