@@ -92,4 +92,4 @@ def _card(value: object) -> str:
     return str(import_module(f"{__name__}.plotting.pictures").card(value))
 
 
-HtmlRepr.painter = _card
+HtmlRepr.renderer = _card

@@ -43,9 +43,12 @@ class Number(Parameter):
     below: bool = False
     margin: float = 0.0  # how far from an end that is excluded curves stop
     why: str = ""  # the reason for the range, behind it
-    where: str = ""  # the lattices that it holds for
+    lattices: str = ""  # those that the range holds for
     window: tuple[float, float] | None = None  # where it is looked at, if not in all its range
-    rim: str = ""  # why not in all
+    window_reason: str = ""  # why not in all
+    first: float = 0.0  # where the explorer begins
+    # of what a plane of zones may fix
+    slider: tuple[float, float, float] = (0.0, 1.0, 0.01)  # its ends and its step
 
     def holds(self, value: float) -> bool:
         """Whether a number is in the range; NaN and infinity never are."""
@@ -67,9 +70,9 @@ class Number(Parameter):
     def span(self) -> str:
         """The range in words, and where it holds."""
         if self.high == math.inf:
-            return f"{'above' if self.above else 'at least'} {self.low:g}{self.where}"
+            return f"{'above' if self.above else 'at least'} {self.low:g}{self.lattices}"
         end = ")" if self.below else "]"
-        return f"in [{self.low:g}, {_plainly(self.high)}{end}{self.where}"
+        return f"in [{self.low:g}, {_plainly(self.high)}{end}{self.lattices}"
 
     @property
     def help(self) -> str:
@@ -95,16 +98,19 @@ HEAVIEST = 1e4
 _MODEL = (
     # without forcing there is no phase; simulations may have none
     Number("a", "amplitude of the forcing", "amplitude a", dimension="d Omega^2", above=True,
-           margin=1e-9, why="; its sign belongs in the forcing", window=(0.0, math.inf)),
+           margin=1e-9, why="; its sign belongs in the forcing", window=(0.0, math.inf),
+           first=0.5, slider=(0.05, 0.99, 0.01)),  # beyond 1 there is nothing
     # At 1/4 the band reaches the drive: chi grows as (1/4 - gamma)^(-1/2), p goes to 0 and all
     # curves end in one point. The equations of NS hold to 2e-10 at 0.2499, to 1e-7 at 0.24999;
     # within 1e-6 Newton's iteration fails on NS and on the fold.
     Number("gamma", "coupling", "coupling \N{GREEK SMALL LETTER GAMMA}", dimension="Omega^2",
-           high=0.25, below=True, margin=1e-4, where=" on chain and ring",
-           why=", so that the band [0, 2 sqrt(gamma)] stays below the forcing frequency 1"),
+           high=0.25, below=True, margin=1e-4, lattices=" on chain and ring",
+           why=", so that the band [0, 2 sqrt(gamma)] stays below the forcing frequency 1",
+           first=0.08, slider=(0.005, 0.245, 0.005)),
     # the arc of multipliers is neutral throughout at 1; the impact of site 0 degenerates at 0
     Number("k", "restitution coefficient", "restitution k", high=1.0, window=(0.01, 0.999),
-           why=" (0 sticks, 1 loses nothing)", rim=": at 0 and 1 curves degenerate"),
+           why=" (0 sticks, 1 loses nothing)", window_reason=": at 0 and 1 curves degenerate",
+           first=0.8, slider=(0.01, 0.99, 0.01)),
     Number("damping", "damping coefficient", "damping", 0.0, dimension="Omega", high=HEAVIEST),
     Number("spring", "on-site stiffness", "spring", 0.0, dimension="Omega^2", high=HEAVIEST**2),
 )  # fmt: skip

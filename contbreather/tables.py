@@ -2,7 +2,7 @@
 
 What results show of themselves is such a table, in a terminal, a notebook and the explorer. A
 notebook shows a picture, too. These are drawn on a higher floor, and values must not know it: they
-ask a painter, which the front desk hands in.
+ask a renderer, which the front desk hands in.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class HtmlRepr:
     """A value that notebooks show as a small picture and a table."""
 
     __slots__ = ()
-    painter: ClassVar[Callable[[Any], str] | None] = None
+    renderer: ClassVar[Callable[[Any], str] | None] = None
 
     def table(self) -> Sheet:
         """What it consists of, for people: in a terminal, a notebook and the explorer."""
         raise NotImplementedError
 
     def _repr_html_(self) -> str | None:
-        return None if HtmlRepr.painter is None else HtmlRepr.painter(self)
+        return None if HtmlRepr.renderer is None else HtmlRepr.renderer(self)
 
 
 @dataclass(frozen=True)
@@ -172,6 +172,11 @@ class Sheet:
             digits -= 1
         # words as wide as that are not helped by fewer digits
         return kept, digits if _width(kept, digits) < _width(kept, DIGITS) else DIGITS
+
+
+def yes_or_no(verdict: bool | None) -> Cell:
+    """A verdict in a word; a dash where nothing is known."""
+    return {True: "yes", False: "no", None: None}[verdict]
 
 
 def _width(columns: Sequence[Column], digits: int) -> int:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
@@ -16,8 +18,11 @@ import pytest
 from nbclient import NotebookClient
 
 import contbreather as cb
-from contbreather import progress
+from contbreather import progress, studies
+from contbreather.certified import certify
 from contbreather.errors import BadInput
+from contbreather.orbits.multibreathers import multibreathers
+from contbreather.orbits.normal_form import pitchfork_form
 from contbreather.orbits.zone_diagram import KINDS, Zones
 from contbreather.plotting import pictures, plot_orbit, style
 from contbreather.plotting.canvas import CYCLE, DASHES, GREY
@@ -27,11 +32,16 @@ from contbreather.simulation import (
     Sample,
     attraction,
     localisation,
+    lyapunov,
+    periodic,
+    record,
+    rotation,
     simulate_smooth,
     sweep,
 )
 from contbreather.simulation.classify import judge
-from contbreather.tables import Column, Sheet
+from contbreather.stability import over_reflection, unstable_count
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 from .apart import HUNG
 
@@ -79,6 +89,74 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "results on disk": kept,
         "an empty folder": empty,
     }  # fmt: skip
+
+
+def test_what_a_table_says_is_what_the_result_has(tmp_path: Path) -> None:
+    """Of results that are numbers and verdicts alone; notebooks show them without a picture."""
+    b, calm = cb.symmetric(**ON), cb.symmetric(a=0.1, gamma=0.05, k=0.8)
+    proof, lossy = b.certify(), {"a": 0.1, "gamma": 0.05, "k": 0.8, "damping": 0.02}
+    motion = periodic(calm.state(6), **lossy, symmetric=True)
+    waves, count = over_reflection(0.08, 0.8, 0.3), unstable_count(0.11, 0.8, 0.3)
+    stream = record(tmp_path / "run", b.state(5), **ON, periods=3)
+    state, lost = b.state(9), lyapunov(calm.state(3), a=0.1, gamma=0.05, k=0.8, periods=50)
+    energy = localisation(*state, a=0.5, gamma=0.08)
+    turning = np.exp(0.3j * np.arange(400))
+    turns = rotation(turning.real, turning.imag)
+    fork = cb.trace(cb.symmetric(0.77, 0.04, 0.8), "a", within={"a": (0.77, 0.78)}).first("PF")
+    form = pitchfork_form(fork.solution)
+    (alone,) = multibreathers(cb.Ring(4), a=0.5, gamma=0.02, k=0.8, most=1)
+    rows = [
+        (proof, {"exists": "yes", "the only one within": proof.alone, "admissible": "yes",
+                 "multipliers of QS outside": 0, "p": proof.enclosure["p"].shown}),
+        (motion, {"closes to": motion.residual, "largest |multiplier|": motion.largest,
+                  "multipliers outside": motion.unstable, "damping": 0.02}),
+        (stream, {"sites": 5, "periods": 3, "until t =": stream.end, "a": 0.5}),
+        (count, {"multipliers outside": count.count, "certain": "yes", "at nu": count.nu}),
+        (energy, {"states": 1, "largest": energy.participation.max()}),
+        (turns, {"rotation number": turns.number, "its error": turns.error}),
+        (form, {"criticality": form.criticality, "coefficient": form.coefficient}),
+        (alone, {"sites": "0", "choices alike": 4, "reaches gamma": 0.02, "ends with": None}),
+    ]  # fmt: skip
+    for value, expected in rows:
+        there = dict(value.table().rows)
+        assert {name: there[name] for name in expected} == expected
+    assert waves.table().rows == [
+        ("gain", waves.gain, waves.nu), ("growth", waves.growth, waves.growth_nu),
+    ]  # fmt: skip
+    assert lost.table().rows == list(zip(lost.exponents, lost.error, strict=True))
+    for value in (*(value for value, _ in rows), waves, lost):
+        assert "<table" in value._repr_html_()
+        assert pictures_of(value._repr_html_()) == []
+
+
+def test_a_covering_is_a_line_for_each_count_and_one_for_each_gap() -> None:
+    start = cb.symmetric(a=0.5, gamma=0.1, k=0.8)
+    over = certify(cb.trace(start, "gamma", within={"gamma": (0.1, 0.13)}, towards="up"))
+    rows = over.table().rows
+    assert rows == [
+        *((interval.shown, n) for n in (0, None, 2) for interval in over.counted(n)),
+        *(("not proved", why) for why in over.unproved),
+    ]
+    assert {n for _, n in rows if not isinstance(n, str)} == {0, None, 2}
+
+
+# what is given to a computation, what a result is made of, and figures
+NO_RESULTS = {
+    "Tile", "DefiningSystem", "Event", "Problem", "Steps", "SwitchingProblem", "Collocation",
+    "Filippov", "Flow", "GuardCrossing", "Piece", "InfiniteChain", "Ring", "Fourier", "Harmonic",
+    "Samples", "Symbolic", "Closure", "Region", "Figure2", "MultiplierFigure", "TimeSeries", "Axis",
+    "Sample", "Explicit", "Implicit", "Switching", "SmoothConditions",
+}  # fmt: skip
+
+
+def test_every_other_public_value_has_a_table() -> None:
+    parts = (cb.certified, cb.continuation, cb.flows, cb.lattice, cb.orbits, cb.paper,
+             cb.simulation, cb.stability, studies)  # fmt: skip
+    public = {name: getattr(part, name) for part in parts for name in part.__all__}
+    values = {name: each for name, each in public.items() if dataclasses.is_dataclass(each)}
+    shown = {name for name, each in values.items() if issubclass(each, HtmlRepr)}
+    assert values.keys() - shown == NO_RESULTS
+    assert all(values[name].table is not HtmlRepr.table for name in shown)
 
 
 def pictures_of(shown: str) -> list[str]:

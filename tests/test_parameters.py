@@ -55,6 +55,19 @@ def test_the_library_the_command_line_studies_and_the_explorer_have_them_all(
     assert {row[0] for row in table()} == {*DECLARED, *SMOOTH}
 
 
+def test_the_explorer_begins_with_an_admissible_breather_that_its_sliders_reach() -> None:
+    first = {name: NUMBERS[name].first for name in NEEDED}
+    assert cb.symmetric(**first).admissibility().ok
+    assert Session().state.fixed == ("k", first["k"])
+    typed = PageForms(Session()).breather
+    assert {name: float(typed[name].input.value) for name in NEEDED} == first
+    for name in NEEDED:
+        low, high, step = NUMBERS[name].slider
+        assert all(map(NUMBERS[name].holds, (low, high)))
+        assert low <= first[name] <= high
+        assert 0.0 < step < high - low
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_in_the_range_is_taken_and_what_is_not_is_told_it(name: str) -> None:
     low, high = NUMBERS[name].domain

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from contbreather.certified.balls import Interval
+from contbreather.tables import Cell, Column, HtmlRepr, Sheet, yes_or_no
 
 NAMES = {"LP": "a fold", "PF": "a pitchfork"}
 
 
 @dataclass(frozen=True, repr=False)
-class Certificate:
+class Certificate(HtmlRepr):
     """What is proved of the symmetric breather next to a point; parameters are exact floats.
 
     Attributes
@@ -58,6 +59,20 @@ class Certificate:
     def __bool__(self) -> bool:
         """Whether an exact breather is proved to be there, and to keep off the walls."""
         return bool(self.exists and self.unique and self.admissible)
+
+    def table(self) -> Sheet:
+        """What is proved, with its enclosures, and what is not."""
+        rows: list[tuple[str, Cell]] = [
+            ("exists", yes_or_no(self.exists)),
+            ("the only one within", self.alone if self.unique else None),
+            *((name, interval.shown) for name, interval in self.enclosure.items()),
+            ("admissible", yes_or_no(self.admissible)),
+            ("multipliers of QS outside", self.unstable),
+        ]
+        if self.reason:
+            rows.append(("why not", self.reason))
+        rows += [("not proved", why) for why in self.unproved]
+        return Sheet.of(rows, title="What is proved")
 
     def describe(self) -> str:
         """What is proved, and what is not, in sentences."""
@@ -113,7 +128,7 @@ class Tile:
 
 
 @dataclass(frozen=True, repr=False)
-class Covering:
+class Covering(HtmlRepr):
     """A branch proved by tiles.
 
     Attributes
@@ -149,13 +164,23 @@ class Covering:
         tiles, and to keep off the walls: intervals in order along the branch, joined."""
         return self._joined(bool)
 
-    def counted(self, unstable: int) -> tuple[Interval, ...]:
-        """Those over which they are proved to have so many multipliers outside the circle."""
+    def counted(self, unstable: int | None) -> tuple[Interval, ...]:
+        """Those over which they are proved to have so many multipliers outside the circle; None:
+        where their number is not proved."""
         return self._joined(lambda tile: bool(tile) and tile.unstable == unstable)
 
     def _joined(self, which: Callable[[Tile], bool]) -> tuple[Interval, ...]:
         runs = [[t.covers for t in run] for yes, run in groupby(self.tiles, which) if yes]
         return tuple(Interval(min(run)[0], max(interval.high for interval in run)) for run in runs)
+
+    def table(self) -> Sheet:
+        """A line for each interval over which breathers have so many multipliers outside, and one
+        for each gap."""
+        counts = dict.fromkeys(tile.unstable for tile in self.tiles if tile)
+        proved = [(n, interval.shown) for n in counts for interval in self.counted(n)]
+        where = [*(shown for _, shown in proved), *("not proved" for _ in self.unproved)]
+        outside = [*(n for n, _ in proved), *self.unproved]
+        return Sheet([Column(self.free, where), Column("multipliers of QS outside", outside)])
 
     def describe(self) -> str:
         parts = ", ".join(interval.shown for interval in self.covered) or "nowhere"

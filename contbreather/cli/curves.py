@@ -91,7 +91,7 @@ def point(
         isolated = verdicts[0].multipliers if judged else ()
         rows = [("isolated multiplier of QS", f"{mu:.12g}") for mu in isolated]
         say(replace(breather.table().further(*rows), title="Symmetric breather"))
-        say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.describe()]))
+        say(*_sentences(breather, verdicts, others), *([] if proof is None else [proof.table()]))
     if proof is not None and proof.unproved:
         raise NotConverged(f"not all is proved: {'; '.join(proof.unproved)}")
 

@@ -54,7 +54,7 @@ def looked_at(name: str) -> Parameter:
     """What help says of its window."""
     number = NUMBERS[name]
     words = f"Lowest and highest {number.meaning} to look at, {_usual(name)} unless given"
-    return Parameter(help=f"{words}{number.rim}.")
+    return Parameter(help=f"{words}{number.window_reason}.")
 
 
 def _usual(name: str) -> str:
@@ -88,7 +88,7 @@ class LatticeOptions:
     lattice: Annotated[str | None, parameter_help("lattice")] = None
     sites: Whole | None = None
     threshold: float | None = None
-    site: Annotated[Whole, parameter_help("site")] = 0
+    site: Annotated[Whole, parameter_help("site")] = CHOICES["site"].default
     walls: Annotated[
         tuple[str, ...], Parameter(allow_leading_hyphen=True), parameter_help("walls")
     ] = ()

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
-from contbreather.cli.options import Whole, Workers
+from contbreather.cli.options import Whole, Workers, parameter_help
 from contbreather.cli.output import Output, inform, say, to_json
 from contbreather.cli.process import computing, end, until_interrupted
 from contbreather.errors import BadInput, NotConverged
-
-if TYPE_CHECKING:
-    from contbreather.studies import Report
+from contbreather.parameters import NUMBERS
 
 
 def figure(number: str | None = None, *, into: Output = Output()) -> None:
@@ -50,7 +47,7 @@ def explore(
     run: str | None = None,
     /,
     *,
-    k: float = 0.8,
+    k: Annotated[float, parameter_help("k")] = NUMBERS["k"].first,
     port: Whole = 0,
     address: str = "127.0.0.1",
     origin: tuple[str, ...] = (),
@@ -62,8 +59,6 @@ def explore(
     ----------
     run
         A file with curves to begin with.
-    k
-        Restitution of the first zone diagram.
     port
         Where to listen; any free port unless given.
     address
@@ -131,7 +126,7 @@ def run(
         if json:
             to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.parts()})
         else:
-            say(planned)
+            say(planned.table())
         return
     tell = None if sys.stderr.isatty() else inform
     with nullcontext(workers) if cluster is None else studies.cluster(cluster) as executor:
@@ -142,20 +137,7 @@ def run(
         written = [str(path) for path in report.written]
         to_json({**asdict(report), "folder": str(report.folder), "written": written})
     else:
-        say(*_lines(report))
+        say(report.table())
     end(cut)
     if report.failed:
         raise NotConverged(f"{len(report.failed)} of the study failed: {', '.join(report.failed)}")
-
-
-def _lines(report: Report) -> Iterator[str]:
-    there = f", {len(report.kept)} were there" if report.kept else ""
-    yield f"{len(report.computed)} results computed{there}, in {report.folder}."
-    for name, reason in report.failed.items():
-        yield f"No {name}: {reason.rstrip('.')}."
-    for name, reason in report.absent.items():
-        yield f"No {name}, which is optional: {reason.rstrip('.')}."
-    for path in report.written:
-        yield f"Wrote {path}."
-    if report.interrupted:
-        yield "Interrupted: the same command goes on."

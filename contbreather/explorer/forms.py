@@ -232,7 +232,8 @@ class PageForms:
 
     def _breather(self) -> Any:
         name, value = self.explorer.state.fixed
-        first = {"a": "0.5", "gamma": "0.08", "k": "0.8", "site": "0", name: f"{value:g}"}
+        first = {name: f"{NUMBERS[name].first:g}" for name in NEEDED}
+        first |= {"site": str(CHOICES["site"].default), name: f"{value:g}"}
         known = self.explorer.lattices  # of one that a curve brought the field has the description
         lattice = optional(lambda text: text if text in known else a_lattice(text), "")
         how = {"lattice": lattice, "site": a_count("site", 0, MOST - 1)}

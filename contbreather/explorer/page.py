@@ -59,13 +59,6 @@ from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import NUMBERS
 from contbreather.progress import in_notebook
 
-# Of the slider for what is fixed in the plane of the zones: its ends and its step, and where it is
-# at first. Beyond an amplitude of 1 there is nothing.
-SLIDERS = {
-    "k": (0.01, 0.99, 0.01, 0.8),
-    "gamma": (0.005, 0.245, 0.005, 0.08),
-    "a": (0.05, 0.99, 0.01, 0.5),
-}
 PLANES = {
     f"{symbol(x)}, {symbol(y)}": name for name, (x, y) in PAIRS.items()
 }  # by what is fixed in each
@@ -108,7 +101,7 @@ class Page:
     def _zone_controls(self) -> None:
         name, value = self.explorer.state.fixed
         self.plane = pn.widgets.Select(label="plane", options=PLANES, value=name, width=90)
-        start, end, step, _ = SLIDERS[name]
+        start, end, step = NUMBERS[name].slider
         self.slider = pn.widgets.FloatSlider(
             label=NUMBERS[name].label, start=start, end=end, step=step, value=value,
             sizing_mode="stretch_width",
@@ -224,7 +217,7 @@ class Page:
 
     def _other_plane(self, name: str) -> None:
         """The plane through what is looked at, if the slider reaches it."""
-        start, end, step, value = SLIDERS[name]
+        value, (start, end, step) = NUMBERS[name].first, NUMBERS[name].slider
         chosen = self.explorer.state.chosen
         if chosen is not None and chosen.orbit is not None:
             value = min(max(float(getattr(chosen.orbit, name)), start), end)
@@ -318,7 +311,7 @@ class Page:
 
     def _render_zones(self, new: PageState, old: PageState) -> None:
         name, value = new.fixed
-        start, end, step, _ = SLIDERS[name]
+        start, end, step = NUMBERS[name].slider
         self.plane.value = name
         # what came from the browser does not go back to it rounded: it may have moved on by then
         there: Any = self.slider.value

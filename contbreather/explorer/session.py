@@ -37,7 +37,7 @@ from contbreather.lattice.parse import as_typed
 from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
-from contbreather.parameters import NEEDED, OPTIONAL, parameter
+from contbreather.parameters import NEEDED, NUMBERS, OPTIONAL, parameter
 from contbreather.plotting.canvas import save_figure
 from contbreather.plotting.pictures import plot
 from contbreather.plotting.runs import plot_motion
@@ -57,7 +57,9 @@ DIGITS = 6  # of what is clicked at: a pixel has no more
 class Session:
     """What an `Explorer` does, whoever shows it; its parameters are those of that."""
 
-    def __init__(self, *curves: Branch, run: str | Path | None = None, k: float = 0.8) -> None:
+    def __init__(
+        self, *curves: Branch, run: str | Path | None = None, k: float = NUMBERS["k"].first
+    ) -> None:
         self.state = PageState(fixed=("k", parameter("k", k)))
         self.message = self.progress = self.drawing = ""
         self._listeners: list[Listener] = []

@@ -22,7 +22,7 @@ from contbreather.lattice.parse import as_typed
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region, regions
 from contbreather.orbits.zone_diagram import KINDS, Zones
-from contbreather.parameters import OPTIONAL
+from contbreather.parameters import NUMBERS, OPTIONAL
 from contbreather.plotting.canvas import evenly
 from contbreather.plotting.zones import names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
@@ -92,7 +92,8 @@ def point_of(code: str, branch: Branch, index: int) -> Chosen:
 class PageState:
     """All that is seen; of zones those that are wanted, which may still be computed."""
 
-    fixed: tuple[str, float] = ("k", 0.8)  # what is constant in the plane of the zones
+    # what is constant in the plane of the zones
+    fixed: tuple[str, float] = ("k", NUMBERS["k"].first)
     forcing: str = ""
     conditions: tuple[tuple[str, Any], ...] = ()  # besides: lattice, site, spring, ... as typed
     zones_of: str = ""  # what of these zones are of, as the script gives it to `cb.zones`

@@ -16,7 +16,7 @@ from ..checks import MOST, number, numbers, shown, whole
 from ..columns import Columns
 from ..continuation.newton import Array
 from ..errors import BadInput, NotConverged
-from ..tables import Sheet
+from ..tables import HtmlRepr, Sheet
 from .filippov import Filippov
 from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
 from .guards import Watched
@@ -109,7 +109,7 @@ class GuardCrossing:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(Columns):
+class Trajectory(Columns, HtmlRepr):
     """What `integrate` returns; call it for states at times, after the reset at that of an event.
 
     Attributes

@@ -30,13 +30,13 @@ from contbreather.lattice.forcing import (
     response_of,
     spectrum_of,
 )
+from contbreather.parameters import CHOICES, NAMES
 
 if TYPE_CHECKING:
     import sympy
 
-HARMONIC = "-cos(t)"
-# names that already mean something
-RESERVED = ("a", "gamma", "k", "damping", "spring", "p", "phi", "t")
+HARMONIC: str = CHOICES["forcing"].default
+RESERVED = (*NAMES, "p", "phi", "t")  # names that already mean something
 LONGEST = 20_000  # characters
 LARGEST_POWER = 99
 FINEST = 8192  # samples of a period

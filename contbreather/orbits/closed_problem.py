@@ -154,7 +154,7 @@ class Closure:
         if not (0.0 <= k <= 1.0 and math.isfinite(a) and math.isfinite(p) and math.isfinite(phi)):
             restitution_ratio(k)
             raise BadInput(f"a = {a}, p = {p}, phi = {phi}: the closure needs finite numbers.")
-        if not 0.0 <= gamma < 0.25:
+        if not NUMBERS["gamma"].holds(gamma):
             check_gamma(gamma, self.lattice.spring)  # says it
         f = forcing_at(self.forcing, params)
         return ClosurePoint(p, phi, a, gamma, k, f, sprung(self.lattice, f))

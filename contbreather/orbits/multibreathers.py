@@ -34,6 +34,7 @@ from contbreather.orbits.grazing import GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
+from contbreather.tables import Cell, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
 
@@ -234,7 +235,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
 
 
 @dataclass(frozen=True)
-class Multibreather:
+class Multibreather(HtmlRepr):
     """One entry of the catalogue: a choice of sites, and what becomes of it.
 
     Attributes
@@ -261,6 +262,12 @@ class Multibreather:
     def exists(self) -> bool:
         """Whether it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
+
+    def table(self) -> Sheet:
+        """Its sites, how far it goes, and what ends it."""
+        rows: list[tuple[str, Cell]] = [("sites", ", ".join(map(str, self.sites)))]
+        rows += [("choices alike", self.copies), ("reaches gamma", self.gamma)]
+        return Sheet.of([*rows, ("ends with", self.ended or None)])
 
     def stable(self, threshold: float = THRESHOLD) -> bool:
         """Whether it exists, and no multiplier of it is beyond the threshold."""

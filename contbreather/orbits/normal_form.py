@@ -26,6 +26,7 @@ from contbreather.continuation.normal_forms import solve
 from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
 from contbreather.orbits.orbit import Orbit
+from contbreather.tables import Cell, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ _PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean 
 
 
 @dataclass(frozen=True)
-class PitchforkForm:
+class PitchforkForm(HtmlRepr):
     """How the arms leave a pitchfork.
 
     Attributes
@@ -64,6 +65,11 @@ class PitchforkForm:
     @property
     def criticality(self) -> str:
         return "supercritical" if self.supercritical else "subcritical"
+
+    def table(self) -> Sheet:
+        """The coefficient, and on which side the arms are."""
+        rows: list[tuple[str, Cell]] = [("criticality", self.criticality), ("in", self.free)]
+        return Sheet.of([*rows, ("coefficient", self.coefficient)])
 
 
 def pitchfork_form(orbit: Orbit, free: str = "a") -> PitchforkForm:

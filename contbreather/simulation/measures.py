@@ -41,6 +41,7 @@ from contbreather.simulation.states import (
     within_period,
 )
 from contbreather.simulation.variation import variations_along
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
@@ -48,7 +49,7 @@ NOISE = 1e-26  # energies below this, relative to the largest, are rounding: of 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Localisation:
+class Localisation(HtmlRepr):
     """Where the energy of a state is.
 
     Attributes
@@ -70,6 +71,15 @@ class Localisation:
         low, high = np.min(self.participation), np.max(self.participation)
         states = np.size(self.centre)
         return f"<Localisation of {states} states, participation ratio {low:.4g} to {high:.4g}>"
+
+    def table(self) -> Sheet:
+        """How many sites share the energy of the states, and how fast it falls off."""
+        return Sheet.of([
+            ("states", np.size(self.centre)),
+            ("least participation ratio", float(np.min(self.participation))),
+            ("largest", float(np.max(self.participation))),
+            ("decay from site to site", None if math.isnan(self.decay()) else self.decay()),
+        ])  # fmt: skip
 
     def decay(self) -> float:
         """By how much the amplitude falls from one site to the next: exp of half the slope of the
@@ -207,7 +217,7 @@ def weighted_mean(values: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Rotation:
+class Rotation(HtmlRepr):
     """Rotation number of a closed curve.
 
     Attributes
@@ -228,6 +238,13 @@ class Rotation:
     error: float
     hole: float
     drift: float
+
+    def table(self) -> Sheet:
+        """The number, its error, and what says whether it means anything."""
+        return Sheet.of([
+            ("rotation number", self.number), ("its error", self.error),
+            ("hole", self.hole), ("drift", self.drift),
+        ])  # fmt: skip
 
 
 def rotation(u: ArrayLike, v: ArrayLike) -> Rotation:
@@ -299,7 +316,7 @@ def _turns(plane: Array, hole: float) -> Rotation:
 
 
 @dataclass(frozen=True)
-class Lyapunov:
+class Lyapunov(HtmlRepr):
     """The largest Lyapunov exponents of a motion.
 
     Attributes
@@ -316,6 +333,14 @@ class Lyapunov:
     exponents: Array
     error: Array
     periods: int
+
+    def table(self) -> Sheet:
+        """Each exponent and its error."""
+        columns = [
+            Column("exponent", self.exponents.tolist()),
+            Column("error", self.error.tolist()),
+        ]
+        return Sheet(columns, title=f"Averages over {self.periods} periods")
 
 
 def lyapunov(

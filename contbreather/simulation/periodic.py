@@ -43,6 +43,7 @@ from contbreather.simulation.states import (
 )
 from contbreather.simulation.variation import variation
 from contbreather.storage.serialise import serialised
+from contbreather.tables import Cell, HtmlRepr, Sheet, yes_or_no
 
 Array = NDArray[Any]
 Params = Mapping[str, float]
@@ -123,7 +124,7 @@ def _slopes(
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicMotion:
+class PeriodicMotion(HtmlRepr):
     """A state that returns, and what small perturbations of it become.
 
     Attributes
@@ -183,6 +184,17 @@ class PeriodicMotion:
         on = self.conditions
         halves = 1 if self.symmetric else 2 * self.periods
         return problem_of_cycle(on, self.t0, self.state, halves if _mirrored(on) else self.periods)
+
+    def table(self) -> Sheet:
+        """How well it closes, how perturbations of it grow, and what it moves under."""
+        rows: list[tuple[str, Cell]] = [
+            ("repeats after periods", self.periods),
+            ("symmetric", yes_or_no(self.symmetric)),
+            ("closes to", self.residual),
+            ("largest |multiplier|", self.largest),
+            ("multipliers outside", self.unstable),
+        ]
+        return Sheet.of([*rows, *self.conditions.params.items()])
 
     def run(self, *, periods: float | None = None, sample: Sample | None = None) -> Any:
         """The motion itself, simulated over its period or longer."""

@@ -60,6 +60,7 @@ from contbreather.simulation.states import (
     within_period,
 )
 from contbreather.storage.serialise import NotSerialisable, from_dict, to_dict
+from contbreather.tables import Cell, HtmlRepr, Sheet
 
 EVERY = 5.0  # seconds between two files: what a crash may cost
 LARGEST = 4_000_000  # numbers in one file
@@ -70,7 +71,7 @@ CHECKSUM = 32  # bytes of it
 
 
 @dataclass(frozen=True)
-class Recording:
+class Recording(HtmlRepr):
     """A run on disk. Nothing is read before it is asked for, and `chunks` reads file by file.
 
     Attributes
@@ -133,6 +134,19 @@ class Recording:
             return RunStop.INTERRUPTED
         files = self.files
         return (read_part(files[-1]).stop if files else None) or RunStop.DONE
+
+    def table(self) -> Sheet:
+        """How long it is, how it ended, and what it moved under; impacts are not counted, they may
+        be too many to read."""
+        rows: list[tuple[str, Cell]] = [
+            ("sites", self.start.u.size),
+            ("periods", self.periods),
+            ("files", len(self.files)),
+            ("until t =", self.end),
+            ("then |u| <=", float(abs(self.final.u).max())),
+            ("end", self.stop.value),
+        ]
+        return Sheet.of([*rows, *self.conditions.params.items()])
 
     def chunks(self) -> Iterator[Chunk]:
         """The run piece by piece, so that memory does not grow with its length."""

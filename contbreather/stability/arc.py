@@ -50,6 +50,7 @@ from contbreather.stability.band_pairs import GRID, ON_ARC, ORDERS, WINDOW, smoo
 from contbreather.stability.characteristic import Gradient, regular, slope_at_zero, tables
 from contbreather.stability.saltation import check_finite, check_kb
 from contbreather.stability.zeros import steep
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 Array = NDArray[Any]
 
@@ -357,7 +358,7 @@ ROUNDING = 1e-13  # of ln|S|
 
 
 @dataclass(frozen=True)
-class OverReflection:
+class OverReflection(HtmlRepr):
     """How much the breather amplifies waves of the band of the infinite chain.
 
     ``gain = max ln|S|`` at the angle ``nu`` (times pi), both 0 if nothing is amplified;
@@ -370,6 +371,17 @@ class OverReflection:
     nu: float
     growth: float
     growth_nu: float
+
+    def table(self) -> Sheet:
+        """The gain and the growth, and at which angles they are reached."""
+        return Sheet(
+            [
+                Column("", ["gain", "growth"]),
+                Column("largest", [self.gain, self.growth]),
+                Column("at nu", [self.nu, self.growth_nu]),
+            ],
+            title="Waves come back amplified" if self.over_reflecting else "No wave is amplified",
+        )
 
 
 def _margin(arc: Arc, k: float, b: float) -> Array:

@@ -54,6 +54,7 @@ from contbreather.stability.zeros import (
     on_axis,
     refined_samples,
 )
+from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 
 Array = NDArray[Any]
 
@@ -64,7 +65,7 @@ MOST = 2**20  # samples on a circle, when a ring's count asks for more there is 
 
 
 @dataclass(frozen=True)
-class Count:
+class Count(HtmlRepr):
     """Multipliers strictly outside the circle: a count, and how sure it is.
 
     ``distance`` is the smallest modulus met, relative to the size of the terms that cancel there;
@@ -83,6 +84,14 @@ class Count:
 
     def __int__(self) -> int:
         return self.count
+
+    def table(self) -> Sheet:
+        """The count, how sure it is, and where a multiplier is closest to the circle."""
+        return Sheet.of([
+            ("multipliers outside", self.count), ("complex pairs of them", self.pairs),
+            ("certain", yes_or_no(self.certain)), ("least modulus", self.distance),
+            ("at nu", self.nu),
+        ])  # fmt: skip
 
 
 def check_radius(radius: float, sites: int | None) -> None:

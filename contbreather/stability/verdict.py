@@ -24,7 +24,7 @@ from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import OverReflection
 from contbreather.stability.counting import RIM
 from contbreather.stability.half_period import HalfMap
-from contbreather.tables import HtmlRepr, Sheet
+from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 
 Array = NDArray[Any]
 
@@ -125,7 +125,7 @@ class Verdict(HtmlRepr):
     def table(self) -> Sheet:
         """The numbers behind it."""
         rows: list[tuple[str, Any]] = [
-            ("stable", {True: "yes", False: "no", None: None}[self.stable]),
+            ("stable", yes_or_no(self.stable)),
             ("multipliers beyond", None if self.stable is None else self.unstable),
         ]
         if self.threshold is not None:

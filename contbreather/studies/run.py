@@ -20,6 +20,7 @@ from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
 from contbreather.studies.schema import Figure, Study, part
 from contbreather.studies.tasks import Task, dry_run, finish
+from contbreather.tables import Column, HtmlRepr, Sheet
 from contbreather.workers import Failed, each
 
 Tell = Callable[[str], object]
@@ -28,7 +29,7 @@ PATIENCE = 5  # seconds until a scheduler that does not answer is given up
 
 
 @dataclass
-class Report:
+class Report(HtmlRepr):
     """What became of a study.
 
     Attributes
@@ -59,6 +60,23 @@ class Report:
     def missing(self) -> dict[str, str]:
         """All parts without a result, and why."""
         return self.failed | self.absent
+
+    def table(self) -> Sheet:
+        """A line for each part that was computed now, for each without a result with the reason,
+        and for each file."""
+        rows = [
+            *((name, "computed", "") for name in self.computed),
+            *((name, "absent, which is optional", why) for name, why in self.absent.items()),
+            *((name, "failed", why) for name, why in self.failed.items()),
+            *((path.name, "written", "") for path in self.written),
+        ]
+        there = f", {len(self.kept)} were there" if self.kept else ""
+        cut = "; interrupted, the same command goes on" if self.interrupted else ""
+        names, outcomes, reasons = zip(*rows, strict=True) if rows else ((), (), ())
+        return Sheet(
+            [Column("name", names), Column("outcome", outcomes), Column("reason", reasons)],
+            f"{len(self.computed)} results computed{there}, in {self.folder}{cut}",
+        )
 
     def enter(self, name: str, outcome: str, why: str = "") -> None:
         """A part that was computed or kept, or failed or is absent for a reason."""
@@ -129,7 +147,7 @@ def run(
     """
     asked = dry_run(path, folder=folder, again=again)
     report, todo = Report(asked.folder), asked.left
-    ended = _told(tell, len(todo))
+    ended = _reporting(tell, len(todo))
     try:
         report.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -169,16 +187,16 @@ def _outcome(result: Failed | str) -> tuple[str, str]:
     return "absent" if result else "computed", result
 
 
-def _told(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
+def _reporting(tell: Tell | None, total: int) -> Callable[[Task, Any], object]:
     """Called with each part as it ends."""
     numbers = count(1)
 
-    def told(task: Task, result: Failed | str) -> None:
+    def report_part(task: Task, result: Failed | str) -> None:
         _, why = _outcome(result)
         if tell is not None:
             tell(f"{next(numbers)} of {total}, {task.name}{f': none, {why}' if why else ''}")
 
-    return told
+    return report_part
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import fixed_value
-from contbreather.parameters import parameter
+from contbreather.parameters import CHOICES, NUMBERS, parameter
 from contbreather.stability.verdict import THRESHOLD, check_threshold
 
 _PART = re.compile(r"([^/=]+)(?:/([^/=]+=[^/]+))?(?:/([^/=]+))?")
@@ -125,12 +125,12 @@ class Chain(Table):
     """What breathers live on, and what drives it."""
 
     lattice: str | None = None
-    forcing: str = "-cos(t)"
+    forcing: str = CHOICES["forcing"].default
     parameters: dict[str, float] = Field(default_factory=dict)
     threshold: float | None = None
-    damping: Least = 0.0
+    damping: Least = NUMBERS["damping"].default
     spring: Least | None = None
-    site: int = 0
+    site: int = CHOICES["site"].default
     walls: list[str] = Field(default_factory=list)
 
     @model_validator(mode="after")

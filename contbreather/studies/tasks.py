@@ -26,7 +26,7 @@ from contbreather.parameters import window_of
 from contbreather.runs import load, save
 from contbreather.studies.schema import Chain, FromPoint, GridTask, Study, part
 from contbreather.studies.validation import read
-from contbreather.tables import Column, Sheet
+from contbreather.tables import Column, HtmlRepr, Sheet
 
 MARKS = ".study"  # the folder of what is known of the tasks
 WORDS = {"": "to compute", "kept": "there", "failed": "failed before", "absent": "absent"}
@@ -69,7 +69,7 @@ class Task:
     def _mark(self, folder: Path) -> Path:
         return folder / MARKS / f"{self.name.replace('/', '@')}.json"
 
-    def known(self, folder: Path) -> dict[str, Any] | None:
+    def stored_state(self, folder: Path) -> dict[str, Any] | None:
         """What is known of it: of which settings its result is, and why there is none: it `failed`,
         or what it starts from is `absent`."""
         try:
@@ -84,7 +84,7 @@ class Task:
         before = "" if self.needs is None else self.needs.outcome(folder, again)[0]
         if before in ("failed", "absent"):
             return self.lacking(before)
-        mark = self.known(folder)
+        mark = self.stored_state(folder)
         if mark is None or mark["settings"] != self.fingerprint:
             return "", ""
         why: str = mark["failed"] or mark["absent"]
@@ -247,8 +247,8 @@ def _source(task: Task, folder: Path) -> Point:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What a study will compute.
+class DryRun(HtmlRepr):
+    """What a study would compute.
 
     Attributes
     ----------
@@ -298,13 +298,10 @@ class Plan:
         chain = self.study.chain
         names = ("damping", "spring", "site", "walls", "threshold")
         settings = [(name, value) for name in names if (value := getattr(chain, name))]
-        return ", ".join([chain.place.describe(), chain.drive.describe(), *map(_said, settings)])
-
-    def __rich__(self) -> Sheet:
-        return self.table()
+        return ", ".join([chain.place.describe(), chain.drive.describe(), *map(_setting, settings)])
 
 
-def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> Plan:
+def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool = False) -> DryRun:
     """What `run` would do with a study file: everything is checked, nothing is computed or written.
 
     Parameters
@@ -333,14 +330,14 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     other = [
         task.name
         for task in tasks
-        if (mark := task.known(place)) and mark["settings"] != task.fingerprint
+        if (mark := task.stored_state(place)) and mark["settings"] != task.fingerprint
     ]
     if other and not again:  # what is replaced may have taken weeks
         raise BadInput(
             f"{place} has results of other settings: {', '.join(other)}. Name another folder, or "
             "have them replaced (again, --again)"
         )
-    return Plan(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
+    return DryRun(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
 
 
 def task_conditions(task: Task) -> str:
@@ -353,7 +350,7 @@ def task_conditions(task: Task) -> str:
         words += [f"in {asked['free']}"]
     fixed = {} if task.needs else {n: v for n, v in task.values.items() if n != asked.get("free")}
     if fixed:
-        words += [f"at {', '.join(map(_said, fixed.items()))}"]
+        words += [f"at {', '.join(map(_setting, fixed.items()))}"]
     if "pair" in asked:
         words += [f"in ({', '.join(asked['pair'])})"]
     windows = dict(asked.get("within", {}))
@@ -361,9 +358,11 @@ def task_conditions(task: Task) -> str:
         windows[asked["free"]] = asked.get("window") or window_of(asked["free"])
     ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
     options = [name for name in ("root", "largest", "past_folds") if asked.get(name)]
-    return ", ".join([" ".join(words), *ranges, *(_said((name, asked[name])) for name in options)])
+    return ", ".join(
+        [" ".join(words), *ranges, *(_setting((name, asked[name])) for name in options)]
+    )
 
 
-def _said(setting: tuple[str, Any]) -> str:
+def _setting(setting: tuple[str, Any]) -> str:
     name, value = setting
     return f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
