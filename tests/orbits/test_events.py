@@ -243,17 +243,6 @@ def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> No
     assert again.p == pytest.approx(last.p, rel=1e-12)
 
 
-def test_counts_along_a_branch_change_only_at_its_events() -> None:
-    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", steps=cb.Steps(largest=0.02))
-    a, count, p = branch["a"], branch["unstable"], branch["p"]
-    fold, pitchfork = branch.first("LP"), branch.first("PF")
-    upper = p > fold["p"] + 1e-6
-    assert (count[upper & (a < pitchfork["a"] - 1e-6)] == 0).all()
-    assert (count[upper & (a > pitchfork["a"] + 1e-6)] == 1).all()
-    lower = (p < fold["p"] - 1e-6) & (branch["arclength"] > 0.0)  # which begins at VI: no count
-    assert (count[lower] >= 1).all()
-
-
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
 def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None:
     """At k = 1 a pitchfork has f' = 0 there: q = 0 in (11), phi = -pi; the line ends nowhere else

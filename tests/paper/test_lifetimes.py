@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,18 +92,6 @@ def test_life_on_smooth_walls_is_that_on_rigid_ones_where_the_walls_are_hard():
 def soon(monkeypatch):
     """What the command does with a figure does not take a transient that has died out."""
     monkeypatch.setattr(time_series, "SETTLING", 60)
-
-
-@pytest.mark.slow
-def test_command_draws_a_simulated_figure_and_prints_its_verdict(
-    soon, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    assert main(["figure", "5"]) == DONE
-    out = " ".join(capsys.readouterr().out.split())
-    assert "Verdict: an attractor" in out
-    assert "Wrote figure5.png." in out
-    assert Path("figure5.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
