@@ -454,9 +454,9 @@ def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     assert page.explorer.chosen.code == "branch3.first('LP1')"
 
 
-def test_zones_of_another_lattice_than_that_of_the_breather_say_so(bare: Page) -> None:
-    tap(bare.zones.figure, 0.08, 0.1)
-    assert "chosen" not in bare.zones.figure.title.text
-    on_ring = bare.explorer.chosen.orbit.on(cb.Ring(12))
-    bare.explorer.choose(Chosen("...", on_ring))
-    assert bare.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
+def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -> None:
+    tap(page.zones.figure, 0.08, 0.1)
+    assert "chosen" not in page.zones.figure.title.text
+    on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
+    page.explorer.choose(Chosen("...", on_ring))
+    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
