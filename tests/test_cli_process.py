@@ -19,9 +19,7 @@ import contbreather.__main__ as entry
 from contbreather import cli
 from contbreather.cli import BAD_INPUT, DONE, FAILED, INTERRUPTED, main, output
 from contbreather.cli.process import (
-    Act,
     CutShort,
-    _Watch,
     abandon,
     computing,
     end,
@@ -277,63 +275,71 @@ def test_a_new_command_line_knows_nothing_of_the_last_one(spoken, leaving) -> No
         pass
 
 
-def frames(name: str, depth: int) -> Any:
-    """A stack of frames of a module, seen from within."""
-    own = {"__name__": name, "sys": sys}
-    exec("def dive(n):\n    return sys._getframe() if n == 0 else dive(n - 1)", own)
-    return own["dive"](depth)
+def within(name: str, *signals: int) -> None:
+    """Signals that come while a function of a module of this name is carried out."""
+    own = {"__name__": name, "raise_signal": signal.raise_signal}
+    # what Python does about a signal it does at the next call
+    exec(
+        "def come(numbers):\n    for one in numbers:\n        raise_signal(one)\n        len(())",
+        own,
+    )
+    own["come"](signals)
+
+
+@pytest.fixture
+def clock(monkeypatch) -> list[float]:
+    """The alarms that are set, none of which comes."""
+    alarms: list[float] = []
+    monkeypatch.setattr(signal, "setitimer", lambda which, after: alarms.append(after))
+    return alarms
+
+
+DEAF = "numba.core.dispatcher", "llvmlite.binding.ffi"
 
 
 @pytest.mark.apart
-@pytest.mark.parametrize("name", ["numba.core.dispatcher", "llvmlite.binding.ffi"])
 def test_what_would_make_another_error_of_it_is_left_alone_for_a_while(
-    spoken, leaving, monkeypatch, name: str
+    spoken, leaving, clock
 ) -> None:
-    clock: list[tuple[int, float]] = []
-    monkeypatch.setattr(signal, "setitimer", lambda which, after: clock.append((which, after)))
-    watch = _Watch()
-    watch.begin(alone=True)
-    watch.act = Act.STOP
-    inside = frames(name, 1)
-    for _ in range(300):
-        watch(signal.SIGINT, inside)
-        watch.count -= 1
-        assert watch.waiting
-    assert clock == 300 * [(signal.ITIMER_REAL, 0.01)]
-    assert signal.getsignal(signal.SIGALRM) == watch.again
-    with pytest.raises(Left):  # three seconds are enough
-        watch(signal.SIGINT, inside)
-    assert spoken == ["contbreather: interrupted\n"]
+    for name in DEAF:
+        with pytest.raises(Left), interruptible(alone=True), computing():  # after three seconds
+            within(name, signal.SIGINT, *300 * [signal.SIGALRM])
+        assert clock == [*300 * [0.01], 0.0]
+        assert spoken == ["contbreather: interrupted\n"]
+        clock.clear()
+        spoken.clear()
 
 
 @pytest.mark.apart
-def test_the_same_ctrl_c_is_not_counted_twice(spoken, leaving) -> None:
-    watch = _Watch()
-    watch.begin(alone=False)
-    signal.signal(signal.SIGINT, watch)
-    watch.count = 1
+def test_a_ctrl_c_that_is_heard_again_is_not_the_second_one(spoken, leaving, clock) -> None:
+    done: list[str] = []
+
+    def interrupted() -> None:
+        with interruptible(alone=True):
+            with computing():
+                within(DEAF[0], signal.SIGINT, signal.SIGALRM)
+            signal.raise_signal(signal.SIGALRM)
+            done.append("written")
+
     with pytest.raises(KeyboardInterrupt):
-        watch.again(signal.SIGALRM, None)
-    assert watch.count == 1
+        interrupted()
+    assert done == ["written"]
+    assert len(spoken) == 1
+    assert "writing what is done" in spoken[0]
 
 
-@pytest.mark.parametrize("name", ["contbreather.numba", "numbasic.core", "builtins", ""])
-def test_elsewhere_it_is_an_exception_at_once(spoken, leaving, name: str) -> None:
-    watch = _Watch()
-    watch.begin(alone=True)
-    watch.act = Act.STOP
-    with pytest.raises(KeyboardInterrupt):
-        watch(signal.SIGINT, frames(name, 1))
-    assert not watch.waiting
-    with pytest.raises(KeyboardInterrupt):  # no stack at all
-        watch(signal.SIGINT, None)
-
-
-def test_in_somebody_elses_process_nothing_waits_for_numba(spoken, leaving) -> None:
-    watch = _Watch()
-    watch.begin(alone=False)
-    with pytest.raises(KeyboardInterrupt):
-        watch(signal.SIGINT, frames("numba.core", 0))
+@pytest.mark.apart
+def test_elsewhere_it_is_an_exception_at_once(spoken, leaving, clock) -> None:
+    """In other modules, without any stack, and in somebody else's process."""
+    others = ("contbreather.numba", "numbasic.core", "builtins", "")
+    for name, alone in (*((name, True) for name in others), (DEAF[0], False)):
+        with interruptible(alone=alone), computing():
+            with pytest.raises(KeyboardInterrupt):
+                within(name, signal.SIGINT)
+            with pytest.raises(KeyboardInterrupt):
+                signal.getsignal(signal.SIGINT)(signal.SIGINT, None)
+        assert 0.01 not in clock
+    assert spoken == []
 
 
 def test_what_a_computation_gives_is_kept_with_whether_it_was_cut_short() -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
 
 import contbreather as cb
 from contbreather.cli import DONE, FAILED, INTERRUPTED
-from contbreather.cli.curves import _stretches
 
 from .typed import Run, strict, table
 
@@ -203,16 +201,9 @@ def test_a_figure_of_any_number_that_points_have() -> None:
     assert y[0] == pytest.approx(cb.symmetric(x[0], 0.04, 0.8).displacement(1, 0.0), abs=1e-12)
 
 
-def test_counts_of_a_stretch_are_listed_once_each_from_the_lowest() -> None:
-    class Arm(list):
-        points = property(tuple)
-
-    def point(kind: str, count: float) -> Any:
-        return MagicMock(kind=kind, title=kind, located=True, lattice=cb.Ring(9),
-                         **{"__getitem__.return_value": count})  # fmt: skip
-
-    counts = [("PF", 9), ("", 3), ("", 1), ("", 3), ("NS", 9), ("", 0), ("GR", 9)]
-    first, second = _stretches(Arm(point(*one) for one in counts))
-    on = "on the ring of 9 (threshold 1.005)"
-    assert first == f"PF to NS: unstable, multipliers outside: 1, 3, {on}"
-    assert second == f"NS to GR: stable {on}"
+def test_counts_of_a_stretch_are_listed_once_each_from_the_lowest(run: Run) -> None:
+    out = run(f"{SWITCH} --lattice ring:6")[1]
+    on = "on the ring of 6 (threshold 1.005)"
+    for arm in (1, 2):
+        assert f"Arm {arm}, EP1 to NS1: stable {on}." in out
+        assert f"Arm {arm}, NS1 to GR1: unstable, multipliers outside: 2, 4, {on}." in out

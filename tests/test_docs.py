@@ -233,12 +233,6 @@ def test_every_page_is_in_the_contents() -> None:
     assert there - listed == set()
 
 
-def test_each_decision_is_told_once() -> None:
-    pages = "".join(text for page, text in TEXT.items() if "decisions" in str(page))
-    told = re.findall(r"^## .*", pages, flags=re.MULTILINE)
-    assert len(told) == len(set(told)) > 50
-
-
 def test_each_example_is_told_in_its_place() -> None:
     story = re.search(r"STORY = \((.*?)\)", (DOCS / "conf.py").read_text(), flags=re.DOTALL)
     assert story is not None

@@ -183,8 +183,6 @@ def test_ends_that_differ_are_printed_differently() -> None:
     assert Interval(low, high).shown == "[0.1196343, 0.1196343000003]"
     assert Interval(0.02, 0.03).shown == "[0.02, 0.03]"
     assert Interval(0.3, 0.3).shown == "[0.3, 0.3]"
-    gap = (certificate.Tile("a", {}, Interval(low, high), None, None, "no proof"),)
-    assert list(proofs._missing("a", gap)) == ["for a in [0.1196343, 0.1196343000003], no proof"]
 
 
 def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
@@ -200,7 +198,14 @@ def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
     assert stable.low == 0.0
     assert stable.high < loss < unstable.low < stable.high + 3e-5
     assert unstable.high == high
-    assert len(proof.unproved) == 2
+    gaps = (
+        (stable.high, unstable.low, "how many multipliers are outside the circle: D may vanish"),
+        (high, end, "whether breathers are admissible: site 1 comes too close to a wall"),
+    )
+    for said, (first, last, why) in zip(proof.unproved, gaps, strict=True):
+        place, sentence = said.removeprefix("for gamma in [").split("], ")
+        assert [float(x) for x in place.split(", ")] == pytest.approx([first, last], abs=2e-9)
+        assert sentence.startswith(why)
     for gamma in (end + 1e-6, 0.21, 0.24):
         assert certify(cb.symmetric(a=0.5, gamma=gamma, k=0.8, root=1)).admissible is False
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,13 +18,17 @@ from contbreather.explorer.state import Chosen
 from contbreather.explorer.style import GRID
 
 from ..apart import HUNG
+from .ready import ready, tap
 
 
 def opened(diagram: Any) -> Iterator[Page]:
-    explorer = Explorer()
-    explorer._planes["k", 0.8, "", ""] = diagram
-    yield Page(explorer)
-    explorer.stop()
+    with pytest.MonkeyPatch.context() as patch:
+        ready(patch, diagram)
+        explorer = Explorer()
+        page = Page(explorer)
+        assert explorer.wait(HUNG)
+        yield page
+        explorer.stop()
 
 
 page = pytest.fixture(opened)
@@ -53,7 +56,7 @@ def sentence(trouble: Any) -> str:
 
 
 def test_a_click_into_the_zones_shows_that_breather(bare: Page) -> None:
-    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    tap(bare.zones.figure, 0.08, 0.5)
     assert '>p</th><td style="text-align:left">0.808749129989</td>' in bare.words.text.text
     assert bare.zones.here.data == {"x": [0.08], "y": [0.5]}
     assert bare.profile.sites.data["n"].size == 21
@@ -62,9 +65,9 @@ def test_a_click_into_the_zones_shows_that_breather(bare: Page) -> None:
 
 
 def test_a_click_where_nothing_is_says_so_below_the_figure(bare: Page) -> None:
-    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.001))
+    tap(bare.zones.figure, 0.08, 0.001)
     assert "smallest" in sentence(bare.zones_trouble)
-    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    tap(bare.zones.figure, 0.08, 0.5)
     assert sentence(bare.zones_trouble) == ""
 
 
@@ -146,7 +149,7 @@ def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
     branch = page.explorer.state.curves["branch1"]
     wanted = next(i for i, point in enumerate(branch) if not point.kind and i > 8)
     x, y = branch["a"][wanted], branch["p"][wanted]
-    page._branch_tapped(SimpleNamespace(x=x + 1e-4, y=y - 1e-4))
+    tap(page.branches.figure, x + 1e-4, y - 1e-4)
     assert page.explorer.chosen.code == f"branch1[{wanted}]"
     assert page.point.value == wanted
     page.point.value = wanted + 1
@@ -191,9 +194,15 @@ def test_a_notebook_shows_the_same_page(bare: Page) -> None:
     assert "cdn." not in bundle["text/html"]  # nothing is fetched from elsewhere
 
 
-def test_the_second_of_two_quick_clicks_counts_too(bare: Page) -> None:
-    for view in (bare.zones, bare.branches):
-        assert {"tap", "doubletap"} <= set(view.figure._event_callbacks)
+def test_the_second_of_two_quick_clicks_counts_too(page: Page) -> None:
+    for a in (0.5, 0.6):
+        tap(page.zones.figure, 0.08, a, twice=a > 0.5)
+        assert page.explorer.chosen.orbit.a == a
+    press(page, "Continue")
+    branch = page.explorer.state.curves["branch1"]
+    for i in (3, 5):
+        tap(page.branches.figure, branch["a"][i], branch["p"][i], twice=i > 3)
+        assert page.explorer.chosen.code == f"branch1[{i}]"
 
 
 def typed(page: Page, **texts: str) -> None:
@@ -326,7 +335,7 @@ def test_each_area_of_the_grid_has_one_card_and_windows_are_those_of_the_library
 
 
 def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.12, y=0.5))
+    tap(page.zones.figure, 0.12, 0.5)
     page.plane.value = "gamma"
     assert page.explorer.state.fixed == ("gamma", 0.12)
     assert (page.slider.label, page.slider.value) == ("coupling \N{GREEK SMALL LETTER GAMMA}", 0.12)
@@ -335,7 +344,7 @@ def test_another_plane_is_that_through_what_is_looked_at(page: Page) -> None:
     axes = page.zones.figure.xaxis.axis_label, page.zones.figure.yaxis.axis_label
     assert axes == ("k", "a")
     assert page.zones.here.data == {"x": [0.8], "y": [0.5]}
-    page._zones_tapped(SimpleNamespace(x=0.7, y=0.5))
+    tap(page.zones.figure, 0.7, 0.5)
     assert page.explorer.chosen.code == "cb.symmetric(a=0.5, gamma=0.12, k=0.7)"
 
 
@@ -349,7 +358,7 @@ def test_a_value_of_the_slider_is_not_sent_back_rounded(page: Page) -> None:
 
 
 def test_what_is_looked_at_is_judged_while_its_zones_are_computed(bare: Page) -> None:
-    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    tap(bare.zones.figure, 0.08, 0.5)
     bare.explorer.drawing = "zones at k = 0.8: 3 points"
     bare.render()
     assert "k=0.8): stable (zones at k = 0.8: 3 points)" in bare.status.html
@@ -357,7 +366,7 @@ def test_what_is_looked_at_is_judged_while_its_zones_are_computed(bare: Page) ->
 
 
 def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.104, y=0.2))
+    tap(page.zones.figure, 0.104, 0.2)
     page.forms.length["periods"].input.value = "200"
     press(page, "Simulate from here")
     assert "delocalised: there is no breather" in page.run.figure.title.text
@@ -366,11 +375,13 @@ def test_a_simulation_is_judged_and_a_long_lattice_is_not(page: Page) -> None:
     assert "went through all its periods" in page.run.figure.title.text
 
 
-def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(diagram: Any) -> None:
+def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(
+    diagram: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready(monkeypatch, diagram)
     breathers = cb.trace(cb.symmetric(a=0.5, gamma=0.04, k=0.8), "a", within={"a": (0.4, 0.6)})
     square = cb.Problem(lambda x, p: np.array([x[0] ** 2 - p["mu"]]), {"x": 1.0}, {"mu": 1.0})
     explorer = Explorer(breathers, cb.trace(square, "mu", within={"mu": (0.5, 2.0)}))
-    explorer._planes["k", 0.8, "", ""] = diagram
     page = Page(explorer)
     assert (page.branches.figure.title.text, page.x.value, page.y.value) == ("given1", "a", "p")
     assert "mu" not in page.x.options
@@ -384,7 +395,7 @@ def test_curves_of_another_problem_are_drawn_once_the_first_is_hidden(diagram: A
 
 def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
     assert page.remove.disabled
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.5))
+    tap(page.zones.figure, 0.08, 0.5)
     press(page, "Continue")
     page.remove.clicks += 1
     assert page.shown.options == []
@@ -396,7 +407,7 @@ def test_curves_are_removed_and_brought_back_by_buttons(page: Page) -> None:
 
 
 def test_where_an_impact_vanishes_all_else_is_drawn_and_why_no_multipliers(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    tap(page.zones.figure, 0.08, 0.1)
     press(page, "Continue")
     page.label.value = page.label.options["VI1"]
     assert max(page.profile.sites.data["high"]) == pytest.approx(1.0)
@@ -409,7 +420,7 @@ def test_where_an_impact_vanishes_all_else_is_drawn_and_why_no_multipliers(page:
 
 
 def test_undo_goes_back_to_the_breather_from_which_the_curve_went(page: Page) -> None:
-    page._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    tap(page.zones.figure, 0.08, 0.1)
     press(page, "Continue")
     page.label.value = page.label.options["LP1"]
     page.undo.clicks += 1
@@ -422,7 +433,7 @@ def test_undo_goes_back_to_the_breather_from_which_the_curve_went(page: Page) ->
 
 
 def test_without_a_breather_nothing_of_an_earlier_one_is_left(bare: Page) -> None:
-    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
+    tap(bare.zones.figure, 0.08, 0.1)
     bare.explorer.change(chosen=None)
     for data in (bare.profile.sites.data, bare.motion.lines.data, bare.multipliers.dots.data):
         assert not any(map(len, data.values()))
@@ -431,7 +442,7 @@ def test_without_a_breather_nothing_of_an_earlier_one_is_left(bare: Page) -> Non
 
 def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     for gamma in (0.08, 0.07):
-        page._zones_tapped(SimpleNamespace(x=gamma, y=0.1))
+        tap(page.zones.figure, gamma, 0.1)
         press(page, "Continue")
     assert page.curve.options == {
         "branch1: gamma = 0.08": "branch1", "branch2: gamma = 0.07": "branch2",
@@ -443,9 +454,9 @@ def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:
     assert page.explorer.chosen.code == "branch3.first('LP1')"
 
 
-def test_zones_of_another_lattice_than_that_of_the_breather_say_so(bare: Page) -> None:
-    bare._zones_tapped(SimpleNamespace(x=0.08, y=0.1))
-    assert "chosen" not in bare.zones.figure.title.text
-    on_ring = bare.explorer.chosen.orbit.on(cb.Ring(12))
-    bare.explorer.choose(Chosen("...", on_ring))
-    assert bare.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"
+def test_zones_of_another_lattice_than_that_of_the_breather_say_so(page: Page) -> None:
+    tap(page.zones.figure, 0.08, 0.1)
+    assert "chosen" not in page.zones.figure.title.text
+    on_ring = page.explorer.chosen.orbit.on(cb.Ring(12))
+    page.explorer.choose(Chosen("...", on_ring))
+    assert page.zones.figure.title.text.strip() == "infinite chain, k = 0.8; chosen: ring of 12"

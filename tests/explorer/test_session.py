@@ -20,7 +20,6 @@ from contbreather.explorer import Explorer, jobs, session
 from contbreather.explorer.jobs import Computation, JobThread, Progress
 from contbreather.explorer.state import (
     LADDER,
-    _mixed,
     diagram_between,
     drawn_columns,
     names,
@@ -28,6 +27,7 @@ from contbreather.explorer.state import (
 )
 
 from ..apart import HUNG, until
+from .ready import ready
 
 WINDOWS = {"gamma": (0.02, 0.06), "a": (0.5, 1.2)}
 
@@ -199,15 +199,17 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     assert explorer.state.plane is known
     explorer.look_at(0.7)
     assert explorer.state.plane is known
-    assert not explorer._quick.busy
+    assert explorer.state.awaited == ""
 
 
 def test_between_neighbours_a_diagram_is_drawn_at_once_and_says_that_it_is_no_exact_one(
-    diagram: Any,
+    diagram: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    left, right = cb.zones(k=0.75), diagram
+    ready(monkeypatch, diagram)
     explorer = Explorer(k=0.8)
-    explorer._planes |= {("k", 0.75, "", ""): left, ("k", 0.8, "", ""): right}
+    for k in (0.75, 0.8):
+        explorer.look_at(k)
+        assert explorer.wait(HUNG)
     explorer.look_at(0.77)
     rough = explorer.state.preview
     assert rough is not None
@@ -231,19 +233,6 @@ def test_diagrams_with_other_curves_have_nothing_between_them() -> None:
     assert diagram_between(*cb.zones(k=[0.15, 0.2]), 0.17) is None  # the pitchfork sets in
 
 
-def test_looking_ahead_gives_way_to_what_is_asked_for() -> None:
-    explorer = Explorer(k=0.8)
-    explorer.look_ahead()
-    explorer.look_at(0.81)
-    arrived = threading.Event()
-    explorer.listen(lambda state: arrived.set() if state.plane else None)
-    assert arrived.wait(HUNG)
-    assert explorer.state.plane is not None
-    assert explorer.state.plane.fixed[1] == 0.81
-    assert next(iter(explorer._planes)) == ("k", 0.81, "", "")
-    explorer._looks_ahead = False
-
-
 @pytest.mark.parametrize("quiet", [0.0, HUNG])
 def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a_while(
     monkeypatch: pytest.MonkeyPatch, quiet: float, diagram: Any
@@ -264,8 +253,7 @@ def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a
         explorer.look_at(0.79)  # it does not wait for what does
         until(lambda: len(asked) > 1)
     assert asked[:4] == [0.81, 0.79] if quiet else [0.81, 0.8, 0.85, 0.75]
-    explorer._looks_ahead = False
-    explorer._quick.stop()
+    explorer.stop()
 
 
 def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
@@ -275,15 +263,18 @@ def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
     asked: list[float] = []
     monkeypatch.setattr(session, "zones", lambda k, **_: (asked.append(k), diagram)[1])
     monkeypatch.setattr(session, "QUIET", 0.0)
-    goes_on, came, may_end = session.Session._next_ahead, threading.Event(), threading.Event()
+    came, may_end = threading.Event(), threading.Event()
 
-    def held(explorer: Explorer) -> None:
-        goes_on(explorer)
-        if not came.is_set():
-            came.set()
-            assert may_end.wait(HUNG)
+    class Slow(JobThread):
+        def begin(self, job: Any, *, say: Any, done: Any) -> None:
+            def handed_over(*result: Any) -> None:
+                done(*result)
+                came.set()
+                assert may_end.wait(HUNG)
 
-    monkeypatch.setattr(session.Session, "_next_ahead", held)
+            super().begin(job, say=say, done=handed_over)
+
+    monkeypatch.setattr(session, "JobThread", Slow)
     explorer = Explorer()
     explorer.look_at(0.81)
     assert came.wait(HUNG)
@@ -301,9 +292,10 @@ def test_what_arrives_does_not_cover_what_is_asked_for_in_that_moment(
     monkeypatch: pytest.MonkeyPatch, elsewhere: Any, diagram: Any
 ) -> None:
     left, right = elsewhere, diagram
-    monkeypatch.setattr(session, "zones", lambda **_: left)
+    ready(monkeypatch, left, right)
     explorer = Explorer(k=0.8)
-    explorer._planes["k", 0.8, "", ""] = right
+    explorer.look_at(0.8)
+    assert explorer.wait(HUNG)
     drawn, back = session.preview_of, threading.Thread(target=explorer.look_at, args=(0.8,))
 
     def slowly(plane: Any) -> Any:
@@ -328,12 +320,13 @@ def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wa
     may_come = threading.Event()
 
     def slowly(k: float, **_: Any) -> Any:
-        assert may_come.wait(HUNG)
+        assert k == 0.8 or may_come.wait(HUNG)
         return left if k == 0.6 else right
 
     monkeypatch.setattr(session, "zones", slowly)
     explorer = Explorer(k=0.8)
-    explorer._planes["k", 0.8, "", ""] = right
+    explorer.look_at(0.8)
+    assert explorer.wait(HUNG)
     explorer.look_at(0.6)
     explorer.look_at(0.8)
     may_come.set()
@@ -403,9 +396,13 @@ def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(
     explorer.stop()
     assert explorer.wait(HUNG)
     assert "cb.OpenChain(4): stopped; what was done is kept" in explorer.message
-    assert (explorer.stoppable, explorer.state.awaited, explorer._planes) == (False, "", {})
+    assert (explorer.stoppable, explorer.state.awaited) == (False, "")
     made = "zones = cb.zones(k=0.8, damping=0.02, lattice=cb.OpenChain(4))"
     assert made in explorer.script()
+    explorer.look_at(0.8)  # a piece is not taken for the diagram
+    assert explorer.state.awaited
+    explorer.stop()
+    assert explorer.wait(HUNG)
 
 
 def test_a_piece_of_a_diagram_says_that_curves_may_be_missing(
@@ -456,29 +453,42 @@ def test_points_of_another_problem_are_shown_by_their_numbers(tmp_path: Path) ->
 
 
 def test_diagrams_ahead_are_close_enough_to_draw_what_lies_between_them(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, diagram: Any
 ) -> None:
     assert sorted(LADDER) == list(LADDER)
     assert (LADDER[0], LADDER[-1], len(LADDER)) == (0.02, 0.98, 21)
     assert max(np.diff(LADDER)) < 0.0501
-    monkeypatch.setattr(session, "diagram_between", lambda *given: given)
-    explorer = Explorer()
+    asked: list[Any] = []
+    monkeypatch.setattr(session, "diagram_between", lambda *given: asked.append(given))
+    monkeypatch.setattr(session, "zones", lambda k=0.0, **_: replace(diagram, fixed=("k", k)))
     for known, wanted in (
-        ((0.7, 0.755), (0.7, 0.755, 0.73)), ((0.7, 0.765), None), ((0.7, 0.72), None),
-        ((0.68, 0.7, 0.73, 0.75, 0.76), (0.7, 0.75, 0.73)), ((0.74, 0.75), None),
+        ((0.7, 0.755), [(0.7, 0.755, 0.73)]), ((0.7, 0.765), []), ((0.7, 0.72), []),
+        ((0.68, 0.7, 0.75, 0.76), [(0.7, 0.75, 0.73)]), ((0.74, 0.75), []),
     ):  # fmt: skip
-        explorer._planes = {("k", one, "", ""): one for one in known}
-        explorer._planes |= {("k", 0.731, "cos(t)", ""): 0.0, ("gamma", 0.731, "", ""): 0.0}
-        assert explorer._rough("k", 0.73, "", "") == wanted
+        explorer = Explorer()
+        for fixed, value, forcing in (
+            *(("k", one, "") for one in known), ("k", 0.731, "cos(t)"), ("gamma", 0.131, ""),
+        ):  # fmt: skip
+            explorer.look_at(value, forcing, fixed=fixed)
+            assert explorer.wait(HUNG)
+        asked.clear()
+        explorer.look_at(0.73, "", fixed="k")
+        assert explorer.wait(HUNG)
+        assert [(low.fixed[1], high.fixed[1], k) for low, high, k in asked] == wanted
 
 
-@pytest.mark.parametrize("turned", [1, -1])
-def test_curves_between_two_do_not_depend_on_the_way_either_was_walked(turned: int) -> None:
-    s = np.linspace(0.0, 1.0, 400)[:, None]
-    low, high = np.hstack([s, s**2]), np.hstack([s, s**2 + 1.0])
-    found = _mixed(low, high[::turned], 0.25)
-    np.testing.assert_allclose(found[[0, -1]], [[0.0, 0.25], [1.0, 1.25]], atol=1e-12)
-    np.testing.assert_allclose(found[:, 1], found[:, 0] ** 2 + 0.25, atol=1e-4)
+def test_curves_between_two_do_not_depend_on_the_way_either_was_walked(
+    elsewhere: Any, diagram: Any
+) -> None:
+    turned = {kind: tuple(line.reversed() for line in diagram[kind]) for kind in diagram.curves}
+    given, other = (
+        diagram_between(elsewhere, one, 0.65) for one in (diagram, replace(diagram, curves=turned))
+    )
+    assert given is not None
+    assert other is not None
+    for kind in ("LP", "GR", "PF", "NS"):
+        assert given.curves[kind]
+        np.testing.assert_allclose(np.vstack(other.curves[kind]), np.vstack(given.curves[kind]))
 
 
 def test_the_zones_of_other_planes_are_shown_and_clicked_into() -> None:
@@ -496,11 +506,14 @@ def test_the_zones_of_other_planes_are_shown_and_clicked_into() -> None:
     assert made["zones"] == {"gamma": 0.12}
 
 
-def test_a_plane_that_cannot_be_is_refused_and_the_last_one_stays() -> None:
+def test_a_plane_that_cannot_be_is_refused_and_the_last_one_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     explorer = Explorer()
     known = cb.zones(gamma=0.1, within={"k": (0.8, 0.9), "a": (0.05, 0.2)})
-    explorer._planes["gamma", 0.1, "", ""] = known
+    ready(monkeypatch, known)
     explorer.look_at(0.1, fixed="gamma")
+    assert explorer.wait(HUNG)
     for name in ("damping", "q"):
         with pytest.raises(BadInput, match=f"'{name}' is fixed in no plane of zones: one of a, "):
             explorer.look_at(0.1, fixed=name)
@@ -556,7 +569,7 @@ def test_a_curve_in_two_parameters_is_drawn_in_its_plane_until_a_branch_comes(to
     branch = told.state.curves["branch1"]
     explorer = Explorer(branch, line)
     assert explorer.state.columns == line.curve.varied
-    explorer._take("later", ("{} = ...",), branch)
+    do(explorer, Computation("later", "later", "...", lambda _: branch))
     assert explorer.state.columns == ("a", "p")
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
@@ -17,7 +16,7 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.orbit import orbit_at
-from contbreather.stability import G, dense_half_map, neimark_sacker, unstable_count
+from contbreather.stability import G, dense_half_map, neimark_sacker
 
 CHAIN = cb.InfiniteChain()
 
@@ -243,17 +242,6 @@ def test_parameters_of_the_forcing_are_continued_like_any_other(name: str) -> No
     assert again.p == pytest.approx(last.p, rel=1e-12)
 
 
-def test_counts_along_a_branch_change_only_at_its_events() -> None:
-    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", steps=cb.Steps(largest=0.02))
-    a, count, p = branch["a"], branch["unstable"], branch["p"]
-    fold, pitchfork = branch.first("LP"), branch.first("PF")
-    upper = p > fold["p"] + 1e-6
-    assert (count[upper & (a < pitchfork["a"] - 1e-6)] == 0).all()
-    assert (count[upper & (a > pitchfork["a"] + 1e-6)] == 1).all()
-    lower = (p < fold["p"] - 1e-6) & (branch["arclength"] > 0.0)  # which begins at VI: no count
-    assert (count[lower] >= 1).all()
-
-
 @pytest.mark.parametrize("pair", [("k", "a"), ("k", "gamma")])
 def test_a_pitchfork_line_goes_to_elastic_impacts(pair: tuple[str, str]) -> None:
     """At k = 1 a pitchfork has f' = 0 there: q = 0 in (11), phi = -pi; the line ends nowhere else
@@ -459,15 +447,3 @@ def test_a_map_is_asked_for_its_own_doubling() -> None:
     logistic = cb.FixedPoint(lambda x, p: p["r"] * x * (1 - x), {"x": 0.6}, {"r": 2.5})
     branch = cb.trace(logistic, "r", events=[cb.period_doubling()], within={"r": (2.0, 3.4)})
     assert branch.first("PD")["r"] == pytest.approx(3.0, abs=1e-10)
-
-
-def test_neimark_sacker_by_bisection_of_the_winding_number() -> None:
-    """The located point against plain bisection on the count, which knows no locus."""
-
-    def side(gamma: float) -> float:
-        b = cb.symmetric(0.5, gamma, 0.8).b
-        return unstable_count(gamma, 0.8, b).count - 1.0
-
-    gamma = brentq(side, 0.10, 0.12, xtol=1e-11)
-    point = cb.trace(cb.symmetric(0.5, 0.1, 0.8), "gamma").first("NS")
-    assert point["gamma"] == pytest.approx(gamma, abs=1e-9)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import networkx as nx
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.lattice.conditions import Walls
 from contbreather.orbits.branch_switching import lift
-from contbreather.orbits.multibreathers import _classes
 from contbreather.orbits.orbit import orbit_at
 
 AT = {"a": 0.5, "gamma": 0.03, "k": 0.8}
@@ -142,13 +141,17 @@ def test_catalogue_counts_every_choice_once() -> None:
             seen.add(frozenset(images))
         return len(seen)
 
-    for n, m in itertools.product((5, 6, 8), (1, 2, 3)):
-        found = _classes(cb.Ring(n), m, Walls())
-        assert len(found) == necklaces(n, m)
-        assert sum(copies for _, copies in found) == len(list(itertools.combinations(range(n), m)))
-    assert _classes(cb.OpenChain(3), 1, Walls()) == [((0,), 2), ((1,), 1)]
+    alone = AT | {"gamma": 0.0}
+    for n in (5, 6, 8):
+        catalogue = cb.multibreathers(cb.Ring(n), most=3, **alone)
+        for m in (1, 2, 3):
+            copies = [one.copies for one in catalogue if len(one.sites) == m]
+            assert len(copies) == necklaces(n, m)
+            assert sum(copies) == math.comb(n, m)
+    chain = cb.multibreathers(cb.OpenChain(3), most=1, **alone)
+    assert [(one.sites, one.copies) for one in chain] == [((0,), 2), ((1,), 1)]
     heavy = cb.Lattice.from_graph(nx.path_graph(3), masses=[1, 1, 2])
-    assert len(_classes(heavy, 1, Walls())) == 3
+    assert len(cb.multibreathers(heavy, most=1, **alone)) == 3
     walls = {0: (-1.2, 1.2)}
     found = cb.multibreathers(cb.Ring(4), walls=walls, most=np.int64(1), **AT)
     assert [(one.sites, one.copies) for one in found] == [((0,), 1), ((1,), 2), ((2,), 1)]

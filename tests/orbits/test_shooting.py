@@ -220,18 +220,6 @@ def test_impacts_of_two_sites_may_overtake_each_other_smoothly() -> None:
 # --- against the closed form --------------------------------------------------------------------
 
 
-def test_asymmetric_orbit_is_the_closed_form_at_thirty_digits() -> None:
-    orbit = tilted()
-    d = brentq(lambda d: float(two_impacts(d, **AT, sites=RING).a) - 0.82, 0.2, 0.4, xtol=1e-15)
-    exact = two_impacts(d, **AT, sites=RING)
-    t1, t2 = orbit.times
-    assert abs(t2 - t1 - math.pi) == pytest.approx(float(2 * d), abs=1e-12)
-    assert math.cos((t1 + t2) / 2) == pytest.approx(float(abs(mp.cos(exact.middle))), abs=1e-12)
-    assert orbit.p == pytest.approx(float(exact.p), abs=1e-13)
-    assert abs(orbit.c) == pytest.approx(float(exact.c), abs=1e-13)
-    assert orbit.residual < 1e-14
-
-
 def test_every_site_sits_off_centre_by_the_same_offset() -> None:
     """The mean over a period of each site, by Gauss points on each flight."""
     orbit = tilted()
@@ -257,23 +245,6 @@ def test_newton_converges_quadratically() -> None:
     for before, after in itertools.pairwise(errors):
         assert after < 30 * before**2 + 1e-13
     assert errors[-1] < 1e-13
-
-
-@pytest.mark.parametrize("sites", [1, 2, 20, 400])
-def test_any_ring_gives_the_breather_of_that_ring(sites: int) -> None:
-    breather = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(sites))
-    orbit = orbit_at(shooting(breather))
-    assert orbit.symmetric
-    assert orbit.times[0] == pytest.approx(breather.phi, abs=1e-12)
-    assert orbit.p == pytest.approx(breather.p, abs=1e-12)
-    whole = orbit_at(shooting(breather, symmetric=False))
-    assert whole.times == pytest.approx([breather.phi, breather.phi + math.pi], abs=1e-11)
-    assert whole.c == pytest.approx(0.0, abs=1e-12)
-    t = np.linspace(-4, 9, 40)
-    for n in {0, 1 % sites, sites // 2}:
-        for ours in (orbit, whole):
-            assert ours.displacement(n, t) == pytest.approx(breather.displacement(n, t), abs=1e-11)
-            assert ours.velocity(n, t) == pytest.approx(breather.velocity(n, t), abs=1e-11)
 
 
 def test_mean_of_the_ring_is_found_although_no_flight_pins_it() -> None:
@@ -593,14 +564,18 @@ def test_orbit_of_another_lattice_is_a_seed_by_its_impacts_or_its_motion() -> No
     assert bare.p == pytest.approx(exact.p, abs=1e-11)
 
 
-def test_orbit_moves_to_a_ring_of_another_size() -> None:
-    for sites in (7, 12, 60):
-        orbit = orbit_at(shooting(tilted(), sites=sites))
-        wanted = two_impacts(
-            brentq(lambda d, n=sites: float(two_impacts(d, **AT, sites=n).a) - 0.82, 0.1, 0.6),
-            **AT, sites=sites,
-        )  # fmt: skip
-        assert orbit.p == pytest.approx(float(wanted.p), abs=1e-11)
+@pytest.mark.parametrize("sites", [RING, 7, 12, 60])
+def test_asymmetric_orbit_of_a_ring_of_any_size_is_the_closed_form(sites: int) -> None:
+    """At thirty digits: times, momentum, offset."""
+    orbit = orbit_at(shooting(tilted(), sites=sites))
+    d = brentq(lambda d: float(two_impacts(d, **AT, sites=sites).a) - 0.82, 0.1, 0.6, xtol=1e-15)
+    exact = two_impacts(d, **AT, sites=sites)
+    t1, t2 = orbit.times
+    assert abs(t2 - t1 - math.pi) == pytest.approx(float(2 * d), abs=1e-12)
+    assert math.cos((t1 + t2) / 2) == pytest.approx(float(abs(mp.cos(exact.middle))), abs=1e-12)
+    assert orbit.p == pytest.approx(float(exact.p), abs=1e-13)
+    assert abs(orbit.c) == pytest.approx(float(exact.c), abs=1e-13)
+    assert orbit.residual < 1e-14
 
 
 def test_point_of_a_branch_is_a_seed_and_its_problem_too() -> None:

@@ -13,8 +13,6 @@ from contbreather.lattice.conditions import spring_response
 from contbreather.orbits import neighbour_peak, smallest_amplitude
 from contbreather.stability import window
 
-from .field import Field
-
 TWO = cb.Fourier.from_response(cos={1: 1.0, 3: 0.2}, sin={3: 0.1})
 
 
@@ -108,17 +106,6 @@ def test_neimark_sacker_points_are_ends_of_the_window_and_seen_on_a_ring() -> No
     mu = inside.stability().multipliers
     assert inside.stability(sites=300).largest == pytest.approx(abs(mu[0]) ** 2, rel=2e-3)
     assert inside.stability().over_reflecting
-
-
-@pytest.mark.parametrize("forcing", [None, TWO])
-def test_an_integrator_brings_it_back(forcing) -> None:
-    b = cb.symmetric(0.45, 0.05, 0.8, spring=0.2, forcing=forcing)
-    assert b.admissibility().ok
-    sites, start = 40, b.phi + 0.3
-    n = np.minimum(np.arange(sites), sites - np.arange(sites))
-    x = np.concatenate([b.displacement(n, start), b.velocity(n, start)])
-    half, *_ = Field(cb.Ring(sites), b.conditions).run(x, start, start + math.pi)
-    assert half == pytest.approx(-x, abs=1e-9)
 
 
 def test_the_spring_is_traced_and_freed_in_boundaries() -> None:

@@ -137,17 +137,6 @@ def test_every_site_is_antisymmetric_and_the_breather_even_in_space(gamma, k, n,
     assert u == b.displacement(-n, t)
 
 
-@pytest.mark.parametrize("turns", [-1001, -2, -1, 0, 1, 2, 7, 1000])
-def test_velocity_at_an_impact_is_the_value_just_after(turns):
-    for b in (symmetric(0.5, 0.12, 0.4), symmetric(0.3, 0.12, 0.7, forcing=TWO)):
-        t = b.phi + turns * math.pi
-        way = 1.0 if turns % 2 == 0 else -1.0
-        assert b.displacement(0, t) == pytest.approx(way, abs=1e-11)
-        assert b.velocity(0, t) == pytest.approx(-way * b.k * b.incoming[0], abs=1e-11)
-        assert b.velocity(0, t - 1e-9) == pytest.approx(way * b.incoming[0], abs=1e-7)
-        assert b.velocity(1, t) == pytest.approx(b.velocity(1, t - 1e-9), abs=1e-7)
-
-
 # ------------------------------------------------------------------------ the motion itself
 
 

@@ -10,7 +10,6 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.orbit import orbit_at
 from contbreather.simulation import periodic, rotation, simulate, simulate_smooth
-from contbreather.simulation.periodic import _events
 from tests.simulation.zoo import breather
 
 RING = {"gamma": 0.04, "k": 0.8, "damping": 0.02}
@@ -132,13 +131,14 @@ def test_with_one_wall_there_is_no_half_and_folds_are_those_of_the_shot_orbit():
 
 def line(diagonal, flip="PF", kinds=("LP", "BP", "PF", "PD", "NS", "MX"), damping=0.1):
     """A fixed point at 0 of a map whose multipliers are functions of mu, with events of motions."""
-    on = simulate(([0.0], [0.0]), a=0.1, gamma=0.0, k=0.8, damping=damping, periods=0).conditions
+    on = {"a": 0.5, "gamma": 0.0, "k": 0.8, "damping": damping}
+    own = periodic(breather(1, **on).state, symmetric=flip == "PF", **on).problem.events
     size = len(diagonal(0.0))
     return cb.FixedPoint(
         lambda x, p: np.asarray(diagonal(p["mu"])) * x + 0.0,
         {f"x{i}": 0.0 for i in range(size)},
         {"mu": 0.0, "damping": damping},
-        events=[event for event in _events(on, flip) if event.kind in kinds],
+        events=[event for event in own if event.kind in kinds],
     )
 
 
