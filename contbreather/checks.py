@@ -18,12 +18,12 @@ MANY = 100_000  # values of a parameter, and combinations of values: with zones 
 _LONG = 200  # characters of a value in a sentence
 
 
-def shown(value: object) -> str:
+def brief(value: object) -> str:
     """A value as a sentence shows it, however long it is.
 
     Examples
     --------
-    >>> shown("x"), shown([1.0]), len(shown(10**5000)) < 250
+    >>> brief("x"), brief([1.0]), len(brief(10**5000)) < 250
     ("'x'", '[1.0]', True)
     """
     try:
@@ -60,14 +60,14 @@ def number(name: str, value: object, low: float, high: float, wanted: str) -> fl
     x = real(value)
     if low <= x <= high and math.isfinite(x):
         return x
-    raise BadInput(f"{name} = {shown(value)}: {wanted}, a finite number, was expected.")
+    raise BadInput(f"{name} = {brief(value)}: {wanted}, a finite number, was expected.")
 
 
 def flag(name: str, value: object) -> bool:
     """Yes or no, or a sentence."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
-    raise BadInput(f"{name} = {shown(value)}: True or False was expected.")
+    raise BadInput(f"{name} = {brief(value)}: True or False was expected.")
 
 
 def one_of(name: str, value: Any, choices: Sequence[str | int]) -> Any:
@@ -76,7 +76,7 @@ def one_of(name: str, value: Any, choices: Sequence[str | int]) -> Any:
     if plain and value in choices:
         return value
     *most, last = map(repr, choices)
-    raise BadInput(f"{name} must be {', '.join(most)} or {last}, got {shown(value)}")
+    raise BadInput(f"{name} must be {', '.join(most)} or {last}, got {brief(value)}")
 
 
 def whole(name: str, value: object, least: int) -> int:
@@ -86,7 +86,7 @@ def whole(name: str, value: object, least: int) -> int:
             return int(value)
         if value > MOST:
             raise BadInput(f"{name} is above {MOST}: no computer counts that far.")
-    raise BadInput(f"{name} = {shown(value)}: a whole number, at least {least}, was expected.")
+    raise BadInput(f"{name} = {brief(value)}: a whole number, at least {least}, was expected.")
 
 
 def numbers(name: str, value: object) -> NDArray[np.float64]:
@@ -104,7 +104,7 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, for instance
         array = np.array(math.nan)
     if not np.isfinite(array).all():
-        raise BadInput(f"{name} = {shown(value)}: finite real numbers were expected.")
+        raise BadInput(f"{name} = {brief(value)}: finite real numbers were expected.")
     return array
 
 
@@ -112,7 +112,7 @@ def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     """A row of finite floats, at least one, or a sentence; a number is a row of one."""
     entries = np.atleast_1d(numbers(name, value))
     if entries.ndim != 1 or not entries.size:
-        raise BadInput(f"{name} = {shown(value)}: {wanted}, a row of finite numbers, was expected.")
+        raise BadInput(f"{name} = {brief(value)}: {wanted}, a row of finite numbers, was expected.")
     return entries
 
 
@@ -129,7 +129,7 @@ def spread(name: str, low: object, high: object, count: object) -> list[float]:
     integer = isinstance(count, int | np.integer) and not isinstance(count, bool)
     if not integer or not 1 <= count <= MANY:  # type: ignore[operator]
         raise BadInput(
-            f"{name}: {shown(count)} values from {ends[0]:g} to {ends[1]:g}: a whole number from "
+            f"{name}: {brief(count)} values from {ends[0]:g} to {ends[1]:g}: a whole number from "
             f"1 to {MANY} was expected."
         )
     values = [float(f"{x:.12g}") for x in np.linspace(*ends, count)]  # type: ignore[call-overload]
@@ -157,7 +157,7 @@ def values_by(name: str, typed: str) -> list[float]:
             asked = float(low), float(high), int(count)
         except ValueError:
             raise BadInput(
-                f"{name}: {shown(text)} is neither a number nor LOW:HIGH:COUNT, 0.5:0.9:5 for "
+                f"{name}: {brief(text)} is neither a number nor LOW:HIGH:COUNT, 0.5:0.9:5 for "
                 "instance"
             ) from None
         values += spread(name, *asked)
@@ -186,7 +186,7 @@ def state_rows(state: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                 f"{type(state).__name__} has: give its state(), on the infinite chain state(sites)."
             ) from error
         raise BadInput(
-            f"a state is a pair (u, v) of rows of numbers, got {shown(state)}."
+            f"a state is a pair (u, v) of rows of numbers, got {brief(state)}."
         ) from error
     if u.ndim != 1 or u.shape != v.shape or not u.size:
         raise BadInput(

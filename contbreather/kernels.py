@@ -343,7 +343,7 @@ def _address(kernel: Kernel) -> int:
     if kernel not in KERNELS and name not in at_hand().files:
         told = f"{kernel.function.__name__} is not among what is compiled with the package"
         raise NotCompiled(told)
-    return machine_code.load(name)
+    return machine_code.code_address(name)
 
 
 def is_foreign(function: Function) -> bool:
@@ -380,5 +380,5 @@ def status() -> str:
     if len(found) < len(names):
         note = machine_code.OBJECTS / "reason.txt"  # which the installation left
         lines += [f"when it was installed: {note.read_text().strip()}"] if note.exists() else []
-        lines.append(machine_code.missing(next(name for name in names if name not in files)))
+        lines.append(machine_code.why_missing(next(name for name in names if name not in files)))
     return "; ".join(lines)

@@ -60,7 +60,7 @@ class NotCompiled(Exception):
 # --- what is at hand ------------------------------------------------------------------------------
 
 
-def load(name: str) -> int:
+def code_address(name: str) -> int:
     """Where the code in the object file of this name begins.
 
     Raises
@@ -72,7 +72,7 @@ def load(name: str) -> int:
         if name not in _loaded:
             path = at_hand().files.get(name)
             if path is None:
-                raise NotCompiled(missing(name))
+                raise NotCompiled(why_missing(name))
             _loaded[name] = load_object(read_object(path))
     return _loaded[name]
 
@@ -282,7 +282,7 @@ def workers_process() -> bool:
     return module is not None and module.parent_process() is not None
 
 
-def missing(name: str) -> str:
+def why_missing(name: str) -> str:
     """Why there is no such file, and what is done about it: the compiler is started, once."""
     folder = cache_directory()
     if folder is not None and not distrust(folder):

@@ -152,12 +152,12 @@ def parameter(name: str, value: object, **range_: Any) -> float:
         declared = replace(declared, **range_)
     if type(value) is float and declared.holds(value):  # most are, and are asked for often
         return value
-    from .checks import real, shown
+    from .checks import brief, real
 
     number = real(value)
     if declared.holds(number):
         return number
-    raise BadInput(f"{name} = {shown(value)}: {declared.wanted}")
+    raise BadInput(f"{name} = {brief(value)}: {declared.wanted}")
 
 
 def window_of(name: str) -> tuple[float, float]:

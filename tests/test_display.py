@@ -107,7 +107,7 @@ def test_what_a_table_says_is_what_the_result_has(tmp_path: Path) -> None:
     (alone,) = multibreathers(cb.Ring(4), a=0.5, gamma=0.02, k=0.8, most=1)
     rows = [
         (proof, {"exists": "yes", "the only one within": proof.alone, "admissible": "yes",
-                 "multipliers of QS outside": 0, "p": proof.enclosure["p"].shown}),
+                 "multipliers of QS outside": 0, "p": proof.enclosure["p"].text}),
         (motion, {"closes to": motion.residual, "largest |multiplier|": motion.largest,
                   "multipliers outside": motion.unstable, "damping": 0.02}),
         (stream, {"sites": 5, "periods": 3, "until t =": stream.end, "a": 0.5}),
@@ -134,7 +134,7 @@ def test_a_covering_is_a_line_for_each_count_and_one_for_each_gap() -> None:
     over = certify(cb.trace(start, "gamma", within={"gamma": (0.1, 0.13)}, towards="up"))
     rows = over.table().rows
     assert rows == [
-        *((interval.shown, n) for n in (0, None, 2) for interval in over.counted(n)),
+        *((interval.text, n) for n in (0, None, 2) for interval in over.counted(n)),
         *(("not proved", why) for why in over.unproved),
     ]
     assert {n for _, n in rows if not isinstance(n, str)} == {0, None, 2}

@@ -112,3 +112,18 @@ def test_the_release_is_tested_on_the_floors_of_the_project() -> None:
     assert {re.split("[>]", one)[0] for one in PROJECT["project"]["dependencies"]} <= {
         line.split("==")[0] for line in pinned
     }
+
+
+def test_a_name_is_that_of_one_function_or_class_and_of_one_file() -> None:
+    """But for commands, which bear the names of what they call, and for files of plots, which bear
+    that of what they draw; the process and the compiler begin with `main`."""
+    places: dict[str, set[str]] = {}
+    for module, tree in modules(PACKAGE).items():
+        _, _, part = module.partition(".")
+        if not part.startswith(("cli", "plotting")):
+            places.setdefault(f"{part.rpartition('.')[2]}.py", set()).add(module)
+        for node in tree.body:
+            named = isinstance(node, ast.FunctionDef | ast.ClassDef)
+            if named and not node.name.startswith("_") and not part.startswith("cli"):
+                places.setdefault(node.name, set()).add(module)
+    assert {name for name, where in places.items() if len(where) > 1} == {"main"}

@@ -125,7 +125,7 @@ def first_harmonic(gamma: Ball, n: int) -> Ball:
     return (-4 * gamma / (1 + r) ** 2) ** n / r
 
 
-def free_flight(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
+def free_flight_enclosure(gamma: Ball, n: int) -> tuple[Ball, arb_poly, list[Ball]]:
     """Site n between two impacts per unit p: ``-s sin y + P(y) + error``, y the time from mid
     flight.
 
@@ -218,17 +218,17 @@ def closure(values: Values) -> list[Value]:
     return [height, a * driven(values, 1) - p * loss(values)]
 
 
-def fold(values: Values) -> Value:
+def fold_condition(values: Values) -> Value:
     """(T7), the determinant of the closure's Jacobian."""
     return chi(values["gamma"]) * driven(values, 2) + loss(values) * driven(values, 1)
 
 
-def pitchfork(values: Values) -> Value:
+def pitchfork_condition(values: Values) -> Value:
     """(T15), half the distance of b from where the half map has +1."""
     return values["a"] * driven(values, 2) - 2 * values["p"] * sigma(values["gamma"])
 
 
-def saltation(values: Values) -> Value:
+def saltation_enclosure(values: Values) -> Value:
     """The entry b of the saltation matrix, (T8)."""
     pull = values["a"] * driven(values, 2) - values["p"] * eta(values["gamma"])
     return (1 + values["k"]) ** 2 * pull / (2 * values["p"])

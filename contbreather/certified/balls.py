@@ -43,7 +43,7 @@ class Interval(NamedTuple):
         return isinstance(x, float | int) and self.low <= x <= self.high
 
     @property
-    def shown(self) -> str:
+    def text(self) -> str:
         """In words, with as many digits as tell its ends apart."""
         ends = ((f"{self.low:.{n}g}", f"{self.high:.{n}g}") for n in range(9, 18))
         low, high = next((pair for pair in ends if pair[0] != pair[1]), (repr(self.low),) * 2)
@@ -104,7 +104,7 @@ def subintervals(
 Equations = Callable[[Sequence[Value]], list[Value]]
 
 
-def jacobian(equations: Equations, box: Sequence[Ball]) -> list[list[Ball]]:
+def jacobian_enclosure(equations: Equations, box: Sequence[Ball]) -> list[list[Ball]]:
     """Enclosures of all partial derivatives over a box, one unknown after the other as a jet."""
     columns = []
     for j in range(len(box)):
@@ -140,7 +140,7 @@ def krawczyk(
     """
     unknown = [i for i in range(len(box)) if i != along]
     middle = [arb(x.mid()) for x in box]
-    rows, value = jacobian(equations, box), equations(middle)
+    rows, value = jacobian_enclosure(equations, box), equations(middle)
     slopes = arb_mat([[row[i] for i in unknown] for row in rows])
     try:
         inverse = slopes.mid().inv().mid()

@@ -65,7 +65,7 @@ class Certificate(HtmlRepr):
         rows: list[tuple[str, Cell]] = [
             ("exists", yes_or_no(self.exists)),
             ("the only one within", self.alone if self.unique else None),
-            *((name, interval.shown) for name, interval in self.enclosure.items()),
+            *((name, interval.text) for name, interval in self.enclosure.items()),
             ("admissible", yes_or_no(self.admissible)),
             ("multipliers of QS outside", self.unstable),
         ]
@@ -177,13 +177,13 @@ class Covering(HtmlRepr):
         """A line for each interval over which breathers have so many multipliers outside, and one
         for each gap."""
         counts = dict.fromkeys(tile.unstable for tile in self.tiles if tile)
-        proved = [(n, interval.shown) for n in counts for interval in self.counted(n)]
+        proved = [(n, interval.text) for n in counts for interval in self.counted(n)]
         where = [*(shown for _, shown in proved), *("not proved" for _ in self.unproved)]
         outside = [*(n for n, _ in proved), *self.unproved]
         return Sheet([Column(self.free, where), Column("multipliers of QS outside", outside)])
 
     def describe(self) -> str:
-        parts = ", ".join(interval.shown for interval in self.covered) or "nowhere"
+        parts = ", ".join(interval.text for interval in self.covered) or "nowhere"
         whole = "one smooth curve" if self.connected else "not proved to be one curve"
         lines = [
             f"Proved over {self.free} in {parts} by {len(self.tiles)} tiles ({whole}): breathers "

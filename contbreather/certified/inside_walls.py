@@ -72,10 +72,10 @@ def far_field(values: Mapping[str, Ball]) -> ProvenMotion:
     return ProvenMotion(tuple(harmonics), (nothing,) * 3, (arb(0),) * 3)
 
 
-def motion(values: Mapping[str, Ball], n: int) -> ProvenMotion:
+def motion_enclosure(values: Mapping[str, Ball], n: int) -> ProvenMotion:
     """Site n of the breather."""
     drive, p = far_field(values), values["p"]
-    amplitude, powers, errors = averages.free_flight(values["gamma"], n)
+    amplitude, powers, errors = averages.free_flight_enclosure(values["gamma"], n)
     harmonics = {m: (c, s) for m, c, s in drive.harmonics}
     cosine, sine = harmonics.get(1, (arb(0), arb(0)))
     harmonics[1] = (cosine, sine - p * amplitude)
@@ -148,7 +148,7 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
         return Proven(None, "that the impact has p > 0 is not proved")
     drive = far_field(values)
     pieces = PIECES * drive.highest
-    holds, when = inside(motion(values, 0), pieces)
+    holds, when = inside(motion_enclosure(values, 0), pieces)
     if holds is not True:
         return _verdict(holds, "site 0 between its impacts", when)
     far, when = below(drive, arb(1), pieces)
@@ -163,7 +163,7 @@ def admissible(values: Mapping[str, Ball]) -> Proven:
         room = 1 - values["p"] * averages.reach(values["gamma"], n)
         if room > ceiling and below(drive, room, pieces)[0]:
             return Proven(True)
-        holds, when = below(motion(values, n), arb(1), pieces)
+        holds, when = below(motion_enclosure(values, n), arb(1), pieces)
         if holds is not True:
             return _verdict(holds, f"site {n}", when)
     return Proven(None, f"sites beyond {FARTHEST}: the far field is too close to the walls")

@@ -19,28 +19,34 @@ from typing import Any
 from flint import arb, arb_mat
 
 from contbreather.certified import averages
-from contbreather.certified.averages import check_forcing, equations, fold, pitchfork, saltation
+from contbreather.certified.averages import (
+    check_forcing,
+    equations,
+    fold_condition,
+    pitchfork_condition,
+    saltation_enclosure,
+)
 from contbreather.certified.balls import (
     Ball,
     Equations,
     Interval,
     hull,
     interval,
-    jacobian,
+    jacobian_enclosure,
     krawczyk,
     nearest_float,
     working,
 )
 from contbreather.certified.certificate import Certificate, Covering, Tile
 from contbreather.certified.inside_walls import admissible
-from contbreather.certified.winding import unstable_count
+from contbreather.certified.winding import proven_count
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.parameters import NUMBERS
 
 UNKNOWNS = ("p", "phi")
-DEFINING = {"LP": fold, "PF": pitchfork}
+DEFINING = {"LP": fold_condition, "PF": pitchfork_condition}
 FARTHEST = 0.3  # half width of the largest box in which a zero is tried to be the only one
 
 
@@ -77,7 +83,9 @@ def zero_near(equations: Equations, point: Sequence[float], within: float) -> li
     """An enclosure of the one zero in a box around a point, or None if none is found."""
     at = [arb(x) for x in point]
     try:  # how far Newton's method would go from here: a size, not a bound
-        step = arb_mat(jacobian(equations, at)).mid().inv() * arb_mat([[f] for f in equations(at)])
+        step = arb_mat(jacobian_enclosure(equations, at)).mid().inv() * arb_mat(
+            [[f] for f in equations(at)]
+        )
     except ZeroDivisionError:
         return None
     radius = min(within, 4.0 * max(abs(nearest_float(x)) for x in step.entries()) + 1e-30)
@@ -122,7 +130,7 @@ def certify_point(
             why = () if none else (f"that there is a breather within {within:g} of this point",)
             return replace(certificate, exists=False if none else None, unproved=why)
         values = {**fixed, **dict(zip(names, zero, strict=True))}
-        follows = {"chi": averages.chi(values["gamma"]), "b": saltation(values)}
+        follows = {"chi": averages.chi(values["gamma"]), "b": saltation_enclosure(values)}
         enclosed = {**dict(zip(names, zero, strict=True)), **follows}
         return replace(
             certificate,
@@ -144,7 +152,7 @@ def _judged(values: Mapping[str, Ball], kind: str) -> dict[str, Any]:
     if kind:
         missing.append("how many multipliers are outside the circle: one is on it")
     else:
-        entries["unstable"], why = unstable_count(values)
+        entries["unstable"], why = proven_count(values)
         missing += [f"how many multipliers are outside the circle: {why}"] if why else []
     return {**entries, "unproved": tuple(missing)}
 
@@ -191,7 +199,11 @@ class BranchSheet:
         here = self.cut(along, arb(guess[along]))
         point = [arb(x) for i, x in enumerate(guess) if i != along]
         for _ in range(4):
-            step = arb_mat(jacobian(here, point)).mid().solve(arb_mat([[f] for f in here(point)]))
+            step = (
+                arb_mat(jacobian_enclosure(here, point))
+                .mid()
+                .solve(arb_mat([[f] for f in here(point)]))
+            )
             point = [arb((x - step[i, 0]).mid()) for i, x in enumerate(point)]
         place = [float(x) for x in point]
         place.insert(along, guess[along])
@@ -201,7 +213,7 @@ class BranchSheet:
         """Its direction, by size only: the cross product of both gradients, of length 1."""
         (x, y, z), (u, v, w) = (
             [float(ball.mid()) for ball in row]
-            for row in jacobian(self.system, [arb(coordinate) for coordinate in at])
+            for row in jacobian_enclosure(self.system, [arb(coordinate) for coordinate in at])
         )
         cross = (y * w - z * v, z * u - x * w, x * v - y * u)
         return [abs(component) / math.hypot(*cross) for component in cross]
@@ -277,7 +289,7 @@ def _settled(sheet: BranchSheet, piece: ProvenPiece) -> ProvenPiece:
     if not clear.holds:
         why = "" if clear.holds is False else f"whether breathers are admissible: {clear.reason}"
         return replace(piece, admissible=clear.holds, why=why)
-    count = unstable_count(values)
+    count = proven_count(values)
     why = f"how many multipliers are outside the circle: {count.reason}" if count.reason else ""
     return replace(piece, admissible=True, unstable=count.unstable, why=why)
 
@@ -352,4 +364,4 @@ def _missing(free: str, tiles: Sequence[Tile]) -> Iterator[str]:
             low, high = sorted(
                 (min(t.covers.low for t in stretch), max(t.covers.high for t in stretch))
             )
-            yield f"for {free} in {Interval(low, high).shown}, {stretch[0].why}"
+            yield f"for {free} in {Interval(low, high).text}, {stretch[0].why}"

@@ -49,7 +49,7 @@ from typing import NamedTuple
 from flint import arb, arb_mat, arb_poly
 
 from contbreather.certified import averages
-from contbreather.certified.averages import saltation
+from contbreather.certified.averages import saltation_enclosure
 from contbreather.certified.balls import (
     Ball,
     hull,
@@ -78,7 +78,7 @@ class Rectangle(NamedTuple):
     real: Ball
     imag: Ball
 
-    def meeting(self, other: Rectangle) -> complex:
+    def common_point(self, other: Rectangle) -> complex:
         """A point of both."""
         real, imag = (x.intersection(y) for x, y in zip(self, other, strict=True))
         return complex(nearest_float(real), nearest_float(imag))
@@ -165,9 +165,9 @@ def _off_zero(
     return None if all(part.contains(0) for part in rectangle) else rectangle
 
 
-def unstable_count(values: Mapping[str, Ball]) -> ProvenCount:
+def proven_count(values: Mapping[str, Ball]) -> ProvenCount:
     """Those of a breather, or of all breathers in balls."""
-    return count(values["gamma"], values["k"], saltation(values))
+    return count(values["gamma"], values["k"], saltation_enclosure(values))
 
 
 def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
@@ -179,7 +179,7 @@ def count(gamma: Ball, k: Ball, b: Ball) -> ProvenCount:
             if rectangle is None:
                 return ProvenCount(None, f"D may vanish on the circle {name}")
             rectangles.append(rectangle)
-    points = [first.meeting(second) for first, second in pairwise(rectangles)]
+    points = [first.common_point(second) for first, second in pairwise(rectangles)]
     ends = [math.copysign(1.0, nearest_float(rectangles[i].real)) + 0j for i in (0, -1)]
     path = [ends[0], *points, ends[1]]
     turning = sum(cmath.phase(second / first) for first, second in pairwise(path))

@@ -335,7 +335,7 @@ def _table(arms: Sequence[cb.Branch]) -> Sheet:
     names = [free, *(name for name in SHOWN if name in there)]
     lines = [(i, point) for i, arm in enumerate(arms, start=1) for point in arm.special]
     columns = [
-        Column(name, [point.shown(name) for _, point in lines], spare=name in TIMES)
+        Column(name, [point.table_value(name) for _, point in lines], spare=name in TIMES)
         for name in names
     ]
     first = Column("arm", [i for i, _ in lines])

@@ -221,7 +221,7 @@ def branch_table(branches: Sequence[cb.Branch], tag: str = "", first: int = 0) -
             for point, values in zip(branch, cells, strict=True):
                 row = {tag: number, **dict(zip(own, values, strict=True)), "label": point.label}
                 if point.kind:  # no count where rounding decides it, as in tables
-                    row |= {name: point.shown(name) for name in counts}
+                    row |= {name: point.table_value(name) for name in counts}
                 yield [row.get(name) for name in columns]
 
     return columns, rows()

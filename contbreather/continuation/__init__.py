@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from .point import Point as Point
     from .point import user as user
     from .problem import Problem as Problem
+    from .result_files import Run as Run
+    from .result_files import load as load
+    from .result_files import save as save
     from .resume import extend as extend
     from .resume import refined as refined
     from .resume import with_columns as with_columns
-    from .run import Run as Run
-    from .run import load as load
-    from .run import save as save
     from .settings import Steps as Steps
     from .switching import SwitchingProblem as SwitchingProblem
     from .trace import iterate as iterate

@@ -180,7 +180,7 @@ def boundary_problem(
         met
         for other in active
         if other.kind != event.kind and other.test is not None
-        for met in locus.meets.get(other.kind, (meeting(event.kind, other),))
+        for met in locus.meets.get(other.kind, (codim_two(event.kind, other),))
     ]
     of_locus = locus.events
     if listed == ():  # only what the curve cannot be followed beyond
@@ -257,7 +257,7 @@ def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, 
     return replace(ground, curve=curve, z=curve.start, tangent=None), event
 
 
-def meeting(kind: str, event: Event) -> CodimensionTwo:
+def codim_two(kind: str, event: Event) -> CodimensionTwo:
     """An event of the original problem as one on the boundary of another: PF-GR.
 
     Where both have a locus, the meeting is located by the conditions of both at once. Where

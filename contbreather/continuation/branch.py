@@ -13,7 +13,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import check_kind, shown
+from ..checks import brief, check_kind
 from ..columns import Columns
 from ..errors import BadInput
 from ..tables import Column, HtmlRepr, Sheet
@@ -273,7 +273,7 @@ class Branch(Columns, HtmlRepr):
                 f"branch[{key!r}]: the name of a column or the number of a point was expected"
             ) from None
         except IndexError:
-            raise IndexError(f"branch[{shown(key)}]: it has {len(self)} points") from None
+            raise IndexError(f"branch[{brief(key)}]: it has {len(self)} points") from None
 
     def _piece(self, key: slice) -> Branch:
         """The points of a slice, in the order of the walk."""
@@ -416,7 +416,7 @@ class Branch(Columns, HtmlRepr):
         points = self.special
         columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]
         columns += [
-            Column(name, [point.shown(name) for point in points])
+            Column(name, [point.table_value(name) for point in points])
             for name in names
             if np.ndim(start[name]) == 0
         ]

@@ -189,7 +189,7 @@ class _Stored:
             {name: self.here[name] for name in content[which]}
             for which in ("unknowns", "parameters")
         )
-        bare = _Bare(missing, start, params, label=content["label"])
+        bare = _Bare(no_equations, start, params, label=content["label"])
         curve = self._curve(bare)
         if content["boundary"]:
             curve.varied = (content["free"][0], content["unknowns"][-1])
@@ -202,7 +202,7 @@ class _Stored:
             size = problem.residual.n
             z = np.hstack([z[:, :size], z[:, -2:]])
         for name in self.content["recorded"]:
-            function = problem.record.get(name, missing)
+            function = problem.record.get(name, no_equations)
             column = _Recorded(function, z, self.columns[name])
             counts = isinstance(function, UnstableDimension)
             record[name] = UnstableDimension(column, column.rows) if counts else column
@@ -270,7 +270,7 @@ def _check_fit(curve: Curve) -> None:
         raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
 
 
-def missing(*_: Any) -> Any:
+def no_equations(*_: Any) -> Any:
     """The equations of a branch that was loaded without them."""
     raise BadInput(
         "this branch was loaded without its equations; load(path, problem=...) attaches them"
@@ -281,7 +281,7 @@ class _Bare(Problem):
     """The names and numbers of a branch alone."""
 
     def interpret(self, point: Point) -> Any:  # type: ignore[override]
-        missing()
+        no_equations()
 
 
 def _event_from_dict(content: Content, candidates: Iterable[Event]) -> Event | None:

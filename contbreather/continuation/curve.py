@@ -412,7 +412,7 @@ class Curve:
             value = self.equations(z)
         except Undefined as error:
             raise BadInput(
-                f"the equations have no value at the start {problem.shown()}: {error}"
+                f"the equations have no value at the start {problem.start_text()}: {error}"
             ) from error
         if value.dtype == bool:
             raise BadInput(f"the residual is {value!r}; an array of numbers was expected")

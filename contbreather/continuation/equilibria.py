@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from . import branch_points, normal_forms, spectrum
 from . import defining_systems as systems
-from .boundary import meeting
+from .boundary import codim_two
 from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN
 from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
@@ -444,7 +444,7 @@ _BT = CodimensionTwo("BT", systems.overlap, examine=_examine_takens, base=_HOPF)
 
 
 def _zero_hopf(on: str, event: Event, test: Callable[[Point], float]) -> CodimensionTwo:
-    return replace(meeting(on, event), kind="ZH", test=test, examine=_examine_zero_hopf)
+    return replace(codim_two(on, event), kind="ZH", test=test, examine=_examine_zero_hopf)
 
 
 # On the boundary of one kind, what the meeting with another is called.
@@ -454,7 +454,7 @@ MEETINGS: dict[str, Mapping[str, tuple[Event, ...]]] = {
     "BP": {
         "HB": (
             replace(_BT, examine=_examine_double_zero),
-            replace(meeting("BP", _HOPF), test=_hopf_beside_zero, examine=_examine_zero_and_pair),
+            replace(codim_two("BP", _HOPF), test=_hopf_beside_zero, examine=_examine_zero_and_pair),
         )
     },
 }

@@ -61,7 +61,7 @@ class Ends:
 
 
 @dataclass(frozen=True)
-class Found:
+class StepEvents:
     """The events on one step, in order, and the candidates that failed their verification."""
 
     points: tuple[Point, ...]
@@ -78,7 +78,7 @@ def find(
     crossing: Point | None,
     ends: Ends,
     earlier: tuple[float, Sequence[Value]] | None = None,
-) -> Found:
+) -> StepEvents:
     """All events on one step of a walk.
 
     `before` and `after` are the tests at its ends, `earlier` arclength and tests a step before it,
@@ -99,7 +99,7 @@ def find(
         # those with a matrix say more of what is between than their values do
         samples.calm = samples.calm and not samples.foresee()
     if all(samples.calm for samples in tests):
-        return Found((), (), after)
+        return StepEvents((), (), after)
     counts = [samples for samples in tests if samples.event.test is None]
     crossings = [samples for samples in tests if samples.event.crosses]
     others = [s for s in tests if s.event.test is not None and not s.event.crosses]
@@ -121,7 +121,7 @@ def find(
     if curve.problem.beneath is not None:
         points = list(_one_a_place(points))
     good = tuple(point for point in points if point.located)
-    return Found(good, _unverified([p for p in points if not p.located], good), after)
+    return StepEvents(good, _unverified([p for p in points if not p.located], good), after)
 
 
 def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:

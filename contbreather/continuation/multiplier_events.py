@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from . import defining_systems as systems
 from . import normal_forms
-from .boundary import meeting
+from .boundary import codim_two
 from .branch_points import branches_cross, crossed
 from .curve import Curve
 from .linear_algebra import by_inverses, least_singular, solved
@@ -110,7 +110,7 @@ def least_of_pairs(on: str, point: Point) -> float:
     return systems.least_with_sign(first * second - 1, rounding)
 
 
-def closed(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
+def scaled_closing(curve: Curve, matrix: Matrix, mu: complex) -> Matrix:
     """The square derivative whose null vectors are perturbations that have grown by mu when they
     come back, those of a map in their scales."""
     square, units = normal_forms.closed(curve, matrix, mu), _units(curve)
@@ -125,7 +125,10 @@ def _units(curve: Curve) -> Array:
 def _eigenvectors(mu: float, point: Point) -> int:
     """How many, one or two, belong to a multiplier that is there."""
     ground = point.base_point
-    matrix, moved = closed(ground.curve, ground.jacobian(), mu), ground.curve.problem.perturbed
+    matrix, moved = (
+        scaled_closing(ground.curve, ground.jacobian(), mu),
+        ground.curve.problem.perturbed,
+    )
     # meshes have no multipliers: that of an orbit that rests is all but free
     weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
     return 2 if weak.second < _RANK * max(1.0, weak.largest) else 1
@@ -189,13 +192,13 @@ def _weak(curve: Curve, z: Array) -> _Weak:
 
     def make(z: Array) -> _Weak:
         matrix = curve.jacobian(z)
-        B = closed(curve, matrix, -1.0)
+        B = scaled_closing(curve, matrix, -1.0)
         if not is_large(B):
             weak = least_singular(B)
             value, left = weak.sign * weak.size, weak.sign * weak.left
             return _Weak(value, left, weak.right, min(1.0, weak.second))
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
-        factors = (Factors(closed(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
+        factors = (Factors(scaled_closing(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
@@ -224,7 +227,7 @@ def _bordered(curve: Curve, z: Array, extra: Array) -> tuple[Any, NDArray[Any], 
     v and w with ``g' = -w* B' v``."""
 
     def make(place: Array) -> tuple[Any, NDArray[Any], NDArray[Any]]:
-        B = closed(curve, curve.jacobian(z), cmath.exp(1j * place[-1]))
+        B = scaled_closing(curve, curve.jacobian(z), cmath.exp(1j * place[-1]))
         # ( B   a ) (v)   (0)  g = det B / det of all, for any a that is not at right angles to both
         # ( a*  0 ) (g) = (1)  parts of a null vector
         a, unit = any_vector(curve.size), np.eye(1, curve.size + 1, curve.size, dtype=complex)[0]
@@ -261,7 +264,7 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
     left, right = w.conj() / units, v * units
     slope = -_turned(curve, z, left, right.real) - 1j * _turned(curve, z, left, right.imag)
     # affine in mu: the derivative of the closing is the difference of any two
-    in_mu = closed(curve, matrix, 1.0) - closed(curve, matrix, 0.0)
+    in_mu = scaled_closing(curve, matrix, 1.0) - scaled_closing(curve, matrix, 0.0)
     slope = np.append(slope, -1j * cmath.exp(1j * angle) * (w.conj() @ (in_mu @ v)))
     sine, below = math.hypot(math.sin(angle), _FLAT), slope.imag
     below[-1] -= g.imag * math.sin(angle) * math.cos(angle) / sine**2
@@ -354,7 +357,7 @@ def meetings(on: str, events: Events) -> dict[str, tuple[Event, ...]]:
         critical = f"{_CRITICAL[first]} {_CRITICAL[second]}"
         test = partial(least_of_pairs, on) if wanted is None else partial(least_beside, on, wanted)
         examine = partial(_on_circle, critical, first == "LP")
-        met[kind] = (replace(meeting(on, events[kind]), kind=name, test=test, examine=examine),)
+        met[kind] = (replace(codim_two(on, events[kind]), kind=name, test=test, examine=examine),)
     if on == "BP":
         met["NS"] = (_double("BP", 1, events), *met["NS"])
     return met

@@ -44,7 +44,7 @@ class Solution:
     converged: bool
     iterations: int
     residual: float  # largest entry of the equations at z
-    correction: float  # length of the last step, an estimate of the error before it
+    newton_step: float  # length of the last step, an estimate of the error before it
 
 
 class Equations(Protocol):
@@ -103,7 +103,7 @@ def chord(
     most, before = rules.LASTING * size, math.nan
     steps: list[Array] = []
     while True:
-        step, singular = correction(factors, roughly(z), row)
+        step, singular = newton_step(factors, roughly(z), row)
         for i, past in enumerate(steps):
             dual = past * curve.metric
             along = dual.dot(step) / dual.dot(past)
@@ -119,7 +119,7 @@ def chord(
         rate = _SHRINKS if math.isnan(before) else moved / before
         if moved * rate <= _EXACT * tolerance * size:
             value, roughly = curve.equations(z), curve.equations
-            left = curve.length(correction(factors, value, row)[0])
+            left = curve.length(newton_step(factors, value, row)[0])
             if left <= _EXACT * tolerance * size:
                 return Solution(z, True, 1, float(abs(value).max()), left)
         most, before = _SHRINKS * moved, moved
@@ -140,7 +140,7 @@ class _Iteration:
             matrix = self.matrix = self.curve.jacobian(z)
             large = sparse.is_large(matrix)
             self.factors = sparse.Factors(matrix) if large else Dense(matrix, row)
-        change, singular = correction(self.factors, value, row)
+        change, singular = newton_step(self.factors, value, row)
         return change, not singular
 
     def is_rounding(self, value: Array, z: Array) -> bool:
@@ -150,13 +150,13 @@ class _Iteration:
         return bool((abs(change) <= tolerance * (abs(z) + self.curve.metric**-0.5)).all())
 
 
-def correction(
+def newton_step(
     factors: Dense | sparse.Factors, value: Array, row: Array | None
 ) -> tuple[Array, bool]:
     """The step, and whether the matrix is singular, as at a branch point: there the shortest
     correction is as good as any."""
     if isinstance(factors, sparse.Factors):
-        return sparse.correction(factors, value, row)
+        return sparse.sparse_correction(factors, value, row)
     step = factors.solve(value)  # the linear condition holds at every iterate, its residual stays 0
     if step is not None:
         return step, False
@@ -225,7 +225,7 @@ def _shortest(matrix: Array, right: Array) -> Array:
 
 
 _NEWTON = bound(
-    rules.newton,
+    rules.newton_kernel,
     residual=lambda eq, z: (eq.curve.equations(z), True),
     correction=_Iteration.correction,
     is_rounding=_Iteration.is_rounding,

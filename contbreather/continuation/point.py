@@ -105,12 +105,12 @@ class Point(HtmlRepr):
     def table(self) -> Sheet:
         """Its numbers, and what was found here."""
         names = [*self.curve.problem.names, *self.curve.problem.record]
-        shown = [(name, self.shown(name)) for name in names]
+        shown = [(name, self.table_value(name)) for name in names]
         numbers: list[Any] = [(name, value) for name, value in shown if np.ndim(value) == 0]
         numbers += [("arclength", self.arclength), ("residual", f"{self.residual:.1e}")]
         return Sheet.of(numbers + [(n, v) for n, v in self.detail.items() if np.isscalar(v)])
 
-    def shown(self, name: str) -> Any:
+    def table_value(self, name: str) -> Any:
         """A value as tables have it: None for what is no number, and for a count of unstable
         directions where rounding decides it."""
         value = self[name]

@@ -316,8 +316,8 @@ class Problem:
             solution = newton(curve, z, tolerance=tolerance, most=30)
         except Undefined as error:
             raise NotConverged(
-                f"the start {self.shown()} is not a solution (residual {before:.3g}) and Newton's "
-                f"iteration from it leaves the domain: {error}",
+                f"the start {self.start_text()} is not a solution (residual {before:.3g}) and "
+                f"Newton's iteration from it leaves the domain: {error}",
                 residual=before,
             ) from error
         # at a fold or a branch point Newton's iteration wanders off from the best there is
@@ -327,7 +327,7 @@ class Problem:
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
         if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
             raise NotConverged(
-                f"the start {self.shown()} is not a solution: residual {before:.3g}, and "
+                f"the start {self.start_text()} is not a solution: residual {before:.3g}, and "
                 f"{solution.residual:.3g} after {solution.iterations} Newton iterations; "
                 "start closer to a solution or at other parameters",
                 residual=before,
@@ -347,9 +347,9 @@ class Problem:
     def __repr__(self) -> str:
         events = f"; events {[event.kind for event in self.events]}" if self.events else ""
         counted = "1 equation" if self.x.size == 1 else f"{self.x.size} equations"
-        return f"<Problem {self.label or f'of {counted}'}: {self.shown()}{events}>"
+        return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
 
-    def shown(self) -> str:
+    def start_text(self) -> str:
         """The start and the parameters, as far as they are numbers."""
         values = {**self.start, **self.params}
         return ", ".join(

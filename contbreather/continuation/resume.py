@@ -13,7 +13,7 @@ from typing import Any, Literal
 from ..checks import check_kind, number, one_of, whole
 from ..errors import BadInput, add_partial_result
 from .branch import Branch, Points, Stop, labelled
-from .branch_from_dict import missing
+from .branch_from_dict import no_equations
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
 from .defining_systems import event_of
 from .duplicates import lies_on
@@ -79,8 +79,8 @@ def extend(
     """
     check_kind(branch, Branch, "a Branch")
     one_of("end", end, ("both", "last", "first"))
-    if branch.problem.residual is missing:
-        missing()
+    if branch.problem.residual is no_equations:
+        no_equations()
     if event_of(branch.problem) and events is not None:
         raise BadInput("a boundary goes on with the events it was asked for; leave events out")
     settings = _settings(branch, within, events, steps)

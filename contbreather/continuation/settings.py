@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from numbers import Integral
 
-from ..checks import flag, real, shown
+from ..checks import brief, flag, real
 from ..errors import BadInput
 from .point import Event, EventWithRule, Point
 from .problem import Problem
@@ -63,9 +63,9 @@ class Steps:
                 continue
             size = real(value)
             if math.isnan(size) and not isinstance(value, float):
-                raise BadInput(f"{entry.name} must be a number, got {shown(value)}")
+                raise BadInput(f"{entry.name} must be a number, got {brief(value)}")
             if entry.name != "most" and not 0 < size < math.inf:
-                raise BadInput(f"{entry.name} must be finite and positive, got {shown(value)}")
+                raise BadInput(f"{entry.name} must be finite and positive, got {brief(value)}")
         largest = longest(self.largest or math.nan, 0.0)
         if not self.smallest <= min(self.first, largest):
             raise BadInput(
@@ -90,7 +90,7 @@ def steps_of(steps: object, usual: Steps | None = None) -> Steps:
     if steps is None:
         return usual or _USUAL
     if not isinstance(steps, Steps):
-        raise BadInput(f"steps must be given as Steps(largest=...), got {shown(steps)}")
+        raise BadInput(f"steps must be given as Steps(largest=...), got {brief(steps)}")
     return steps
 
 

@@ -356,7 +356,7 @@ def _odd(permutation: NDArray[np.intp]) -> bool:
     return bool((n - cycles) % 2)
 
 
-def correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array, bool]:
+def sparse_correction(factors: Factors, right: Array, row: Array | None) -> tuple[Array, bool]:
     """The solution of a bordered system whose last right side is zero, and whether its matrix is
     singular to the last digit: then of those that nearly solve it one that is short."""
     below = None if row is None else row[None, :]

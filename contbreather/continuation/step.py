@@ -142,7 +142,7 @@ def try_step(eq: CompiledEquations, rules: Rules, here: Here, state: Vector) -> 
         return LOOK, 0.0
     # pseudo-arclength: with the tangent as its last row the matrix is regular at folds, too
     # (H. B. Keller, in Applications of Bifurcation Theory, ed. P. H. Rabinowitz, 1977, p. 359)
-    solution = newton(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
+    solution = newton_kernel(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
     if solution.status != TAKEN:
         return solution.status, 0.0
     if outside(rules, solution.z):
@@ -170,7 +170,7 @@ def corrected(
 ) -> None:
     """The point of the curve in the plane across a vector, and its tangent on the side of `slope`,
     from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
-    solution = newton(eq, across, here.there, tolerance, ITERATIONS)
+    solution = newton_kernel(eq, across, here.there, tolerance, ITERATIONS)
     answer[0], answer[1], answer[2] = solution.status, solution.iterations, solution.residual
     if solution.status == TAKEN and tangent_at(eq, slope, solution.z, here)[1] == 0:
         answer[0] = LOOK
@@ -180,7 +180,7 @@ def corrected(
 
 
 @inlined
-def newton(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
+def newton_kernel(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Corrected:
     """Newton's iteration from z on, with ``row . z`` kept.
 
     It ends with a correction of at most ``tolerance (1 + |z|)``, and then is far more exact, being

@@ -14,7 +14,7 @@ from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .ends import Bound, StartOnCurve
-from .newton import Array, Solution, Undefined, correction, newton
+from .newton import Array, Solution, Undefined, newton, newton_step
 from .point import Point
 from .settings import Steps
 from .step import (
@@ -339,7 +339,7 @@ def _off_curve(curve: Curve, here: Point, z: Array, ahead: Array, length: float)
     row, value = curve.metric * here.direction, curve.equations(between, curve.problem.roughly)
     # of large problems the factors at hand: no more than the size of the answer is asked for
     factors = curve.factors(z if z.size > WIDEST else between, row)
-    change, singular = correction(factors, value, row)
+    change, singular = newton_step(factors, value, row)
     return 0.0 if singular else curve.length(change)
 
 

@@ -22,7 +22,7 @@ from .checkpoint import Checkpoint, Save, checkpoint
 from .curve import PASSED
 from .defining_systems import Singular
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
-from .event_detection import Ends, Found, clear_steps, find, without_candidate
+from .event_detection import Ends, StepEvents, clear_steps, find, without_candidate
 from .newton import Undefined
 from .point import Event, Point
 from .problem import Problem, problem_in
@@ -36,7 +36,7 @@ Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to se
 
 _MANY = 4  # steps that are worth arrays
 _TOGETHER = 32  # plain steps that are looked at before the next ones are shown
-_NOTHING = Found((), (), ())  # what happens where nothing is looked for
+_NOTHING = StepEvents((), (), ())  # what happens where nothing is looked for
 
 
 class Startable(Protocol):
@@ -401,7 +401,7 @@ class ContinuationIterator:
 
     # --- locate ---
 
-    def _located(self, step: Step) -> Found:
+    def _located(self, step: Step) -> StepEvents:
         """What happens on this step."""
         segment = StepInterpolant(self.point, step.point, self.steps.tolerance)
         ends = Ends(self.count == 0, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
@@ -413,7 +413,7 @@ class ContinuationIterator:
         except Undefined as error:
             raise StepFailed(Stop.RIM, f"while locating an event: {error}") from error
 
-    def _line_up(self, step: Step, located: Found) -> tuple[list[Point], Stop | None]:
+    def _line_up(self, step: Step, located: StepEvents) -> tuple[list[Point], Stop | None]:
         """The points of this step, in order, and whether the walk ends with it."""
         point, begins = self.point, self.count == 0
         reach = 1e-8 * (step.point.arclength - point.arclength)

@@ -52,15 +52,15 @@ from contbreather.explorer.views import (
     MultipliersView,
     ProfileView,
     ZonesView,
+    letter,
     marked,
-    symbol,
 )
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.parameters import NUMBERS
 from contbreather.progress import in_notebook
 
 PLANES = {
-    f"{symbol(x)}, {symbol(y)}": name for name, (x, y) in PAIRS.items()
+    f"{letter(x)}, {letter(y)}": name for name, (x, y) in PAIRS.items()
 }  # by what is fixed in each
 TAPS = ("tap", "doubletap")  # the second of two quick clicks comes as the latter alone
 NOWHERE = -1  # at no special point

@@ -66,7 +66,7 @@ def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
     source.data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
 
 
-def symbol(name: str) -> str:
+def letter(name: str) -> str:
     """The letter of a parameter."""
     return GREEK.get(name, name)
 
@@ -167,7 +167,7 @@ class ZonesView:
             _fill(source, (line.T for line in drawn.curves[kind]))
         _fill(self.letters, ((region.x, region.y, region.verdict) for region in shaded))
         x, y = drawn.pair
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
         every = np.vstack([line for lines in drawn.curves.values() for line in lines])
         _reach(self.figure.x_range, [0.0, every[:, 0].max()])
         _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
@@ -217,7 +217,7 @@ class ZonesView:
 
 
 def _at(fixed: tuple[str, float]) -> str:
-    return f"{symbol(fixed[0])} = {fixed[1]:g}"
+    return f"{letter(fixed[0])} = {fixed[1]:g}"
 
 
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
@@ -261,7 +261,7 @@ class BranchView:
             marks += [_special(point, code, x, y, colour) for point in branch.special]
         for style, rows in drawn.items():
             _fill(self.lines[style], rows)
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = symbol(x), symbol(y)
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
         many = f"{len(curves)} curves" if len(curves) > MANY else ", ".join(curves)
         self.figure.title.text = many or "no branch yet"
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):

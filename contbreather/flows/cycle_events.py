@@ -21,10 +21,10 @@ from ..continuation.multiplier_events import least_beside, linked, meetings, unr
 from ..continuation.newton import OUT_OF_DOMAIN, Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from ..continuation.sparse import Dense
-from .equations import Equations
+from .contact_events import GRAZING, IMPACT, shrinking
+from .cycle_problem import Cycle, equations_of
+from .equations import FlowEquations
 from .homoclinic import HOMOCLINIC
-from .orbit import Cycle, equations_of
-from .walls import GRAZING, IMPACT, shrinking
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
@@ -35,12 +35,12 @@ _EXTENT = 100.0  # and in all it swings by no more than so many times this
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
 
 
-def _shrinks(equations: Equations) -> bool:
+def _shrinks(equations: FlowEquations) -> bool:
     """Whether such a cycle may shrink to an equilibrium."""
     return equations.autonomous and equations.smooth and equations.flows[0].reset is None
 
 
-def _amplitude(equations: Equations, x: Array) -> float:
+def _amplitude(equations: FlowEquations, x: Array) -> float:
     """How far the orbit swings the way it did at first, relative to its size: beyond an equilibrium
     the curve goes on as the same cycles half a turn later."""
     first, states = equations.start[0].states, x[equations.layout.nodes[0]].T
@@ -132,7 +132,7 @@ _BRANCH_POINT = replace(
 )
 
 
-def events_of(equations: Equations, tangency: str = "GR") -> tuple[Event, ...]:
+def events_of_cycle(equations: FlowEquations, tangency: str = "GR") -> tuple[Event, ...]:
     """What can happen to a cycle of these flows; one comes into being at a tangency, GR or SL."""
     events = [_LINKED["LP"], _BRANCH_POINT, _LINKED["PD"], _LINKED["NS"]]
     if _shrinks(equations):

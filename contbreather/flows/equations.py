@@ -61,7 +61,7 @@ class SolvedPlace:
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class FlowEquations:
     """A cycle of flows, discretised."""
 
     flows: tuple[Flow, ...]
@@ -375,7 +375,7 @@ class Equations:
 
     # --- other cycles -----------------------------------------------------------------------------
 
-    def doubled(self, x: Array, p: Params) -> Equations:
+    def doubled(self, x: Array, p: Params) -> FlowEquations:
         """Twice the same orbit, as one of twice the period."""
         flights = self.flights(x, p)
         if self.smooth and self.flows[0].reset is None:
@@ -399,7 +399,7 @@ class Equations:
         flows = (*self.flows, *after)
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)
 
-    def single_round(self, x: Array, p: Params) -> Equations:
+    def single_round(self, x: Array, p: Params) -> FlowEquations:
         """As begun at this orbit, a single time around where it goes around several times."""
         flights = self.flights(x, p)
         rounds = next((m for m in range(_ROUNDS, 1, -1) if self._repeats(m, flights, p)), 1)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import shown
+from ..checks import brief
 from ..continuation.newton import Array
 from ..errors import BadInput
 from .flow import (
@@ -81,7 +81,7 @@ class Filippov:
     def __post_init__(self) -> None:
         for name in ("f_plus", "f_minus", "h"):
             if not callable(function := getattr(self, name)):
-                raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
+                raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
             object.__setattr__(self, name, undecorated(function))  # they are asked inside of others
 
     @cached_property

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import numbers, shown
+from ..checks import brief, numbers
 from ..continuation.derivatives import RELATIVE, choose, directional
 from ..continuation.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
@@ -121,7 +121,7 @@ class Flow:
         if callable(self.walls):
             object.__setattr__(self, "walls", (self.walls,))
         if not isinstance(self.walls, tuple | list):
-            raise BadInput(f"walls must be a tuple of functions, got {shown(self.walls)}")
+            raise BadInput(f"walls must be a tuple of functions, got {brief(self.walls)}")
         object.__setattr__(self, "walls", tuple(self.walls))
         if self.at is not None:
             if self.until is not None:
@@ -131,7 +131,7 @@ class Flow:
             object.__setattr__(self, "at", None)  # it is in until now
         for name, function in self.functions.items():
             if not callable(function):
-                raise BadInput(f"{name} must be a function of (t, x, p), got {shown(function)}")
+                raise BadInput(f"{name} must be a function of (t, x, p), got {brief(function)}")
         if self.mass is not None:
             f = undecorated(self.f)
             object.__setattr__(self, "f", partial(_divided, _inverse(self.mass), f))
@@ -211,13 +211,13 @@ def check_function(
         wanted = count if shape != () else "a number was"
         raise BadInput(f"{name} returns shape {value.shape}; {wanted} expected {where}")
     if not np.isfinite(value).all():
-        raise BadInput(f"{name} is {shown(value.tolist())} {where}; finite numbers were expected")
+        raise BadInput(f"{name} is {brief(value.tolist())} {where}; finite numbers were expected")
 
 
 def place(t: Any, x: NDArray[Any], p: Params | None = None) -> str:
     """Where a function was called, as a sentence says it."""
-    params = "" if p is None else f", p = {shown(dict(p))}"
-    return f"at t = {t:g}, x = {shown(x.tolist())}{params}"
+    params = "" if p is None else f", p = {brief(dict(p))}"
+    return f"at t = {t:g}, x = {brief(x.tolist())}{params}"
 
 
 def _inverse(mass: Any) -> Array:
@@ -317,7 +317,7 @@ def undecorated(function: Function) -> Function:
 
 
 def _name(function: Function) -> str:
-    return getattr(function, "__qualname__", shown(function))
+    return getattr(function, "__qualname__", brief(function))
 
 
 def _calling(function: Function, t: NDArray[Any], x: NDArray[Any], p: Params) -> _Calling:

@@ -30,7 +30,7 @@ _SHALLOW = 0.3  # of the fall to it, a minimum that may dip below zero between t
 Guard = Callable[[Array], Array]  # over times
 
 
-class Watched:
+class GuardOnPiece:
     """A guard along one piece: positive, and zero where the piece ends."""
 
     def __init__(

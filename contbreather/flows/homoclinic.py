@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from ..continuation.curve import Curve
 from ..continuation.newton import Array
 from ..continuation.point import DefiningSystem, Event, Examined, Point
+from .cycle_problem import Cycle, equations_of
 from .equations import sizes_of
 from .filippov import slid_along
 from .flow import Function, slopes, values
 from .layout import Places
-from .orbit import Cycle, equations_of
 
 _OFF = 1e-8  # how far off the parameter is, but for a factor, where an orbit has come to rest
 _SHARED = 1e-6  # the same where it rests a second time

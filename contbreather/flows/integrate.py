@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import MOST, number, numbers, shown, whole
+from ..checks import MOST, brief, number, numbers, whole
 from ..columns import Columns
 from ..continuation.newton import Array
 from ..errors import BadInput, NotConverged
 from ..tables import HtmlRepr, Sheet
 from .filippov import Filippov
 from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
-from .guards import Watched
+from .guards import GuardOnPiece
 
 _LONGEST = 1e20  # how long a flow is waited for where no time is given: in any unit, but
 _PATIENT = 10_000  # steps without an event, which are some hundred oscillations
@@ -152,7 +152,7 @@ class Trajectory(Columns, HtmlRepr):
         begins = np.array([piece.t[0] for piece in self.pieces])
         end = self.pieces[-1].t[-1]
         if times.size and not (begins[0] <= times.min() and times.max() <= end):
-            raise BadInput(f"the trajectory goes from t = {begins[0]:g} to {end:g}, not {shown(t)}")
+            raise BadInput(f"the trajectory goes from t = {begins[0]:g} to {end:g}, not {brief(t)}")
         number = np.searchsorted(begins, times.ravel(), side="right") - 1
         states = np.empty((len(self.pieces[0].x), times.size))
         for i in np.unique(number):
@@ -255,9 +255,9 @@ def integrate(
     end, most = _ends(t0, periods, period, time, events, params)
     names = tuple(x0 if named else (f"x{i}" for i in range(1, state.size + 1)))
     if method not in _METHODS:
-        raise BadInput(f"method = {shown(method)}: one of {', '.join(_METHODS)} was expected")
+        raise BadInput(f"method = {brief(method)}: one of {', '.join(_METHODS)} was expected")
     tolerance = number("tolerance", tolerance, 3e-14, 1e-2, "from 3e-14 to 1e-2")
-    walk = _Walk(path, params, tolerance, method, whole("steps", steps, 1))
+    walk = _Integration(path, params, tolerance, method, whole("steps", steps, 1))
     return walk.run(t0, state, end, most, names)
 
 
@@ -268,7 +268,7 @@ def flows_of(flows: Any, period: Any) -> Any:
         return flows
     listed = [flows] if isinstance(flows, Flow) or callable(flows) else flows
     if not isinstance(listed, list | tuple) or not listed:
-        raise BadInput(f"flows must be a list of Flow, got {shown(flows)}")
+        raise BadInput(f"flows must be a list of Flow, got {brief(flows)}")
     return tuple((f if isinstance(f, Flow) else Flow(f)).timed(period) for f in listed)
 
 
@@ -289,7 +289,7 @@ def _ends(
 
 
 @dataclass
-class _Walk:
+class _Integration:
     """The driver: pieces one after the other."""
 
     path: _InTurn | Filippov
@@ -336,7 +336,7 @@ class _Walk:
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
         watched = [
-            Watched(name, guard, flow.f, self.params, rough=not self.taken)
+            GuardOnPiece(name, guard, flow.f, self.params, rough=not self.taken)
             for name, guard in guards.items()
             if guard not in clocks
         ]
@@ -354,7 +354,7 @@ class _Walk:
         if hit is None and waited < end:
             raise NotConverged(
                 f"the condition of flow {mode} was not met within {t[-1] - t0:g} from t = {t0:g}, "
-                f"x = {shown(x0.tolist())}, in {len(steps)} steps: a guard is positive inside and "
+                f"x = {brief(x0.tolist())}, in {len(steps)} steps: a guard is positive inside and "
                 "zero at the end (cb.integrate waits longer with time=)"
             )
         if hit is None and struck <= end:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..continuation.newton import Array, Undefined
 from ..continuation.sparse import Matrix
-from .equations import Equations, SolvedPlace
+from .equations import FlowEquations, SolvedPlace
 from .flow import Params, values
 
 _NO_PACE = 1e-13  # of a condition, relative to how fast it may be along its flow: it is rounding
@@ -138,7 +138,7 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
 # --- of a cycle ---------------------------------------------------------------------------------
 
 
-def of_cycle(equations: Equations, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
+def of_cycle(equations: FlowEquations, x: Array, p: Params) -> tuple[NDArray[np.complex128], float]:
     """Those that are not trivial, and the trivial one: NaN where there is none.
 
     At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
@@ -154,7 +154,7 @@ def of_cycle(equations: Equations, x: Array, p: Params) -> tuple[NDArray[np.comp
     return multipliers(rest), trivial
 
 
-def _factors(equations: Equations, place: SolvedPlace) -> tuple[list[Array], list[Array]]:
+def _factors(equations: FlowEquations, place: SolvedPlace) -> tuple[list[Array], list[Array]]:
     """The derivatives of all pieces of the orbit in the state alone, with the saltation where
     a flow ends, and the velocities where they begin: stacks of those of one shape."""
     factors: list[Array] = []
@@ -169,7 +169,7 @@ def _factors(equations: Equations, place: SolvedPlace) -> tuple[list[Array], lis
     return factors, velocities
 
 
-def _saltation(equations: Equations, place: SolvedPlace, i: int, fastest: Array) -> Array:
+def _saltation(equations: FlowEquations, place: SolvedPlace, i: int, fastest: Array) -> Array:
     """What the end of a flow does to small perturbations: the reset, and how much longer the
     one flow lasts and the next one shorter; NaN at VI, of a flow that was as fast as this."""
     piece, n = place.linear[i], len(place.flights[i].states)
@@ -188,7 +188,7 @@ def _saltation(equations: Equations, place: SolvedPlace, i: int, fastest: Array)
     return np.asarray(reset + np.outer(jump, gate) / rate)
 
 
-def _pace(equations: Equations, place: SolvedPlace, i: int) -> tuple[Array, float]:
+def _pace(equations: FlowEquations, place: SolvedPlace, i: int) -> tuple[Array, float]:
     """The velocity where a condition ends a flow, and how fast that changes: ``h_x f + h_t``."""
     flight, condition = place.flights[i], place.linear[i].condition
     assert condition is not None
@@ -196,14 +196,14 @@ def _pace(equations: Equations, place: SolvedPlace, i: int) -> tuple[Array, floa
     return f, float(condition[0, : f.size] @ f + condition[0, f.size])
 
 
-def paces(equations: Equations, x: Array, p: Params) -> Array:
+def paces(equations: FlowEquations, x: Array, p: Params) -> Array:
     """How fast each condition falls where it ends its flow; zero where it grazes."""
     place = equations.linearised(x, p)
     ended = [i for i, piece in enumerate(place.linear) if piece.condition is not None]
     return np.array([-_pace(equations, place, i)[1] for i in ended])
 
 
-def relative_paces(equations: Equations, x: Array, p: Params) -> dict[int, float]:
+def relative_paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, float]:
     """The same by flow, relative to how fast each may change along its flow."""
     place, found = equations.linearised(x, p), {}
     for i, (flight, piece) in enumerate(zip(place.flights, place.linear, strict=True)):
@@ -214,7 +214,7 @@ def relative_paces(equations: Equations, x: Array, p: Params) -> dict[int, float
     return found
 
 
-def closing_matrix(equations: Equations, matrix: Matrix, mu: complex) -> Matrix:
+def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Matrix:
     """The square derivative whose null vectors are perturbations that have grown by mu after
     the cycle."""
     layout = equations.layout

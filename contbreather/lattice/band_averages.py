@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import real, shown
+from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.kernels import Vector, inlined
 from contbreather.lattice.zeta import TERMS, binomial, zeta
@@ -40,7 +40,7 @@ def check_gamma(gamma: float, spring: float = 0.0) -> float:
     if coupling >= 0.0 and stiffness >= 0.0 and 4.0 * coupling < 1.0 - stiffness:
         return coupling
     if not stiffness:
-        raise BadInput(f"gamma = {shown(gamma)}: {NUMBERS['gamma'].wanted}")
+        raise BadInput(f"gamma = {brief(gamma)}: {NUMBERS['gamma'].wanted}")
     raise BadInput(
         f"gamma = {gamma!r}, spring = {spring!r}: the band [spring, spring + 4 gamma] of w^2 must "
         "stay below 1, the harmonic of the drive that the infinite chain would radiate; choose "

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import real, shown
+from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.kernels import Kernel, Matrix, Vector, inlined
 
@@ -325,7 +325,7 @@ def _coefficients(kind: str, terms: Mapping[int, float] | None) -> tuple[tuple[i
     for m, value in terms.items():
         if not isinstance(m, int | float | np.number):
             raise BadInput(
-                f"{kind} harmonic {shown(m)}: one of the odd harmonics 1, 3, 5, ... was expected, "
+                f"{kind} harmonic {brief(m)}: one of the odd harmonics 1, 3, 5, ... was expected, "
                 f"a whole number; {kind}={{1: -1.0}} is -{kind}(t)."
             )
         if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < 1 or m % 2 == 0:

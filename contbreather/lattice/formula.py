@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from contbreather.checks import real, shown
+from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import (
     LARGEST,
@@ -103,7 +103,7 @@ def _read(text: str) -> Formula:
     except (SyntaxError, ValueError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else str(error)
         raise BadInput(
-            f"{shown(text)} is not a formula: {reason.partition(';')[0]}; write it as Python, for "
+            f"{brief(text)} is not a formula: {reason.partition(';')[0]}; write it as Python, for "
             "instance '-cos(t) - 2.7*cos(3*t)'."
         ) from None
     except (RecursionError, MemoryError):
@@ -118,7 +118,7 @@ def _read(text: str) -> Formula:
 
 def _too_large(text: str) -> BadInput:
     return BadInput(
-        f"the formula {shown(text)} is too large; give the harmonics with Fourier, or Samples."
+        f"the formula {brief(text)} is too large; give the harmonics with Fourier, or Samples."
     )
 
 
@@ -157,7 +157,7 @@ def _value(node: ast.expr) -> Value:
                 raise BadInput("the order of besselj must be a number, no parameter or formula.")
         case _:
             raise BadInput(
-                f"the formula holds {shown(ast.unparse(node))}, which no forcing may: use numbers, "
+                f"the formula holds {brief(ast.unparse(node))}, which no forcing may: use numbers, "
                 f"t, names of parameters, + - * / ** and {', '.join(sorted(FUNCTIONS))}, each of "
                 "something in parentheses."
             )
@@ -182,7 +182,7 @@ def _series_of(
         with np.errstate(all="ignore"):  # what is not finite is refused by name
             spectra, samples, resolved = _expanded(formula, params, size)
     at = " at " * bool(params) + ", ".join(f"{n} = {v:g}" for n, v in params.items())
-    subject, largest = f"the forcing {shown(formula.text)}", float(abs(samples[0]).max())
+    subject, largest = f"the forcing {brief(formula.text)}", float(abs(samples[0]).max())
     if not spectra[0].any():
         raise BadInput(
             f"{subject} is zero{at}; a breather needs one that moves it, for instance '-cos(t)'."
@@ -193,7 +193,7 @@ def _series_of(
         if name and not fine and abs(row).max() < 1e-15 * largest:
             spectrum[:] = 0.0  # a slope that is nothing but rounding
             continue
-        slope = f"the forcing {shown(f'd/d{name} of {formula.text}')}"
+        slope = f"the forcing {brief(f'd/d{name} of {formula.text}')}"
         _check(slope if name else subject, at, spectrum, row, fine)
     floor = 1e-17 * float(abs(spectra[0]).max())
     responses = [TrigonometricSeries(response_of(spectrum, floor)) for spectrum in spectra]
@@ -328,12 +328,12 @@ class Symbolic(Periodic):
 
 def _check_names(formula: Formula, params: Mapping[str, float]) -> None:
     def listed(names: frozenset[str]) -> str:
-        return shown(", ".join(sorted(names))).strip("'")
+        return brief(", ".join(sorted(names))).strip("'")
 
     for name, value in params.items():
         if not is_finite(value):
             raise BadInput(f"forcing parameter {name} = {value!r} is not a finite number.")
-    text, free, named = shown(formula.text), formula.letters, frozenset(params)
+    text, free, named = brief(formula.text), formula.letters, frozenset(params)
     if taken := free & set(RESERVED):
         raise BadInput(
             f"{listed(taken)} in {text}: the names {', '.join(RESERVED)} are taken (the "

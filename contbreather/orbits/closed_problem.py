@@ -241,7 +241,7 @@ class SymmetricProblem(OrbitProblem):
             on.expansion("eta", fixed),
             0,
         )
-        return Loops(kernels.closure, kernels.closure_slopes, data)
+        return Loops(kernels.closure_system, kernels.closure_slopes, data)
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""
@@ -337,10 +337,10 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
 
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"), kernels.fold, kernels.fold_slopes,
+    partial(terms_derivative, mean="chi"), kernels.fold_system, kernels.fold_slopes,
 )  # fmt: skip
 PITCHFORK = Scalar(
-    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, kernels.pitchfork,
+    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, kernels.pitchfork_system,
     kernels.pitchfork_slopes,
 )  # fmt: skip
 
@@ -366,7 +366,7 @@ def _with_pair(closure: Loops, n: int) -> Loops:
     """The closure with both equations of a pair."""
     work = band_workspace(0.0, get_ident())
     data = kernels.PairData(closure.data._replace(extra=1), work, np.empty((6, 2)))
-    return Loops(kernels.pair, kernels.pair_slopes, data)
+    return Loops(kernels.pair_system, kernels.pair_slopes, data)
 
 
 # --- a site that grazes -------------------------------------------------------------------------

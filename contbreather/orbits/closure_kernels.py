@@ -65,7 +65,7 @@ class ClosureData(NamedTuple):
 class PairData(NamedTuple):
     """A breather of the infinite chain, and two multipliers on the circle."""
 
-    closure: ClosureData
+    closure_system: ClosureData
     work: BandWorkspace
     F: Matrix  # both parts of F in rows, as `pair_equations` have them
 
@@ -73,7 +73,7 @@ class PairData(NamedTuple):
 class ContactData(NamedTuple):
     """A breather of the infinite chain, and a site on a wall."""
 
-    closure: ClosureData
+    closure_system: ClosureData
     wall: float
     distance: int  # from the impacting site
     expansions: Matrix  # coefficients of a response, as polynomials in 4 gamma
@@ -93,7 +93,7 @@ def unpack(z: Any, on: ClosureData) -> int:
 
 
 @inlined
-def driven(on: ClosureData, i: int, t: float, f: Four) -> Four:
+def forcing_slope(on: ClosureData, i: int, t: float, f: Four) -> Four:
     """Derivative of a f and its derivatives in freed parameter i."""
     place = on.freed[i]
     if place == A:
@@ -122,7 +122,7 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
     elif place == GAMMA:
         by_mean = average_slope(mean, 4.0 * on.params[GAMMA], excess_slope)
     elif place >= 0:
-        u, v, w, _ = driven(on, i, z[1], f)
+        u, v, w, _ = forcing_slope(on, i, z[1], f)
     p, k = 1.0 if column == 0 else 0.0, 1.0 if place == K else 0.0
     return ClosureTerms(p, k, by_mean, u, v, w)
 
@@ -130,7 +130,7 @@ def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int
 # --- the equations ------------------------------------------------------------------------------
 
 
-def closure(z: Any, on: ClosureData, out: Any) -> int:
+def closure_system(z: Any, on: ClosureData, out: Any) -> int:
     """Both equations (11)."""
     if unpack(z, on) != 0:
         return 1
@@ -149,9 +149,9 @@ def closure_slopes(z: Any, on: ClosureData, out: Any) -> int:
     return 0
 
 
-def fold(z: Any, on: ClosureData, out: Any) -> int:
+def fold_system(z: Any, on: ClosureData, out: Any) -> int:
     """(11) and the determinant of its derivatives, eq. (14)."""
-    if closure(z, on, out) != 0:
+    if closure_system(z, on, out) != 0:
         return 1
     out[2] = fold_scalar(terms(z, on, on.chi, series_motion(on.harmonics, z[1])))
     return 0
@@ -168,9 +168,9 @@ def fold_slopes(z: Any, on: ClosureData, out: Any) -> int:
     return 0
 
 
-def pitchfork(z: Any, on: ClosureData, out: Any) -> int:
+def pitchfork_system(z: Any, on: ClosureData, out: Any) -> int:
     """(11) and ``a f'' - 2 p sigma``."""
-    if closure(z, on, out) != 0:
+    if closure_system(z, on, out) != 0:
         return 1
     out[2] = pitchfork_scalar(terms(z, on, on.sigma, series_motion(on.harmonics, z[1])))
     return 0
@@ -190,9 +190,9 @@ def pitchfork_slopes(z: Any, on: ClosureData, out: Any) -> int:
 # --- a pair on the circle -----------------------------------------------------------------------
 
 
-def pair(z: Any, on: PairData, out: Any) -> int:
+def pair_system(z: Any, on: PairData, out: Any) -> int:
     """(11) and both parts of F, eqs. of `arc`."""
-    if closure(z, on.closure, out) != 0:
+    if closure_system(z, on.closure, out) != 0:
         return 1
     t = terms(z, on.closure, on.closure.eta, series_motion(on.closure.harmonics, z[1]))
     if find_F(z, on, saltation_of(t)) != 0:
@@ -254,7 +254,7 @@ def find_responses(on: ContactData) -> None:
 
 def contact(z: Any, on: ContactData, out: Any) -> int:
     """(11), and that a site is on a wall at a time, without velocity."""
-    if closure(z, on.closure, out) != 0:
+    if closure_system(z, on.closure, out) != 0:
         return 1
     find_responses(on)
     a, J, t = on.closure.params[A], -2.0 * z[0], z[2]
@@ -278,14 +278,24 @@ def contact_slopes(z: Any, on: ContactData, out: Any) -> int:
         out[at + 2] = a * f[row + 1] + J * h[row + 1]
         for i in range(2):
             of_gamma = on.closure.freed[i] == GAMMA
-            out[at + 3 + i] = J * by_gamma[row] if of_gamma else driven(on.closure, i, t, f)[row]
+            out[at + 3 + i] = (
+                J * by_gamma[row] if of_gamma else forcing_slope(on.closure, i, t, f)[row]
+            )
     return 0
 
 
-listed(ClosureData, closure, closure_slopes, fold, fold_slopes, pitchfork, pitchfork_slopes)
-listed(PairData, pair, pair_slopes)
+listed(
+    ClosureData,
+    closure_system,
+    closure_slopes,
+    fold_system,
+    fold_slopes,
+    pitchfork_system,
+    pitchfork_slopes,
+)
+listed(PairData, pair_system, pair_slopes)
 listed(ContactData, contact, contact_slopes)
 # the engine's own fold, which knows no closed form
-_NULL = {"evaluate": closure, "derive": closure_slopes, "N": 2}
+_NULL = {"evaluate": closure_system, "derive": closure_slopes, "N": 2}
 listed(ClosureData, bound(null_vectors.conditions, **_NULL))
 listed(ClosureData, bound(null_vectors.null_slopes, **_NULL))

@@ -41,7 +41,7 @@ from contbreather.orbits.orbit_problem import (
 )
 from contbreather.orbits.representation import Impacts, Offsets
 from contbreather.orbits.section import WEAK, Section, check_order, check_possible, check_walls
-from contbreather.orbits.shooting_equations import SectionFlight
+from contbreather.orbits.shooting_equations import SectionTrajectory
 from contbreather.orbits.site_motion import ModalMotion
 from contbreather.parameters import NUMBERS
 
@@ -53,7 +53,7 @@ SLOW = 0.1  # velocity before an impact below which a saltation changes within s
 
 
 @dataclass(frozen=True, eq=False)
-class ExactModes(SectionFlight):
+class ExactModes(SectionTrajectory):
     """Any impacts on any finite lattice, with losses, springs, masses and walls of its own."""
 
     @property
@@ -383,7 +383,7 @@ def _closure(
     return q, r, chi, restitution_ratio(on.k) + 2.0 * excess, forced
 
 
-def _answer(rest: SectionFlight) -> tuple[FloatArray, FloatArray]:
+def _answer(rest: SectionTrajectory) -> tuple[FloatArray, FloatArray]:
     """State of each mode just before a unit impulse that recurs with alternating sign."""
     fly = propagator(rest.z, rest.section.length, rest.conditions.damping)
     kick = rest.kicks[0]

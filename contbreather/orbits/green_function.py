@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.boundary import meeting
+from contbreather.continuation.boundary import codim_two
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.equilibria import branch_point, fold
 from contbreather.continuation.point import DefiningSystem, Point
@@ -302,7 +302,7 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     if abs(asymmetry) <= EQUAL:
         return replace(followed, meets={"PF": ()})
     side = math.copysign(1.0, asymmetry)
-    pitchfork = meeting("GR", pitchfork_of_arms())
+    pitchfork = codim_two("GR", pitchfork_of_arms())
     end = replace(pitchfork, test=partial(_towards, side), ends="domain")
     scale = partial(_while_asymmetric, side)
     return replace(followed, further=(end,), scale=scale, meets={"PF": ()})

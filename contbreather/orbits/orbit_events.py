@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from contbreather.checks import check_kind, flag, shown
+from contbreather.checks import brief, check_kind, flag
 from contbreather.continuation.branch import Points
 from contbreather.continuation.branch_points import bordered_matrix
 from contbreather.continuation.defining_systems import Singular
@@ -341,7 +341,7 @@ def _pair_leaves(
     closed = isinstance(orbit.map, HalfMap)
     if on is None and orbit.lattice.sites is None:
         raise BadInput(
-            f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
+            f"threshold = {brief(threshold)}: the infinite chain has none, its verdict is exact; "
             "name the ring it is about, on=Ring(N)."
         )
     if every:

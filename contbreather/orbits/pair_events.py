@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import real, shown
+from contbreather.checks import brief, real
 from contbreather.continuation.branch import Points
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
@@ -49,7 +49,7 @@ def pair_leaves(
     endless = lattice.sites is None
     if not (endless or 1.0 <= real(threshold) < math.inf):
         raise BadInput(
-            f"threshold = {shown(threshold)}: a finite modulus of at least 1 is expected."
+            f"threshold = {brief(threshold)}: a finite modulus of at least 1 is expected."
         )
     pair = _Pair(threshold, lattice if elsewhere else None, every)
     count = pair.passed if endless or every else None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import numbers, shown
+from contbreather.checks import brief, numbers
 from contbreather.errors import BadInput
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def regions(
     """
     corners = numbers("box", box)
     if corners.shape != (2, 2):
-        raise BadInput(f"box = {shown(box)}: ((x0, x1), (y0, y1)) was expected.")
+        raise BadInput(f"box = {brief(box)}: ((x0, x1), (y0, y1)) was expected.")
     low, high = corners.T
     size = np.where(high > low, high - low, 1.0)
     return tuple(

@@ -87,7 +87,7 @@ class Tangents(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SectionFlight:
+class SectionTrajectory:
     """One section flown, from before its first impact to before that impact's return.
 
     Parameters

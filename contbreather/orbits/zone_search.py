@@ -62,7 +62,7 @@ BESIDE = (-3e-3, -3e-4, 3e-4, 3e-3)  # of a meeting a curve is looked for that t
 
 
 @dataclass
-class Search:
+class ZoneSearch:
     """One zone diagram in the making."""
 
     name: str

@@ -19,7 +19,7 @@ from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.orbits.zone_search import Search
+from contbreather.orbits.zone_search import ZoneSearch
 from contbreather.parameters import parameter
 from contbreather.progress import Counter
 from contbreather.stability.verdict import threshold_on
@@ -149,7 +149,7 @@ def zones(
     model = model_of(lattice, flag("past_folds", past_folds), site, damping, spring, walls)
     model["forcing"] = forcing_of(forcing)
     modulus = threshold_on(model["lattice"], threshold)
-    search = Search(name, value, model, windows(within), modulus, past_folds)
+    search = ZoneSearch(name, value, model, windows(within), modulus, past_folds)
     with checkpoint(save, "zones", search.so_far) as search.kept, Counter(progress) as shown:
         search.run(shown)
         if search.kept:

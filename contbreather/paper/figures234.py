@@ -162,8 +162,10 @@ def chain_lengths(
     >>> {name: round(gamma, 5) for name, gamma in chain_lengths(sites=(200, 400)).items()}
     {'200': 0.08241, '400': 0.09155, 'rule, N to infinity': 0.09761, 'exact': 0.09697}
     """
-    gammas = {str(n): rule.neimark_sacker(a, k, sites=n, threshold=threshold).gamma for n in sites}
-    limit = rule.neimark_sacker(a, k, sites=None, threshold=threshold).gamma
+    gammas = {
+        str(n): rule.neimark_sacker_point(a, k, sites=n, threshold=threshold).gamma for n in sites
+    }
+    limit = rule.neimark_sacker_point(a, k, sites=None, threshold=threshold).gamma
     start = symmetric(a, 0.5 * min(gammas.values(), default=limit), k)
     branch = trace(
         start, "gamma", within={"gamma": (0.0, 0.24)}, towards="up",

@@ -81,7 +81,7 @@ class ThresholdPoint(NamedTuple):
     angle: float
 
 
-def neimark_sacker(
+def neimark_sacker_point(
     a: float, k: float, *, sites: int | None = SITES, threshold: float = THRESHOLD
 ) -> ThresholdPoint:
     """The coupling at which the paper's rule sees the Neimark-Sacker bifurcation.
@@ -105,7 +105,7 @@ def neimark_sacker(
 
     Examples
     --------
-    >>> [round(neimark_sacker(0.2, 0.8, sites=n).gamma, 7) for n in (200, 400, 800)]
+    >>> [round(neimark_sacker_point(0.2, 0.8, sites=n).gamma, 7) for n in (200, 400, 800)]
     [0.082409, 0.0915527, 0.0968769]
     """
     return first_crossing(lambda gamma: upper(a, gamma, k), FIRST, _pairs_of(sites), threshold)

@@ -13,7 +13,7 @@ from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
-from contbreather.flows.orbit import Cycle
+from contbreather.flows.cycle_problem import Cycle
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.branches import value_of

@@ -15,8 +15,8 @@ from contbreather.continuation.branch import Branch
 from contbreather.continuation.point import Point
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
+from contbreather.flows.cycle_problem import Cycle, CycleProblem
 from contbreather.flows.integrate import Trajectory
-from contbreather.flows.orbit import Cycle, CycleProblem
 from contbreather.orbits.orbit import Orbit
 from contbreather.plotting.canvas import (
     BLUE,

@@ -15,11 +15,11 @@ from contbreather.checks import kind_of
 from contbreather.continuation.branch import Branch
 from contbreather.continuation.diagram import Diagram
 from contbreather.continuation.point import Point
-from contbreather.continuation.run import Run as Kept
+from contbreather.continuation.result_files import Run as Kept
 from contbreather.continuation.switching import Branches
 from contbreather.errors import BadInput, ContbreatherError
+from contbreather.flows.cycle_problem import Cycle
 from contbreather.flows.integrate import Trajectory
-from contbreather.flows.orbit import Cycle
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.plotting.branches import plot_branches, plot_diagram

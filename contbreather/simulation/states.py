@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Required, TypedDict, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, shown, state_rows
+from contbreather.checks import brief, number, state_rows
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls
@@ -147,7 +147,7 @@ def conditions_of(
     """
     if "noise" in numbers:  # which only `simulate` has, and takes out before
         raise BadInput(
-            f"noise = {shown(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
+            f"noise = {brief(numbers['noise'])}: noise is for simulate() alone, on rigid walls; "
             "leave it out here, or judge() the run that simulate(..., noise=...) returns"
         )
     if m is None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .arc import NeimarkSacker as NeimarkSacker
     from .arc import OverReflection as OverReflection
     from .arc import Window as Window
-    from .arc import neimark_sacker as neimark_sacker
+    from .arc import ns_points as ns_points
     from .arc import on_arc as on_arc
     from .arc import over_reflection as over_reflection
     from .arc import over_reflects as over_reflects

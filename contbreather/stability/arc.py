@@ -41,7 +41,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import number, shown
+from contbreather.checks import brief, number
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma, in_powers_of_x
 from contbreather.lattice.chain import InfiniteChain
@@ -138,7 +138,7 @@ def on_band(gamma: float, nu: ArrayLike, spring: float) -> tuple[Array, Array, A
     high = 4.0 * gamma - low
     if not np.all((x > 0.0) & (low > 0.0) & (high > 0.0)):
         raise BadInput(
-            f"nu = {shown(nu)}: the band of gamma = {gamma} has angles between "
+            f"nu = {brief(nu)}: the band of gamma = {gamma} has angles between "
             f"{math.sqrt(spring):.6g} and {math.sqrt(spring + 4.0 * gamma):.6g} (times pi); choose "
             "one of them."
         )
@@ -168,7 +168,7 @@ def on_arc(gamma: float, nu: float, k: float, b: float, spring: float = 0.0) -> 
 
     Examples
     --------
-    >>> angle, b = neimark_sacker(0.1, 0.8)[0]
+    >>> angle, b = ns_points(0.1, 0.8)[0]
     >>> bool(abs(on_arc(0.1, angle, 0.8, b).value).max() < 1e-14)
     True
     """
@@ -233,7 +233,7 @@ class NeimarkSacker(NamedTuple):
     b: float
 
 
-def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacker, ...]:
+def ns_points(gamma: float, k: float, spring: float = 0.0) -> tuple[NeimarkSacker, ...]:
     """All Neimark-Sacker points of the infinite chain at this coupling and restitution.
 
     They are roots in one variable, the angle, each with an explicit b: no seed is needed. Sorted
@@ -241,7 +241,7 @@ def neimark_sacker(gamma: float, k: float, spring: float = 0.0) -> tuple[Neimark
 
     Examples
     --------
-    >>> [round(point.nu, 4) for point in neimark_sacker(0.0969710, 0.8)]
+    >>> [round(point.nu, 4) for point in ns_points(0.0969710, 0.8)]
     [0.4875, 0.5581]
     """
     gamma = check_gamma(gamma, spring)
@@ -289,7 +289,7 @@ def window(gamma: float, k: float, spring: float = 0.0) -> Window:
 
     Examples
     --------
-    >>> low, high = sorted(point.b for point in neimark_sacker(0.1, 0.8))
+    >>> low, high = sorted(point.b for point in ns_points(0.1, 0.8))
     >>> abs(window(0.1, 0.8).miss(low)) < 1e-12 and window(0.1, 0.8).miss(0.5 * (low + high)) < 0
     True
     """

@@ -51,7 +51,7 @@ def find_tails(gamma: float, work: BandWorkspace) -> None:
 
 
 @inlined
-def regular(on: ChainWithImpacts, tails: Cube, nu: float) -> Triple:
+def regular_sums(on: ChainWithImpacts, tails: Cube, nu: float) -> Triple:
     """R, B, C at an angle."""
     (R, _), (B, _), (C, _) = tails_at(tails, 0, nu * nu)
     total = nu * R, B, C + 1.0 / math.pi
@@ -70,7 +70,9 @@ def tails_at(tails: Cube, way: int, z: float) -> Any:
 
 
 @inlined
-def regular_slopes(on: ChainWithImpacts, tails: Cube, nu: float) -> tuple[Triple, Triple, Triple]:
+def regular_sum_slopes(
+    on: ChainWithImpacts, tails: Cube, nu: float
+) -> tuple[Triple, Triple, Triple]:
     """Their derivatives in nu, gamma and the spring."""
     z = nu * nu
     (r, r_z), (_, b_z), (_, c_z) = tails_at(tails, 0, z)
@@ -130,8 +132,8 @@ def pair_equations(
     """Real and imaginary part of F at an angle, and of its derivatives, in rows."""
     gamma, k, spring = on
     find_tails(on.gamma, work)
-    value, still = regular(on, work.tails, nu), (0.0, 0.0, 0.0)
-    in_nu, in_gamma, in_spring = regular_slopes(on, work.tails, nu)
+    value, still = regular_sums(on, work.tails, nu), (0.0, 0.0, 0.0)
+    in_nu, in_gamma, in_spring = regular_sum_slopes(on, work.tails, nu)
     low = nu * nu - spring
     high = 4.0 * gamma - low
     # v^2 = low high: 2 v v' is 2 nu (high - low) by nu, 4 low by gamma, low - high by the spring
@@ -197,7 +199,7 @@ def at_angle(on: ChainWithImpacts, tails: Cube, alpha: float) -> Triple:
     if spring > 0.0:
         nu = math.sqrt(spring + nu * nu)
         root = v / nu
-    R, B, C = regular(on, tails, nu)
+    R, B, C = regular_sums(on, tails, nu)
     square = (R + nu * B) * (R + nu * B) - 0.25 * q * q
     value = root * square - q * (1.0 / math.pi - math.pi * v * root * R * B)
     return value, c * c * (C - nu * (2.0 * R + nu * B) - math.pi * q * v * R), nu

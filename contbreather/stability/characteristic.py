@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import shown
+from contbreather.checks import brief
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
@@ -282,7 +282,7 @@ def _strip(nu: ArrayLike) -> Array:
     except (TypeError, ValueError, OverflowError):
         values = np.array(math.nan)
     if not np.isfinite(values).all():
-        raise BadInput(f"nu = {shown(nu)}: finite numbers were expected.")
+        raise BadInput(f"nu = {brief(nu)}: finite numbers were expected.")
     outside = (values.real > 1.0) | (values.real <= -1.0)
     if np.any(outside):
         values = np.where(outside, values - 2.0 * np.ceil((values.real - 1.0) / 2.0), values)

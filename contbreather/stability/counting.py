@@ -400,8 +400,8 @@ def closest_approach(gamma: float, k: float, b: float, spring: float = 0.0) -> A
 
     Examples
     --------
-    >>> from contbreather.stability.arc import neimark_sacker
-    >>> angle, b = neimark_sacker(0.15, 0.7)[1]
+    >>> from contbreather.stability.arc import ns_points
+    >>> angle, b = ns_points(0.15, 0.7)[1]
     >>> bool(abs(closest_approach(0.15, 0.7, b).nu - angle) < 1e-12)
     True
     """

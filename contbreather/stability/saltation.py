@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number, real, shown
+from contbreather.checks import brief, number, real
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.parameters import parameter
@@ -70,7 +70,7 @@ def saltation_entry(acceleration: float, w_minus: float, k: float) -> float:
     """
     check_finite(k, acceleration, "acceleration")
     if not 0.0 < abs(real(w_minus)) < math.inf:
-        raise BadInput(f"w_minus = {shown(w_minus)}: a finite velocity other than 0 was expected.")
+        raise BadInput(f"w_minus = {brief(w_minus)}: a finite velocity other than 0 was expected.")
     # a smaller u meets the wall later: b = (u_after'' + k u_before'')/u', and without damping the
     # forces do not jump with the velocity, so that both are u_0''
     return (1.0 + k) * acceleration / w_minus

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import real, shown
+from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import OverReflection
@@ -166,7 +166,7 @@ def threshold_on(lattice: Any, threshold: float | None) -> float:
     """The paper's unless one is given; the infinite chain takes none."""
     if threshold is not None and lattice.sites is None:
         raise BadInput(
-            f"threshold = {shown(threshold)}: the infinite chain has none, its verdict is exact; "
+            f"threshold = {brief(threshold)}: the infinite chain has none, its verdict is exact; "
             "name a finite lattice, Ring(400) for instance."
         )
     return THRESHOLD if threshold is None else threshold
@@ -176,7 +176,7 @@ def check_threshold(threshold: float) -> None:
     """Refuse what is no threshold for a lattice without losses."""
     if not 1.0 < real(threshold) < math.inf:
         raise BadInput(
-            f"threshold = {shown(threshold)}: on a ring multipliers sit on the unit circle; a "
+            f"threshold = {brief(threshold)}: on a ring multipliers sit on the unit circle; a "
             "modulus above 1 is expected, 1.005 in the paper"
         )
 
@@ -208,7 +208,7 @@ def verdict(map: Any, threshold: float = THRESHOLD) -> Verdict:
     neutral = map.idle == 1.0  # modes without impacts, on the circle where nothing damps them
     if not 1.0 <= real(threshold) < math.inf or (neutral and threshold == 1.0):
         wanted = _ABOVE if neutral else "a finite modulus of at least 1 is expected"
-        raise BadInput(f"threshold = {shown(threshold)}: {wanted} (the paper takes 1.005).")
+        raise BadInput(f"threshold = {brief(threshold)}: {wanted} (the paper takes 1.005).")
     beyond = int(np.count_nonzero(np.abs(map.over_period) > threshold))
     return Verdict(name, map.period, float(threshold), beyond, map=map)
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import shown
+from contbreather.checks import brief
 from contbreather.errors import BadInput
 from contbreather.files import opened, stream_of, writable, write_whole
 
@@ -158,7 +158,7 @@ def _held(name: Any, values: Array) -> Array:
     for value in values[there]:
         if not (np.isscalar(value) and np.asarray(value).dtype.char in _HELD):
             raise BadInput(
-                f"the column {name!r} has {shown(value)}, which no file holds: numbers of up to 64 "
+                f"the column {name!r} has {brief(value)}, which no file holds: numbers of up to 64 "
                 "bits, words and truth values were expected, or arrays of these, all of one shape; "
                 "record another"
             )

@@ -230,7 +230,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     """All figures of which everything is there, and all atlases."""
-    shown = _Shown(study, tasks, report)
+    shown = _StudyResults(study, tasks, report)
     for name in study.atlas:
         if shown.there(name):
             path = report.folder / f"{name}{ATLAS}"
@@ -249,7 +249,7 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
             report.failed[f"figure {name}"] = str(error)
 
 
-class _Shown(NamedTuple):
+class _StudyResults(NamedTuple):
     """The results of a study, read for drawing."""
 
     study: Study

@@ -23,7 +23,7 @@ import numpy as np
 
 from contbreather.lattice import InfiniteChain
 from contbreather.stability import (
-    neimark_sacker,
+    ns_points,
     over_reflection,
     over_reflects,
     unstable_count,
@@ -173,7 +173,7 @@ def ask_half(rng, look):
     waves = over_reflection(gamma, k, b, spring)
     numbers = [map.crosses(1.0), map.crosses(-1.0), *map.pairs(), *waves.__dict__.values()]
     numbers += [count.distance, count.nu, *window(gamma, k, spring)]
-    for point in neimark_sacker(gamma, k, spring):
+    for point in ns_points(gamma, k, spring):
         numbers += [*point]
     told = {"uncertain"} if not count.certain else set()
     if not np.all(np.isfinite(numbers)) or not np.all(np.isfinite(mu)):

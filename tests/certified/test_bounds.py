@@ -79,7 +79,7 @@ def unit_motion(gamma: float, n: int, y: float, order: int) -> Any:
 @pytest.mark.parametrize("n", [0, 1, 4])
 def test_motions_hold_their_exact_values(n: int, kept: int) -> None:
     values = {name: arb(x) for name, x in {"p": 1, "phi": 0, "a": 0, "gamma": 0.2, "k": 1}.items()}
-    path = inside_walls.motion(values, n)
+    path = inside_walls.motion_enclosure(values, n)
     for y in (-1.5, 0.4, 1.57):
         for order in range(3):
             assert holds(path.at(arb(y), order), unit_motion(0.2, n, y, order))
@@ -93,7 +93,7 @@ def test_no_site_beyond_moves_farther_than_the_reach_says() -> None:
                 reach = float(averages.reach(arb(gamma), n))
                 tops = []
                 for site in (n, n + 1, n + 4):
-                    s, P, _ = averages.free_flight(arb(gamma), site)
+                    s, P, _ = averages.free_flight_enclosure(arb(gamma), site)
                     tops.append(max(abs(float(-s * arb(x).sin() + P(arb(x)))) for x in y))
                 assert max(tops) <= reach < 1.5 * tops[0]
 
@@ -127,7 +127,7 @@ def test_a_ball_of_times_or_angles_holds_all_that_happens_in_it() -> None:
     with balls.working():
         own = {name: arb(x) for name, x in values.items()}
         path, circle = (
-            inside_walls.motion(own, 1),
+            inside_walls.motion_enclosure(own, 1),
             winding.Circle.of(arb(0.15), arb(0.7), arb(0.2)),
         )
         for _ in range(20):
@@ -224,7 +224,7 @@ def test_what_is_cut_off_from_motions_and_aliases_is_bounded_closely() -> None:
     assert 0.5 * np.pi <= averages.REACH < 1.02 * 0.5 * np.pi
     gamma, first = 0.2, 2 * averages.POWERS + 1
     with balls.working():
-        errors = [float(one.rad()) for one in averages.free_flight(arb(gamma), 3)[2]]
+        errors = [float(one.rad()) for one in averages.free_flight_enclosure(arb(gamma), 3)[2]]
     size = 4 / np.pi / (1 - 4 * gamma) ** 0.5
     for r, error in enumerate(errors):
         term = size * averages.REACH ** (first - r) / float(mpmath.factorial(first - r))

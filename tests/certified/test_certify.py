@@ -180,9 +180,9 @@ def test_on_a_boundary_one_parameter_stays_what_it_is() -> None:
 
 def test_ends_that_differ_are_printed_differently() -> None:
     low, high = 0.1196343, 0.1196343 + 3e-13
-    assert Interval(low, high).shown == "[0.1196343, 0.1196343000003]"
-    assert Interval(0.02, 0.03).shown == "[0.02, 0.03]"
-    assert Interval(0.3, 0.3).shown == "[0.3, 0.3]"
+    assert Interval(low, high).text == "[0.1196343, 0.1196343000003]"
+    assert Interval(0.02, 0.03).text == "[0.02, 0.03]"
+    assert Interval(0.3, 0.3).text == "[0.3, 0.3]"
 
 
 def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:

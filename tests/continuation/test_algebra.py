@@ -310,18 +310,18 @@ def test_null_vectors_of_a_large_matrix_are_null_on_both_sides(shift: complex) -
 def test_a_singular_matrix_still_gives_a_correction_that_says_so() -> None:
     dense = np.diag(np.arange(10.0))[:, :]
     right = dense @ np.ones(10)
-    x, singular = sparse.correction(sparse.Factors(csc_array(dense)), right, None)
+    x, singular = sparse.sparse_correction(sparse.Factors(csc_array(dense)), right, None)
     assert singular
     assert dense @ x == pytest.approx(right, abs=1e-9)
     assert sparse.Factors(csc_array(dense)).sign() == 0
     regular = dense + np.eye(10)
-    x, singular = sparse.correction(sparse.Factors(csc_array(regular)), right, None)
+    x, singular = sparse.sparse_correction(sparse.Factors(csc_array(regular)), right, None)
     assert not singular
     assert regular @ x == pytest.approx(right)
     row = np.arange(11.0)
     for whole, blind in ((regular, False), (dense, True)):
         wide = np.hstack([whole, whole[:, 1:2]])
-        x, singular = sparse.correction(sparse.Factors(csc_array(wide)), right, row)
+        x, singular = sparse.sparse_correction(sparse.Factors(csc_array(wide)), right, row)
         assert singular == blind
         assert wide @ x == pytest.approx(right, abs=1e-9)
         assert row @ x == pytest.approx(0.0, abs=1e-9)

@@ -266,7 +266,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
     assert len({*marks, other}) == len(marks)  # GR and MX, where a walk ends, look alike
     assert {*marks, other} <= {*MarkerType}
     for name in ("gamma", "phi", "mu", "nu"):
-        assert unicodedata.name(views.symbol(name)) == f"GREEK SMALL LETTER {name.upper()}"
+        assert unicodedata.name(views.letter(name)) == f"GREEK SMALL LETTER {name.upper()}"
 
 
 def test_the_motion_shows_each_site_between_its_walls() -> None:

@@ -11,7 +11,7 @@ import pytest
 import contbreather as cb
 from contbreather.orbits.orbit import orbit_at, orbit_of
 from contbreather.orbits.section import Section
-from contbreather.stability import neimark_sacker, window
+from contbreather.stability import ns_points, window
 from contbreather.stability.half_period import HalfMap
 
 from ..campaigns import branches, rims
@@ -32,7 +32,7 @@ def places(branch: cb.Branch, kind: str, name: str = "a") -> list[float]:
 def test_a_window_of_instability_is_seen_from_any_start_with_any_steps(a, steps):
     branch = cb.trace(cb.symmetric(a, 0.015, 0.99), "a", steps=steps)
     assert places(branch, "NS") == pytest.approx([0.590121666762, 0.611547452632], abs=1e-11)
-    needed = sorted(point.b for point in neimark_sacker(0.015, 0.99))
+    needed = sorted(point.b for point in ns_points(0.015, 0.99))
     found = sorted(p.solution.b for p in branch.special if p.kind == "NS")
     assert found == pytest.approx(needed, rel=1e-11)
 
@@ -43,7 +43,7 @@ def test_no_window_is_smoothly_next_to_an_empty_one():
     sizes = []
     for gamma in np.linspace(low, high, 41):
         found = window(float(gamma), 0.8)
-        assert (found.square > 0) == bool(neimark_sacker(float(gamma), 0.8))
+        assert (found.square > 0) == bool(ns_points(float(gamma), 0.8))
         sizes.append(found.square)
     assert sizes[0] < 0 < sizes[-1]
     assert np.abs(np.diff(sizes, 2)).max() < 0.05 * np.abs(np.diff(sizes)).max()

@@ -16,7 +16,7 @@ import pytest
 import contbreather as cb
 from contbreather.continuation import DefiningSystem, Point
 from contbreather.continuation.boundary import boundary_problem
-from contbreather.continuation.boundary import meeting as meeting_of
+from contbreather.continuation.boundary import codim_two as meeting_of
 from contbreather.continuation.curve import Curve
 from contbreather.lattice import Fourier, InfiniteChain, Ring, Symbolic
 from contbreather.orbits import pitchfork

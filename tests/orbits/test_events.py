@@ -16,7 +16,7 @@ from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.grazing import shallow_impact
 from contbreather.orbits.orbit import orbit_at
-from contbreather.stability import G, dense_half_map, neimark_sacker
+from contbreather.stability import G, dense_half_map, ns_points
 
 CHAIN = cb.InfiniteChain()
 
@@ -134,7 +134,7 @@ def test_neimark_sacker_points_of_the_infinite_chain(
     first = 1 - c * g[0, 0]
     assert abs(first * (1 - c * g[1, 1]) + g[0, 1] * (breather.b - c * c * g[1, 0])) < 1e-6
     # third way: the angle equation of the arc, with b explicit, solved for this a
-    roots = neimark_sacker(breather.gamma, k)
+    roots = ns_points(breather.gamma, k)
     assert min(abs(root.b - breather.b) for root in roots) < 1e-9
 
 

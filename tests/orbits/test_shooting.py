@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import contbreather as cb
-from contbreather.checks import shown
+from contbreather.checks import brief
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.switching import seeds_at, switch
 from contbreather.lattice.conditions import Conditions
@@ -26,7 +26,7 @@ from contbreather.orbits.constructors import asymmetric, shooting
 from contbreather.orbits.exact_modes import ExactModes, ShootingEquations
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.section import ImpossibleSequence, Section, check_possible
-from contbreather.orbits.shooting_equations import SectionFlight
+from contbreather.orbits.shooting_equations import SectionTrajectory
 from contbreather.stability.modal_map import ModalMap
 from tests.stability.by_hand import slope
 
@@ -689,7 +689,7 @@ def test_solution_with_impacts_from_outside_is_no_orbit() -> None:
     assert orbit_at(problem).impulses[0] < 0
 
 
-@pytest.mark.parametrize("given", ["x", True, [1.01], 10**5000, math.nan], ids=shown)
+@pytest.mark.parametrize("given", ["x", True, [1.01], 10**5000, math.nan], ids=brief)
 def test_a_threshold_that_is_no_modulus_is_refused_with_what_this_lattice_takes(given) -> None:
     damped = cb.symmetric(0.6, 0.04, 0.8, lattice=cb.Ring(8), damping=0.02)
     events, wanted = [cb.neimark_sacker(threshold=given)], "a finite modulus of at least 1 is"
@@ -724,7 +724,7 @@ def test_orbit_of_one_ring_goes_to_another_or_says_why_not() -> None:
 
 def test_a_branch_of_a_large_ring_takes_few_derivatives_and_no_eigenproblem(counted) -> None:
     start = cb.shooting(cb.symmetric(a=0.7, gamma=0.04, k=0.8), sites=100)
-    jacobian, residual = (counted(SectionFlight, name) for name in ("jacobian", "residual"))
+    jacobian, residual = (counted(SectionTrajectory, name) for name in ("jacobian", "residual"))
     outermost, eigvals = counted(ModalMap, "outermost"), counted(np.linalg, "eigvals")
     branch = cb.trace(start, "a", within={"a": (0.5, 0.95)}, towards="both")
     assert [point.label for point in branch.special] == ["EP1", "PF1", "GR1"]

@@ -18,7 +18,7 @@ from contbreather.orbits import margins
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.grazing import other_contacts
 from contbreather.stability import half_period
-from contbreather.stability.arc import neimark_sacker, window
+from contbreather.stability.arc import ns_points, window
 
 FINE = Steps(first=0.005, largest=0.01)
 
@@ -56,7 +56,7 @@ def test_the_angle_of_a_pair_is_known_from_its_window(monkeypatch: pytest.Monkey
     monkeypatch.setattr(half_period, "closest_approach", never)
     start = cb.symmetric(a=0.2, gamma=0.05, k=0.8)
     found = cb.trace(start, "gamma", within={"gamma": (0.0, 0.2)}).first("NS")
-    ends = sorted(neimark_sacker(found["gamma"], 0.8), key=lambda point: point.b)
+    ends = sorted(ns_points(found["gamma"], 0.8), key=lambda point: point.b)
     own = window(found["gamma"], 0.8)
     assert abs(own.miss(found.solution.representation.b)) < 1e-10
     assert [own.low, own.high] == pytest.approx([point.nu for point in ends], abs=1e-12)

@@ -16,7 +16,7 @@ import contbreather as cb
 from contbreather.orbits.closed_form import ClosedForm
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.regions import regions
-from contbreather.stability import neimark_sacker, unstable_count
+from contbreather.stability import ns_points, unstable_count
 from tests.campaigns import existence
 
 from .by_hand import distance
@@ -85,7 +85,7 @@ def test_neimark_sacker_line_is_complete(k: float) -> None:
     seen = 0
     for coupling in np.linspace(0.0203, 0.2453, 91):  # off the comb, so that no node is hit
         crossings = _crossings(gamma, a, coupling)
-        wanted = [_amplitude(coupling, k, root.b) for root in neimark_sacker(coupling, k)]
+        wanted = [_amplitude(coupling, k, root.b) for root in ns_points(coupling, k)]
         wanted = [value for value in wanted if value is not None]
         assert len(crossings) == len(wanted), f"gamma = {coupling}"
         assert np.allclose(sorted(crossings), sorted(wanted), atol=2e-3)

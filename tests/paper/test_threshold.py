@@ -12,8 +12,8 @@ from contbreather.paper.threshold import (
     STRIDE,
     TINY,
     first_crossing,
-    neimark_sacker,
     neimark_sacker_line,
+    neimark_sacker_point,
     pitchfork_line,
 )
 from contbreather.stability.ring_multipliers import dense_half_map
@@ -33,7 +33,7 @@ def largest_pair(a: float, gamma: float, k: float) -> float:
 
 @pytest.mark.parametrize(("a", "k"), [(0.2, 0.8), (0.6, 0.8), (0.3, 0.4)])
 def test_at_the_crossing_a_pair_first_has_the_modulus_of_the_threshold(a: float, k: float) -> None:
-    found = neimark_sacker(a, k, sites=SITES, threshold=THRESHOLD)
+    found = neimark_sacker_point(a, k, sites=SITES, threshold=THRESHOLD)
     assert largest_pair(a, found.gamma, k) == pytest.approx(THRESHOLD, abs=1e-10)
     before = np.linspace(0.01, found.gamma - 1e-6, 30)
     assert max(largest_pair(a, gamma, k) for gamma in before) < THRESHOLD
@@ -41,7 +41,7 @@ def test_at_the_crossing_a_pair_first_has_the_modulus_of_the_threshold(a: float,
 
 
 def test_angle_of_the_crossing_is_that_of_the_largest_multiplier() -> None:
-    found = neimark_sacker(0.2, 0.8, sites=SITES, threshold=THRESHOLD)
+    found = neimark_sacker_point(0.2, 0.8, sites=SITES, threshold=THRESHOLD)
     mu = monodromy_eigenvalues(cb.symmetric(0.2, found.gamma, 0.8), SITES)
     top = mu[np.abs(mu).argmax()]
     assert np.cos(2 * np.pi * found.angle) == pytest.approx(top.real / abs(top), abs=1e-8)
@@ -49,11 +49,11 @@ def test_angle_of_the_crossing_is_that_of_the_largest_multiplier() -> None:
 
 def test_long_rings_tend_to_the_isolated_pair_at_the_threshold() -> None:
     """So the rule does not converge to the point where the pair comes out, but passes it."""
-    limit = neimark_sacker(0.2, 0.8, sites=None).gamma
+    limit = neimark_sacker_point(0.2, 0.8, sites=None).gamma
     breather = cb.symmetric(0.2, limit, 0.8)
     assert np.abs(breather.stability().multipliers) ** 2 == pytest.approx([1.005] * 2, abs=1e-9)
-    assert neimark_sacker(0.2, 0.8, sites=2000).gamma == pytest.approx(limit, abs=1e-6)
-    assert limit > 0.0969711 > neimark_sacker(0.2, 0.8, sites=800).gamma
+    assert neimark_sacker_point(0.2, 0.8, sites=2000).gamma == pytest.approx(limit, abs=1e-6)
+    assert limit > 0.0969711 > neimark_sacker_point(0.2, 0.8, sites=800).gamma
 
 
 @pytest.fixture(scope="module", params=[0.8, 0.4])
@@ -78,7 +78,7 @@ def test_line_runs_from_the_fold_to_the_grazing_of_the_neighbour(line) -> None:
 
 def test_rule_gives_the_verdicts_of_the_simulations_in_section_4() -> None:
     """k = 0.8, gamma = 0.104: a = 0.1 and 0.7 keep the breather, a = 0.2 loses it."""
-    critical = {a: neimark_sacker(a, 0.8).gamma for a in (0.1, 0.2, 0.7)}
+    critical = {a: neimark_sacker_point(a, 0.8).gamma for a in (0.1, 0.2, 0.7)}
     assert [critical[a] > 0.104 for a in (0.1, 0.2, 0.7)] == [True, False, True]
 
 
@@ -128,7 +128,7 @@ def test_no_pair_at_all_is_no_crossing_nor_are_pairs_that_were_always_beyond() -
 @pytest.mark.parametrize("threshold", [1.0, 0.9, float("nan"), float("inf")])
 def test_threshold_must_be_above_one(threshold: float) -> None:
     with pytest.raises(BadInput, match="a modulus above 1 is expected"):
-        neimark_sacker(0.2, 0.8, threshold=threshold)
+        neimark_sacker_point(0.2, 0.8, threshold=threshold)
 
 
 def test_repr_of_a_line_is_one_line_and_names_its_chain() -> None:

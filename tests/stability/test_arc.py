@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contbreather.kernels import Kernel
-from contbreather.stability import D, arc, neimark_sacker, on_arc, unstable_count
+from contbreather.stability import D, arc, ns_points, on_arc, unstable_count
 from contbreather.stability.half_period import HalfMap
 from tests.stability.by_hand import b_of, slope
 
@@ -45,11 +45,11 @@ def test_the_jacobian_on_the_arc_is_that_of_finite_differences(at):
 def test_the_points_of_theory_are_found_by_their_explicit_b(a, k, gamma, nu):
     def gap(coupling: float) -> float:
         wanted = b_of(a, coupling, k)
-        return min((point.b - wanted for point in neimark_sacker(coupling, k)), key=abs)
+        return min((point.b - wanted for point in ns_points(coupling, k)), key=abs)
 
     root = brentq(gap, gamma - 1e-4, gamma + 1e-4, xtol=1e-16)
     assert root == pytest.approx(gamma, abs=1e-14)
-    angle = min(neimark_sacker(root, k), key=lambda p: abs(p.b - b_of(a, root, k))).nu
+    angle = min(ns_points(root, k), key=lambda p: abs(p.b - b_of(a, root, k))).nu
     assert angle == pytest.approx(nu, abs=1e-13)
     below, above = (unstable_count(g, k, b_of(a, g, k)).count for g in (root - 1e-9, root + 1e-9))
     assert (below, above) == (0, 2)
@@ -63,7 +63,7 @@ def test_no_neimark_sacker_point_is_overlooked():
         b = np.linspace(-6, 3, 400)
         pairs = np.array([unstable_count(gamma, k, x).pairs for x in b])
         jumps = b[1:][np.diff(pairs) != 0]
-        inside = [point.b for point in neimark_sacker(gamma, k) if -6 < point.b < 3]
+        inside = [point.b for point in ns_points(gamma, k) if -6 < point.b < 3]
         if len(inside) == 2 and abs(inside[0] - inside[1]) < 0.03:
             continue  # both between two samples
         assert len(jumps) == len(inside)
@@ -72,16 +72,16 @@ def test_no_neimark_sacker_point_is_overlooked():
 
 def test_two_points_about_to_meet_are_still_told_apart():
     # at gamma = 0.1 they meet at k = 0.78176...
-    k = brentq(lambda k: len(neimark_sacker(0.1, k)) - 1, 0.77, 0.79, xtol=1e-12)
-    nu = [point.nu for point in neimark_sacker(0.1, k + 1e-9)]
+    k = brentq(lambda k: len(ns_points(0.1, k)) - 1, 0.77, 0.79, xtol=1e-12)
+    nu = [point.nu for point in ns_points(0.1, k + 1e-9)]
     assert len(nu) == 2
     assert 0 < nu[1] - nu[0] < 1e-3
-    assert neimark_sacker(0.1, k - 1e-9) == ()
+    assert ns_points(0.1, k - 1e-9) == ()
 
 
 def test_without_coupling_or_losses_there_is_no_neimark_sacker_point():
-    assert neimark_sacker(0.0, 0.5) == ()
-    assert neimark_sacker(0.1, 1.0) == ()
+    assert ns_points(0.0, 0.5) == ()
+    assert ns_points(0.1, 1.0) == ()
 
 
 # --- compiled or not ------------------------------------------------------------------------------
@@ -117,7 +117,7 @@ def test_compiled_or_not_the_equations_of_a_pair_and_its_window_are_the_same(
 def test_the_window_of_b_in_which_a_pair_is_outside_ends_where_f_vanishes(
     gamma: float, k: float
 ) -> None:
-    found, points = arc.window(gamma, k), arc.neimark_sacker(gamma, k)
+    found, points = arc.window(gamma, k), arc.ns_points(gamma, k)
     if found.square < 0.0:
         assert points == ()
         return
@@ -143,7 +143,7 @@ def test_every_neimark_sacker_point_is_a_zero_of_D_and_they_come_in_twos():
     found = 0
     for _ in range(150):
         gamma, k = rng.uniform(1e-4, 0.2499), rng.uniform()
-        points = neimark_sacker(gamma, k)
+        points = ns_points(gamma, k)
         assert len(points) in (0, 2)
         for nu, b in points:
             F = on_arc(gamma, nu, k, b)

@@ -14,7 +14,7 @@ from contbreather.lattice import InfiniteChain, Ring
 from contbreather.stability import (
     D,
     chain_map,
-    neimark_sacker,
+    ns_points,
     unstable_count,
     unstable_multipliers,
 )
@@ -157,7 +157,7 @@ def test_count_of_a_symmetric_breather_is_that_of_its_half_map():
 @pytest.mark.parametrize(("gamma", "k"), [(0.1, 0.8), (0.2, 0.7)])
 @pytest.mark.parametrize("off", [1e-3, 1e-5, 1e-6])
 def test_just_beside_the_circle_the_count_of_the_whole_period_is_that_of_half_of_it(gamma, k, off):
-    roots = neimark_sacker(gamma, k)
+    roots = ns_points(gamma, k)
     assert roots
     for root in roots:
         seen = set()
@@ -372,7 +372,7 @@ def test_multipliers_of_an_orbit_are_held_to_its_winding_number(monkeypatch, wro
 
 def test_an_orbit_with_a_multiplier_on_the_circle_is_not_certain_and_says_where() -> None:
     gamma, k = 0.1, 0.8
-    for b, nu in [(pitchfork_b(gamma, k), 0.0)] + [(p.b, p.nu) for p in neimark_sacker(gamma, k)]:
+    for b, nu in [(pitchfork_b(gamma, k), 0.0)] + [(p.b, p.nu) for p in ns_points(gamma, k)]:
         map = OrbitMap(gamma, k, [(0, 0.3, b), (0, 0.3 + math.pi, b)])
         count = map.count()
         assert not count.certain

@@ -15,7 +15,7 @@ from contbreather.stability import (
     closest_approach,
     dense_half_map,
     half_multipliers,
-    neimark_sacker,
+    ns_points,
     over_reflection,
     unstable_count,
     unstable_multipliers,
@@ -66,7 +66,7 @@ def test_the_count_on_the_circle_is_the_argument_integral_beside_it():
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.05, 0.95), (0.24, 0.3)])
 def test_the_count_changes_by_two_at_a_neimark_sacker_point_and_by_one_on_the_real_axis(gamma, k):
-    jumps = {point.b: 2 for point in neimark_sacker(gamma, k)}
+    jumps = {point.b: 2 for point in ns_points(gamma, k)}
     assert len(jumps) == 2
     jumps |= {fold_b(gamma, k): 1, pitchfork_b(gamma, k): 1}
     for b, jump in jumps.items():
@@ -84,7 +84,7 @@ def test_the_count_changes_by_two_at_a_neimark_sacker_point_and_by_one_on_the_re
 @pytest.mark.parametrize("k", [0.4, 0.8])
 def test_on_a_bifurcation_the_count_says_that_it_is_not_certain_and_where(k):
     places = {pitchfork_b(0.12, k): 0.0, fold_b(0.12, k): 1.0}
-    places |= {point.b: point.nu for point in neimark_sacker(0.12, k)}
+    places |= {point.b: point.nu for point in ns_points(0.12, k)}
     for b, nu in places.items():
         at = unstable_count(0.12, k, b)
         assert not at.certain
@@ -137,7 +137,7 @@ def test_many_counts_at_once_are_those_of_one_by_one():
     kind = rng.integers(6, size=600)
     for i in range(600):  # half of them beside a bifurcation
         near = [pitchfork_b(gamma[i], k[i]), fold_b(gamma[i], k[i])]
-        near += [point.b for point in neimark_sacker(float(gamma[i]), float(k[i]))]
+        near += [point.b for point in ns_points(float(gamma[i]), float(k[i]))]
         if kind[i] < len(near):
             b[i] = near[kind[i]] * (1.0 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-15, -2))
     found = many_outside(gamma, k, b)
@@ -196,7 +196,7 @@ def test_newton_finds_all_that_the_winding_number_counts_and_each_is_a_zero():
 
 @pytest.mark.parametrize(("gamma", "k"), [(0.12, 0.8), (0.2, 0.4), (0.24, 0.1), (0.05, 0.95)])
 def test_the_closest_approach_points_at_the_neimark_sacker_angle(gamma, k):
-    for point in neimark_sacker(gamma, k):
+    for point in ns_points(gamma, k):
         at = closest_approach(gamma, k, point.b)
         assert at.nu == pytest.approx(point.nu, abs=1e-9)
         assert at.distance < 1e-9

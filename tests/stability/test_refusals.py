@@ -28,7 +28,7 @@ ORBIT = [(0, 0.0, 0.5), (0, 3.0, 0.5)]
 REFUSED = [
     # couplings
     *((lambda g=g: stability.G(g, 0.3 - 0.1j), "gamma") for g in (-0.1, 0.25, math.nan, "x")),
-    *((lambda g=g: stability.neimark_sacker(g, 0.8), "gamma") for g in (-1e-9, 0.25, 0.3)),
+    *((lambda g=g: stability.ns_points(g, 0.8), "gamma") for g in (-1e-9, 0.25, 0.3)),
     (lambda: unstable_count(0.3, 0.8, 0.1), "gamma"),
     (lambda: stability.stability(0.25, 0.8, 0.1), "gamma"),
     (lambda: InfiniteChain(0.7).chi(0.08), "must stay below 1"),
@@ -114,8 +114,8 @@ def test_derivatives_reach_to_the_rim_of_their_domain() -> None:
         (lambda bad: stability.scattering(0.1, bad, 0.8, 0.3), "nu"),
         (lambda bad: stability.window(bad, 0.8), "gamma"),
         (lambda bad: stability.window(0.1, bad), "k"),
-        (lambda bad: stability.neimark_sacker(0.1, bad), "k"),
-        (lambda bad: stability.neimark_sacker(0.1, 0.8, bad), "spring"),
+        (lambda bad: stability.ns_points(0.1, bad), "k"),
+        (lambda bad: stability.ns_points(0.1, 0.8, bad), "spring"),
         (lambda bad: closest_approach(0.1, 0.8, 0.3, bad), "spring"),
         (lambda bad: dense_half_map(5, 0.1, 0.8, bad), "b"),
         (lambda bad: stability.apply_half_map(Ring(3), 0.1, bad, 0.3, np.zeros(6)), "k"),

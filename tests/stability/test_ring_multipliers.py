@@ -16,7 +16,7 @@ from contbreather.stability import (
     eigenvector,
     even_multipliers,
     half_multipliers,
-    neimark_sacker,
+    ns_points,
     ring_multipliers,
 )
 from contbreather.stability.zeros import beyond, outermost
@@ -141,7 +141,7 @@ def test_on_a_bifurcation_the_critical_multiplier_is_there(k):
         for b, critical in ((pitchfork_b(gamma, k), 1.0), (fold_b(gamma, k), -1.0)):
             mu = half_multipliers(Ring(sites), gamma, k, b)
             assert np.abs(mu - critical).min() < 1e-12
-    for nu, b in neimark_sacker(gamma, k):
+    for nu, b in ns_points(gamma, k):
         for sites in (50, 400):  # the ring's own waves keep off it by about 1/N
             mu = half_multipliers(Ring(sites), gamma, k, b)
             assert np.abs(mu - np.exp(1j * np.pi * nu)).min() < 20 / sites

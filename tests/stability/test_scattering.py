@@ -13,7 +13,7 @@ from contbreather.stability import (
     D,
     even_multipliers,
     half_multipliers,
-    neimark_sacker,
+    ns_points,
     over_reflection,
     over_reflects,
     scattering,
@@ -89,7 +89,7 @@ def test_the_maxima_are_those_of_a_very_fine_grid(gamma, k):
 
 
 def test_at_a_neimark_sacker_point_S_has_a_pole():
-    nu, b = neimark_sacker(0.12, 0.8)[1]
+    nu, b = ns_points(0.12, 0.8)[1]
     worst = over_reflection(0.12, 0.8, b)
     assert worst.nu == pytest.approx(nu, abs=1e-7)
     assert 25 < worst.gain < 50  # as large as rounding allows, yet a number

@@ -12,7 +12,7 @@ import contbreather as cb
 from contbreather.lattice import InfiniteChain
 from contbreather.stability import (
     D,
-    neimark_sacker,
+    ns_points,
     on_arc,
     over_reflection,
     over_reflects,
@@ -138,7 +138,7 @@ def test_plus_and_minus_one_are_where_the_scalars_vanish(spring: float, gamma: f
 
 def test_neimark_sacker_points_are_on_the_arc_with_their_slopes() -> None:
     gamma, k, spring = 0.12, 0.7, 0.2
-    points, chain = neimark_sacker(gamma, k, spring), InfiniteChain(spring)
+    points, chain = ns_points(gamma, k, spring), InfiniteChain(spring)
     assert len(points) == 2
     for nu, b in points:
         assert math.sqrt(spring) < nu < math.sqrt(spring + 4 * gamma)

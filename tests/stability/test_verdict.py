@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from contbreather.lattice import Ring
 from contbreather.stability import (
     half_multipliers,
-    neimark_sacker,
+    ns_points,
     saltation,
     saltation_entry,
     stability,
@@ -61,7 +61,7 @@ def test_a_verdict_says_what_it_is_about():
     assert "ring of 400: unstable" in repr(ring)
     assert "1.01" in repr(ring)
     assert repr(stability(0.05, 0.8, 0.9, Ring(100))).startswith("<ring of 100: stable")
-    nu, b = neimark_sacker(0.12, 0.8)[0]
+    nu, b = ns_points(0.12, 0.8)[0]
     assert f"rounding, at the angle {nu:.6g} pi" in stability(0.12, 0.8, b).describe()
 
 

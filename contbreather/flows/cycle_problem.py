@@ -23,7 +23,7 @@ from ..continuation.trace import trace
 from ..errors import BadInput, NotConverged
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
-from .equations import Equations
+from .equations import FlowEquations
 from .flow import Params
 from .multipliers import closing_matrix, of_cycle
 from .time_dependence import refuse_false_period
@@ -74,7 +74,7 @@ class Cycle(HtmlRepr):
     (1.0, 3.487)
     """
 
-    equations: Equations
+    equations: FlowEquations
     x: Array
     params: Mapping[str, float]
 
@@ -206,8 +206,8 @@ def cycle_of(problem: Problem) -> Cycle:
     return cycle
 
 
-def equations_of(point: Point) -> Equations:
-    equations: Equations = point.curve.problem.residual
+def equations_of(point: Point) -> FlowEquations:
+    equations: FlowEquations = point.curve.problem.residual
     return equations
 
 
@@ -224,7 +224,7 @@ def _extreme(name: str, sign: float, point: Point) -> float:
 class CycleProblem(Problem):
     """A cycle of flows."""
 
-    residual: Equations
+    residual: FlowEquations
     # of an arm: where it sets out, with twice the intervals
     again: Callable[[], SwitchingProblem] | None = field(default=None, kw_only=True)
 
@@ -314,7 +314,7 @@ def _again(point: Point) -> SwitchingProblem:
 
 
 def problem_of(
-    equations: Equations, params: Params, events: Sequence[Event], label: str
+    equations: FlowEquations, params: Params, events: Sequence[Event], label: str
 ) -> CycleProblem:
     """The problem of a cycle that starts at the orbit which its equations began with."""
     start = equations.unknowns(equations.start)

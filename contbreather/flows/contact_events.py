@@ -13,11 +13,11 @@ from ..continuation.derivatives import RELATIVE, directional
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import DefiningSystem, Event, Examined, Point
 from .collocation import TrajectorySegment
-from .equations import Equations
+from .cycle_problem import Cycle, equations_of
+from .equations import FlowEquations
 from .filippov import Filippov, slid_along
 from .flow import Clock, Function, Params, slopes, values
 from .multipliers import paces, relative_paces
-from .orbit import Cycle, equations_of
 
 _LOOKS = 8  # into each interval for a wall that is touched
 _ON_IT = 1e-9  # of a condition, relative to its size: a flow that begins this close begins on it
@@ -57,7 +57,7 @@ class _Reached:
     """A wall, and how fast it changes along the flow, at a place of a flow: at an unknown one both
     vanish where it is touched."""
 
-    equations: Equations
+    equations: FlowEquations
     flow: int
     wall: Function
     place: float | None  # 1 the end of the flow

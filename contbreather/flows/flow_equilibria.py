@@ -16,11 +16,11 @@ from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.switching import SwitchingProblem
 from .collocation import Collocation, fitted
-from .constructors import named_state
-from .cycle_events import events_of
-from .equations import Equations, sizes_of
+from .cycle_constructors import named_state
+from .cycle_events import events_of_cycle
+from .cycle_problem import problem_of
+from .equations import FlowEquations, sizes_of
 from .flow import Flow, Function, Params, slopes, values
-from .orbit import problem_of
 from .time_dependence import refuse_time
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
@@ -139,8 +139,8 @@ def _born(point: Point) -> SwitchingProblem:
 
     for amplitude in _AMPLITUDES:
         flight = fitted(residual.collocation, 0.0, period, partial(wave, amplitude * size))
-        equations = Equations((residual.flow,), (flight,), None, 1, names, sizes_of([flight]))
-        events = events_of(equations)
+        equations = FlowEquations((residual.flow,), (flight,), None, 1, names, sizes_of([flight]))
+        events = events_of_cycle(equations)
         curve = Curve(problem_of(equations, params, events, "cycle"), (free,))
         # along the wave the orbit is held, or Newton would fall back on the equilibrium
         row = np.zeros(curve.start.size)

@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import check_kind, number, numbers, shown
+from ..checks import brief, check_kind, number, numbers
 from ..continuation.curve import Curve
 from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
 from .collocation import Collocation, TrajectorySegment, fitted, flown
-from .cycle_events import events_of
-from .equations import Equations, sizes_of
+from .contact_events import lowest, sliding
+from .cycle_events import events_of_cycle
+from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
+from .equations import FlowEquations, sizes_of
 from .filippov import Filippov, slid_along
 from .flow import Flow, Function, Params, value_at, values
 from .guards import root
 from .integrate import TooManySteps, Trajectory, flows_of, integrate
-from .orbit import UNRESOLVED, Cycle, CycleProblem, cycle_of, problem_of
 from .time_dependence import period_at, refuse_false_period, refuse_period, refuse_time
-from .walls import lowest, sliding
 
 _CLOSELY = 1e-9  # tolerance of a simulation: Newton's iteration does the rest
 _EXPLICIT = 10_000  # steps of an explicit method, after which it is taken to be stiff
@@ -148,11 +148,11 @@ def cycle(
         turns = max(1, round(whole / period_at(forcing, params)))
         refuse_period(parts, flights, params)
     refuse_false_period(parts, flights, forcing, params)
-    equations = Equations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
+    equations = FlowEquations(parts, tuple(flights), forcing, turns, names, sizes_of(flights))
     if events is None:
-        events = events_of(equations)
+        events = events_of_cycle(equations)
         if isinstance(flows, Filippov):
-            events = (*events_of(equations, "SL"), sliding(flows))
+            events = (*events_of_cycle(equations, "SL"), sliding(flows))
     made = partial(problem_of, params=params, events=tuple(events), label=label or "cycle")
     return _closed(equations, made, params, size)
 
@@ -175,7 +175,7 @@ def named_state(
     for name, value in dict[str, Any](start).items():
         if isinstance(value, np.ndarray | list | tuple):
             raise BadInput(
-                f"{name} = {shown(value)}: the states of a flow are numbers, one name each, "
+                f"{name} = {brief(value)}: the states of a flow are numbers, one name each, "
                 f"{name}0, {name}1, ..."
             )
     by_name = {
@@ -210,7 +210,7 @@ def _length(period: float | Callable[[Params], float], t: Any, x: Any, p: Params
 
 
 Run = Callable[..., Trajectory]
-Made = Callable[[Equations], CycleProblem]
+Made = Callable[[FlowEquations], CycleProblem]
 Begin = tuple[float, Array, int]  # time, state and flow
 Stretch = tuple[Callable[[Array], Array], float, float]  # a motion, its beginning and its end
 
@@ -385,7 +385,7 @@ def _refuse_rest(moved: Array, state: Array, size: float, *, slides: bool = Fals
         else:
             what, more = "an equilibrium", "cb.equilibrium continues it"
         raise NotConverged(
-            f"there is {what} at {shown(place)}, not a cycle: {more}; start elsewhere for a cycle"
+            f"there is {what} at {brief(place)}, not a cycle: {more}; start elsewhere for a cycle"
         )
 
 
@@ -417,7 +417,7 @@ def _sampled(
     return (flow,), [whole], tuple(f"x{i}" for i in range(1, len(x) + 1))
 
 
-def _closed(equations: Equations, made: Made, params: Params, size: float) -> Problem:
+def _closed(equations: FlowEquations, made: Made, params: Params, size: float) -> Problem:
     """The problem with its orbit solved for, then once more on a mesh that follows it."""
     size = max(size, *(float(abs(flight.states).max()) for flight in equations.start))
     for _ in range(2):
@@ -437,7 +437,7 @@ def _closed(equations: Equations, made: Made, params: Params, size: float) -> Pr
     return closed
 
 
-def _solved(equations: Equations, made: Made) -> tuple[Equations, Problem]:
+def _solved(equations: FlowEquations, made: Made) -> tuple[FlowEquations, Problem]:
     """The orbit solved for, on as many intervals as it needs."""
     while True:
         try:
