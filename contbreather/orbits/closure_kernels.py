@@ -65,7 +65,7 @@ class ClosureData(NamedTuple):
 class PairData(NamedTuple):
     """A breather of the infinite chain, and two multipliers on the circle."""
 
-    closure_system: ClosureData
+    closure: ClosureData
     work: BandWorkspace
     F: Matrix  # both parts of F in rows, as `pair_equations` have them
 
@@ -73,7 +73,7 @@ class PairData(NamedTuple):
 class ContactData(NamedTuple):
     """A breather of the infinite chain, and a site on a wall."""
 
-    closure_system: ClosureData
+    closure: ClosureData
     wall: float
     distance: int  # from the impacting site
     expansions: Matrix  # coefficients of a response, as polynomials in 4 gamma
