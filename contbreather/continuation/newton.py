@@ -44,7 +44,7 @@ class Solution:
     converged: bool
     iterations: int
     residual: float  # largest entry of the equations at z
-    newton_step: float  # length of the last step, an estimate of the error before it
+    correction: float  # length of the last step, an estimate of the error before it
 
 
 class Equations(Protocol):

@@ -88,7 +88,7 @@ MOTIONS = Kernel(series_motions)
 
 
 class TrigonometricSeries:
-    """f as a trigonometric series, with its first three derivatives."""
+    """f as a trigonometric series, with its derivatives of any order."""
 
     __slots__ = ("harmonics", "rows")
 
@@ -108,6 +108,9 @@ class TrigonometricSeries:
 
     def at(self, t: Any, order: int) -> Any:
         """The derivative of that order, at one time or many."""
+        if order > 3:  # of the second derivative, a series like this one
+            bent = tuple((m, -m * m * A, -m * m * B) for m, A, B in self.harmonics)
+            return TrigonometricSeries(bent).at(t, order - 2)
         return self.motion(t)[order]
 
     def on_grid(self, size: int) -> FloatArray:
