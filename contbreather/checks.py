@@ -182,8 +182,8 @@ def state_rows(state: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     except (TypeError, ValueError, OverflowError) as error:
         if callable(getattr(state, "state", None)):
             raise BadInput(
-                f"a state is a pair (u, v) of rows of numbers, as an object of type "
-                f"{type(state).__name__} has: give its state(), on the infinite chain state(sites)."
+                f"a state is a pair (u, v) of rows of numbers, and {type(state).__name__} is none: "
+                "give its state(), on the infinite chain state(sites), with its a, gamma, k."
             ) from error
         raise BadInput(
             f"a state is a pair (u, v) of rows of numbers, got {brief(state)}."

@@ -124,13 +124,19 @@ class Verdict(HtmlRepr):
 
     def table(self) -> Sheet:
         """The numbers behind it."""
+        half = self.threshold is None and self.map.sign < 0
+        circle = "the unit circle" if self.threshold is None else "the threshold"
+        which = f"multipliers {'of QS ' * half}outside {circle}"
         rows: list[tuple[str, Any]] = [
+            ("lattice", self.lattice),
             ("stable", yes_or_no(self.stable)),
-            ("multipliers beyond", None if self.stable is None else self.unstable),
+            (which, None if self.stable is None else self.unstable),
         ]
         if self.threshold is not None:
             rows += [("threshold", self.threshold), ("largest |multiplier|", self.largest)]
-        rows += [("multiplier", complex(mu)) for mu in self.multipliers]
+        elif half and self.stable is not None:
+            rows += [("waves come back amplified", yes_or_no(self.over_reflecting))]
+        rows += [(f"multiplier {i}", complex(mu)) for i, mu in enumerate(self.multipliers, 1)]
         return Sheet.of([(name, None if value != value else value) for name, value in rows])
 
     def describe(self) -> str:

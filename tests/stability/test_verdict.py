@@ -75,13 +75,20 @@ def test_rows_of_a_verdict_are_what_their_names_say(a, gamma):
         (ring, half_multipliers(Ring(20), gamma, 0.8, b) ** 2, 1.005),
     ):
         beyond = mu[np.abs(mu) > threshold]
-        rows = [("stable", "no" if beyond.size else "yes"), ("multipliers beyond", beyond.size)]
+        which = "outside the threshold" if verdict is ring else "of QS outside the unit circle"
+        rows = [
+            ("lattice", verdict.lattice),
+            ("stable", "no" if beyond.size else "yes"),
+            (f"multipliers {which}", beyond.size),
+        ]
+        amplified = [("waves come back amplified", "yes" if chain.over_reflecting else "no")]
         if verdict is ring:
             largest = pytest.approx(np.abs(mu).max())
             rows += [("threshold", 1.005), ("largest |multiplier|", largest)]
-        assert verdict.table().rows == rows + [("multiplier", pytest.approx(one)) for one in beyond]
-        unknown = [(name, 1.005 if name == "threshold" else None) for name, _ in rows]
-        assert verdict.blank().table().rows == unknown
+        each = [(f"multiplier {i}", pytest.approx(one)) for i, one in enumerate(beyond, 1)]
+        assert verdict.table().rows == rows + (amplified if verdict is chain else []) + each
+        known = {"threshold": 1.005, "lattice": verdict.lattice}
+        assert verdict.blank().table().rows == [(name, known.get(name)) for name, _ in rows]
 
 
 def test_short_rings_have_no_neutral_modes_to_stop_at():
