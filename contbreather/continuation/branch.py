@@ -424,7 +424,11 @@ class Branch(Columns, HtmlRepr):
             Column("arclength", [p.arclength for p in points], digits=6, spare=True),
             Column("residual", [f"{p.residual:.1e}" for p in points], spare=True, right=True),
         ]
-        return Sheet(columns, self.describe())
+        return Sheet(columns, self.describe() + self._doubts)
+
+    @property
+    def _doubts(self) -> str:
+        return f"; {len(self.doubtful)} doubtful" if self.doubtful else ""
 
     def describe(self) -> str:
         """One sentence: what was walked, how far, and why it ended."""
@@ -448,9 +452,8 @@ class Branch(Columns, HtmlRepr):
         return self.table()
 
     def __repr__(self) -> str:
-        doubtful = f"; {len(self.doubtful)} doubtful" if self.doubtful else ""
         special = [point.label for point in self.special]
-        return f"<Branch {self.describe()}; special {special}{doubtful}>"
+        return f"<Branch {self.describe()}; special {special}{self._doubts}>"
 
 
 def _ended(stop: Stop, reason: str) -> str:
