@@ -136,8 +136,9 @@ class Session:
         self.change(plane=plane, preview=preview_of(plane), awaited="")
 
     def look_ahead(self) -> None:
-        """From now on compute diagrams of other restitutions where nothing is asked for, but not in
-        the pauses of somebody at work, whose pages would be slow for it."""
+        """From now on, while anybody looks on, compute diagrams of other restitutions where nothing
+        is asked for, but not in the pauses of somebody at work, whose pages would be slow for
+        it."""
         self._looks_ahead = True
         self._next_ahead()
 
@@ -207,7 +208,8 @@ class Session:
             left = [value for value in LADDER if ("k", value, "", "") not in self._planes]
             usual = name == "k" and not any(of)
             under_way = self.busy or self._quick.working
-            if not self._looks_ahead or not usual or not left or under_way:
+            wanted = self._looks_ahead and self._listeners
+            if not wanted or not usual or not left or under_way:
                 return
             after, self._ahead = 0.0 if self._ahead else QUIET, True
             nearest = min(left, key=lambda value: abs(value - k))

@@ -246,6 +246,7 @@ def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a
     monkeypatch.setattr(session, "zones", told)
     monkeypatch.setattr(session, "QUIET", quiet)
     explorer = Explorer()
+    leave = explorer.listen(lambda _: None)
     explorer.look_at(0.81)
     explorer.look_ahead()
     until(lambda: len(asked) == (1 if quiet else 1 + len(LADDER)))
@@ -253,7 +254,10 @@ def test_looking_ahead_begins_with_the_nearest_once_nothing_has_been_asked_for_a
         explorer.look_at(0.79)  # it does not wait for what does
         until(lambda: len(asked) > 1)
     assert asked[:4] == [0.81, 0.79] if quiet else [0.81, 0.8, 0.85, 0.75]
+    leave()
     explorer.stop()
+    assert explorer.wait(HUNG)
+    assert len(asked) == (2 if quiet else 1 + len(LADDER))  # nobody looks on any more
 
 
 def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
@@ -276,6 +280,7 @@ def test_looking_ahead_begins_while_the_last_diagram_is_handed_over(
 
     monkeypatch.setattr(session, "JobThread", Slow)
     explorer = Explorer()
+    explorer.listen(lambda _: None)
     explorer.look_at(0.81)
     assert came.wait(HUNG)
     explorer.look_ahead()
