@@ -180,11 +180,6 @@ def state_rows(state: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         displacements, velocities = state
         u, v = np.array(displacements, dtype=float), np.array(velocities, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        if callable(getattr(state, "state", None)):
-            raise BadInput(
-                f"a state is a pair (u, v) of rows of numbers, and {type(state).__name__} is none: "
-                "give its state(), on the infinite chain state(sites), with its a, gamma, k."
-            ) from error
         raise BadInput(
             f"a state is a pair (u, v) of rows of numbers, got {brief(state)}."
         ) from error

@@ -143,7 +143,7 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
         raise BadInput(f"events must be a list of them, got {events!r}") from error
     for event in several:
         if not isinstance(event, Event):
-            raise BadInput(f"an Event was expected, got {event!r}")
+            raise BadInput(f"an Event was expected, fold() for instance, got {event!r}")
     return several
 
 

@@ -117,7 +117,10 @@ class Orbit(ImpactSequence, HtmlRepr):
         """
         orbit = self._on_ring(sites)
         if orbit.lattice.sites is None:
-            raise BadInput("the infinite chain has no end: ask for state(sites=N), of a ring of N.")
+            raise BadInput(
+                "the infinite chain has no end: ask for state(sites=N), or take "
+                "the orbit to a ring of N sites, orbit.on(Ring(N))."
+            )
         time = number("t", t, -math.inf, math.inf, "a time")
         u, v, _ = orbit.motion.states(np.arange(orbit.lattice.sites), time)
         return u, v

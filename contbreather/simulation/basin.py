@@ -24,8 +24,7 @@ from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
     ModelParameters,
     State,
-    check_state,
-    conditions_of,
+    start_of,
     wall_rows,
     within,
 )
@@ -152,7 +151,7 @@ def attraction(
 
     Parameters
     ----------
-    reference : pair of array_like, shape (N,)
+    reference : pair of array_like, shape (N,), or Orbit
         A state of the motion at t0, of `periodic(...)` for instance; all coordinates but the two
         of the plane start there.
     x, y : Axis
@@ -190,7 +189,7 @@ def attraction(
     >>> basin.outcome.shape
     (3, 2)
     """
-    state = check_state(reference)
+    state, conditions = start_of(reference, None, t0, **on)
     for axis in (x, y):
         check_kind(axis, Axis, "an Axis")
     site = whole("site", site, -MOST)
@@ -199,7 +198,6 @@ def attraction(
     check_sites("attraction", (site, x.site, y.site), state.u.size)
     if x.name == y.name and (x.site - y.site) % state.u.size == 0:
         raise BadInput(f"both axes are {x.label}: a plane has two coordinates.")
-    conditions = conditions_of(state.u.size, **on)
     state = within(state, conditions.walls)
     run: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
     shape = len(y.values), len(x.values)

@@ -17,7 +17,7 @@ from contbreather.simulation.integrator import RunStop
 from contbreather.simulation.measures import Rotation, exponents, forced, localised, rotation
 from contbreather.simulation.periodic import PeriodicMotion, closing
 from contbreather.simulation.simulate import SimulationRun, SmoothRun, completed, let_go
-from contbreather.simulation.states import ModelParameters, State, check_state, conditions_of
+from contbreather.simulation.states import ModelParameters, State, start_of
 from contbreather.tables import HtmlRepr, Sheet
 
 Array = NDArray[Any]
@@ -122,8 +122,9 @@ def classify(
     >>> found.kind.name, round(found.evidence["multiplier"], 3)
     ('PERIODIC', 0.876)
     """
-    start = check_state(state)
-    conditions = conditions_of(start.u.size, m, **on)
+    if isinstance(state, SimulationRun | SmoothRun):
+        raise BadInput(f"a state was expected, got {state!r}: judge(run) says what it came to.")
+    start, conditions = start_of(state, m, t0, **on)
     length = whole("periods", periods, LEAST)
     run = completed(let_go(start, conditions, periods=whole("settle", settle, 0), t0=t0))
     if run.stop is RunStop.DONE:

@@ -36,8 +36,8 @@ from contbreather.simulation.states import (
     ModelParameters,
     SmoothConditions,
     State,
-    check_state,
     conditions_of,
+    start_of,
     within_period,
 )
 from contbreather.simulation.variation import variations_along
@@ -384,8 +384,7 @@ def lyapunov(
     >>> bool(abs(found.exponents[0]) < 0.01)  # a stable breather of an undamped ring is neutral
     True
     """
-    start = check_state(state)
-    conditions = conditions_of(start.u.size, m, **on)
+    start, conditions = start_of(state, m, t0, **on)
     sites, wanted = start.u.size, whole("count", count, 1)
     if wanted > 2 * sites:
         raise BadInput(f"count = {count}: {sites} sites have {2 * sites} exponents.")

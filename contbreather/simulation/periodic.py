@@ -37,8 +37,7 @@ from contbreather.simulation.states import (
     ModelParameters,
     SmoothConditions,
     State,
-    check_state,
-    conditions_of,
+    start_of,
     within_period,
 )
 from contbreather.simulation.variation import variation
@@ -264,8 +263,7 @@ def periodic(
     >>> round(branch.first("LP")["a"], 4)  # without damping 0.0644
     0.0863
     """
-    start = check_state(state)
-    conditions = conditions_of(start.u.size, m, **on)
+    start, conditions = start_of(state, m, t0, **on)
     return closing(start, conditions, periods=periods, symmetric=symmetric, t0=t0)
 
 

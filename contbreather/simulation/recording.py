@@ -53,9 +53,8 @@ from contbreather.simulation.states import (
     PERIOD,
     ModelParameters,
     State,
-    check_state,
-    conditions_of,
     ranged,
+    start_of,
     within,
     within_period,
 )
@@ -225,9 +224,8 @@ def record(
     ...     run.periods, len(run.impacts)
     (30, 60)
     """
-    start = check_state(state)
+    start, conditions = start_of(state, None, t0, **on)
     check_sample(sample, start.u.size)
-    conditions = conditions_of(start.u.size, **on)
     start = within(start, conditions.walls)
     wanted = Recording(
         named("write", path), conditions, number("t0", t0, -1e300, 1e300, "a time"), sample, start

@@ -42,8 +42,7 @@ from contbreather.simulation.states import (
     ModelParameters,
     SmoothConditions,
     State,
-    check_state,
-    conditions_of,
+    start_of,
     within,
     within_period,
 )
@@ -233,8 +232,10 @@ def simulate(
 
     Parameters
     ----------
-    state : pair of array_like, shape (N,)
-        Displacements and velocities of all sites at t0; N = 1 is a single oscillator.
+    state : pair of array_like, shape (N,), or Orbit
+        Displacements and velocities of all sites at t0; N = 1 is a single oscillator. An orbit of
+        a finite lattice is taken at t0, with its own lattice, walls, forcing and parameters, but
+        for those that are given.
     periods : float
         Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
     t0 : float
@@ -250,7 +251,8 @@ def simulate(
     seed : int
         Of the noise: the same seed gives the same run, to the last digit.
     a, gamma, k : float
-        Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1].
+        Amplitude of the forcing, coupling (below 1/4 on a ring), restitution in [0, 1]; needed
+        for a state that is no orbit.
     damping, spring : float
         Of ``u'' + damping u' + spring u + ...``, per unit mass; damping up to 1e4, for steps are
         3/damping at most.
@@ -276,16 +278,16 @@ def simulate(
 
     Examples
     --------
+    >>> from contbreather.lattice import Ring
     >>> from contbreather.orbits import symmetric
-    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8)
-    >>> run = simulate(b.state(20), a=0.5, gamma=0.08, k=0.8, periods=1)
+    >>> b = symmetric(a=0.5, gamma=0.08, k=0.8, lattice=Ring(20))
+    >>> run = simulate(b, periods=1)
     >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 1e-13)
     True
     >>> len(run.impacts)
     2
     """
-    start = check_state(state)
-    conditions = conditions_of(start.u.size, **on)
+    start, conditions = start_of(state, None, t0, **on)
     strength = number("noise", noise, 0.0, 1e6, "the strength of the noise, from 0 to 1e6")
     kicked: Any = {"noise": strength, "seed": whole("seed", seed, 0)}
     shared: Any = {"periods": periods, "t0": t0, "sample": sample, "progress": progress}
@@ -315,7 +317,7 @@ def simulate_smooth(
 
     Parameters
     ----------
-    state : pair of array_like, shape (N,)
+    state : pair of array_like, shape (N,), or Orbit
     periods, t0, sample, progress, on
         As in `simulate`, without walls: they are at -1 and 1.
     m : float
@@ -341,9 +343,7 @@ def simulate_smooth(
     >>> bool(abs(run.final.u - run.strobe.u[0]).max() < 0.05)
     True
     """
-    start = check_state(state)
-    parameter("m", m)
-    conditions = conditions_of(start.u.size, m, **on)
+    start, conditions = start_of(state, parameter("m", m), t0, **on)
     settings: dict[str, Any] = {"sample": sample, "solver": solver, "progress": progress}
     run: SmoothRun = let_go(start, conditions, periods=periods, t0=t0, **settings)
     return run

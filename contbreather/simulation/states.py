@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Required, TypedDict, TypeVar
+from typing import Any, NamedTuple, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Forcing, Harmonic
 from contbreather.lattice.formula import forcing_of
+from contbreather.orbits.orbit import Orbit
 from contbreather.parameters import HEAVIEST, NAMES, NEEDED, OPTIONAL, SMOOTH, parameter
 from contbreather.storage.serialise import to_dict
 
@@ -109,10 +110,11 @@ class SmoothConditions:
 
 
 class LatticeParameters(TypedDict, total=False):
-    """Keywords that say what a lattice moves under, whatever its walls."""
+    """Keywords that say what a lattice moves under, whatever its walls; a and gamma are needed but
+    where an orbit brings them."""
 
-    a: Required[float]
-    gamma: Required[float]
+    a: float
+    gamma: float
     damping: float
     spring: float
     forcing: Forcing | str | None
@@ -122,7 +124,7 @@ class LatticeParameters(TypedDict, total=False):
 class ModelParameters(LatticeParameters, total=False):
     """Those of `simulate`, which every function takes."""
 
-    k: Required[float]
+    k: float
     walls: Any
 
 
@@ -176,6 +178,22 @@ def conditions_of(
     if m is not None:
         return ranged(SmoothConditions(**numbers))
     return ranged(Conditions(walls=Walls.given(walls), **numbers)).at({})
+
+
+def start_of(
+    state: Any, m: float | None = None, t0: float = 0.0, /, **on: Any
+) -> tuple[State, Any]:
+    """A state, and what it moves under. An orbit of a finite lattice brings both; what is given
+    besides takes the place of its own."""
+    if isinstance(state, Orbit):
+        own = dict(vars(state.conditions))
+        if m is not None and own["walls"] == Walls():  # where smooth ones are, too
+            del own["walls"]
+        if "lam" in on:  # says what k does
+            del own["k"]
+        state, on = state.state(t=t0), {**own, **on}
+    start = check_state(state)
+    return start, conditions_of(start.u.size, m, **on)
 
 
 def ranged(on: C) -> C:

@@ -25,9 +25,8 @@ from contbreather.simulation.smooth import Solver
 from contbreather.simulation.states import (
     ModelParameters,
     State,
-    check_state,
-    conditions_of,
     ranged,
+    start_of,
 )
 from contbreather.tables import Column, HtmlRepr, Sheet
 
@@ -147,7 +146,7 @@ def sweep(
 
     Parameters
     ----------
-    state : pair of array_like, shape (N,)
+    state : pair of array_like, shape (N,), or Orbit
         At the first value.
     name : str
         ``a, gamma, k, damping, spring``, a parameter of the forcing, and on smooth rings ``m`` or
@@ -176,10 +175,9 @@ def sweep(
     0.05
     """
     steps = row("values", values, "the values of a sweep")
-    start = check_state(state)
     check_kind(name, str, "the name of a parameter")
     needed: Any = {name: float(steps[0])} if name in ("a", "gamma", "k") else {}
-    conditions = conditions_of(start.u.size, m, **{**on, **needed})
+    start, conditions = start_of(state, m, t0, **{**on, **needed})
     names = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in names:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")

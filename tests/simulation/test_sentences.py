@@ -64,7 +64,7 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"state": 3.0}, "a state is a pair"),
         ("simulate", {"state": np.zeros(3)}, r"a pair \(u, v\) .*, got array\(\[0"),
         ("simulate", {"mass": 2.0}, "^simulate .* takes a, gamma, k, .*; not known mass"),
-        ("simulate", {"state": cb.symmetric(0.5, 0.08, 0.8)}, r"give its state\(\), on the inf"),
+        ("simulate", {"state": cb.symmetric(0.5, 0.08, 0.8)}, r"no end: .* on\(Ring\(N\)\)"),
         ("simulate", {"state": ([0.0], [math.nan])}, r"v\[0\] = nan of the state is not finite"),
         ("simulate", {"state": ([0.0], [1e9])}, "blow up the energy"),
         ("simulate", {"damping": -0.1}, "^damping = -0.1: .* 0 <= damping <= 1e4"),
@@ -180,7 +180,13 @@ def test_what_cannot_be_worked_with_is_refused_in_a_sentence(call, changed, sent
 
 def test_what_is_missing_is_said_by_the_name_of_simulate() -> None:
     with pytest.raises(BadInput, match=r"^simulate .* takes a, gamma, k, .*; missing a, k\."):
-        cb.simulate(REST, periods=1, gamma=0.1)  # type: ignore[call-arg]
+        cb.simulate(REST, periods=1, gamma=0.1)
+
+
+def test_of_a_run_it_says_who_judges_it() -> None:
+    run = cb.simulate(REST, periods=1, a=0.1, gamma=0.1, k=0.8)
+    with pytest.raises(BadInput, match=r"got <Run of .*>: judge\(run\) says what it came to"):
+        classify(run)
 
 
 @pytest.mark.parametrize("name", ["a", "gamma", "k", "periods", "damping", "t0", "m"])

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
+from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import symmetric
-from contbreather.simulation import RunStop, Sample, simulate, variation
+from contbreather.simulation import RunStop, Sample, simulate, simulate_smooth, variation
 from tests.orbits.field import dense
 
 PI = math.pi
@@ -47,6 +49,29 @@ def test_exact_breather_comes_back_after_one_period(a, gamma, k, sites):
     assert np.abs(run.final.u - u).max() < 1e-12
     assert np.abs(run.final.v - v).max() < 1e-12
     assert len(run.impacts) == 2
+
+
+def test_an_orbit_brings_its_state_and_its_parameters_but_for_those_that_are_given():
+    own = {"forcing": "cos(t)+0.1*cos(3*t)", "lattice": OpenChain(7), "damping": 0.03}
+    orbit = symmetric(0.6, 0.04, 0.8, site=3, walls=(-1.2, 1.2), **own)
+    on = {"a": 0.6, "gamma": 0.04, "k": 0.8, "walls": (-1.2, 1.2), **own}
+    for t0, other in ((0.0, {}), (1.7, {}), (0.3, {"k": 0.7, "damping": 0.0})):
+        run = simulate(orbit, periods=2.5, t0=t0, **other)
+        alike = simulate(orbit.state(t=t0), periods=2.5, t0=t0, **{**on, **other})
+        assert run.conditions == alike.conditions
+        np.testing.assert_array_equal(run.final.u, alike.final.u)
+    with pytest.raises(BadInput, match=r"no end: .* orbit\.on\(Ring\(N\)\)"):
+        simulate(symmetric(0.5, 0.04, 0.8), periods=1)
+
+
+def test_an_orbit_is_let_go_between_smooth_walls():
+    orbit, how = symmetric(0.5, 0.04, 0.8, lattice=Ring(8)), {"m": 20, "periods": 1}
+    own = {"a": 0.5, "gamma": 0.04}
+    for other in ({"k": 0.8}, {"lam": 0.1}):
+        alike = simulate_smooth(orbit.state(), **own, **other, **how)
+        np.testing.assert_array_equal(simulate_smooth(orbit, **other, **how).final.u, alike.final.u)
+    with pytest.raises(BadInput, match="smooth walls are at -1 and 1"):
+        simulate_smooth(symmetric(0.5, 0.04, 0.8, lattice=Ring(8), walls=(-2, 2)), **how)
 
 
 def test_impacts_are_those_of_the_closure_to_rounding():
