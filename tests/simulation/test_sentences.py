@@ -64,7 +64,7 @@ TABLES = "rows of states, or tables with a column for each site"
         ("simulate", {"state": 3.0}, "a state is a pair"),
         ("simulate", {"state": np.zeros(3)}, r"a pair \(u, v\) .*, got array\(\[0"),
         ("simulate", {"mass": 2.0}, "^simulate .* takes a, gamma, k, .*; not known mass"),
-        ("simulate", {"state": cb.symmetric(0.5, 0.08, 0.8)}, r"no end: .* on\(Ring\(N\)\)"),
+        ("simulate", {"state": cb.symmetric(0.5, 0.08, 0.8)}, r"no end: .* orbit\.on\(Ring\(N\)\)"),
         ("simulate", {"state": ([0.0], [math.nan])}, r"v\[0\] = nan of the state is not finite"),
         ("simulate", {"state": ([0.0], [1e9])}, "blow up the energy"),
         ("simulate", {"damping": -0.1}, "^damping = -0.1: .* 0 <= damping <= 1e4"),
