@@ -22,7 +22,7 @@ from ..errors import BadInput
 from ..kernels import EQUATIONS, FRAME, Kernel, callable_at, kernel_of
 from ..machine_code import NotCompiled
 from . import derivatives
-from .step import CORRECTED, STEPS, TAKEN, CompiledEquations, Here, Rules
+from .step import ACCEPTED, CORRECTED, STEPS, CompiledEquations, CompiledPoint, Rules
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ class CompiledCurve:
     Attributes
     ----------
     loops : Loops
-    here : Here
+    point : CompiledPoint
         Where the latest of many steps ended.
     """
 
@@ -87,7 +87,7 @@ class CompiledCurve:
         self.eq = CompiledEquations(
             evaluate, derive, data, metric, value, flat, matrix, np.zeros(d)
         )
-        self.here, self.answer = Here(*np.zeros((6, d))), np.zeros(3)
+        self.point, self.answer = CompiledPoint(*np.zeros((6, d))), np.zeros(3)
 
     def _call(self, kernel: Kernel, *values: Any) -> None:
         if self.machine is not None:
@@ -99,14 +99,14 @@ class CompiledCurve:
         self, rules: Rules, start: Sequence[Array], state: Array, most: int
     ) -> tuple[Array, Array, Array, Array]:
         """As many steps as come off, at most so many: their z, tangents, arclengths and residuals;
-        from z, tangent and its bend, and the state there, arclength, the size to try next, the sign
-        of the bordered determinant, the longest step so far, which becomes that of the last."""
-        for buffer, entries in zip(self.here, start, strict=False):
+        from z, tangent and curvature, and the state there: arclength, the size to try next, the
+        sign of the bordered determinant, the longest step so far; it becomes that of the last."""
+        for buffer, entries in zip(self.point, start, strict=False):
             buffer[:] = entries
-        d, count = self.here.z.size, np.zeros(1, dtype=np.int64)
+        d, count = self.point.z.size, np.zeros(1, dtype=np.int64)
         out = np.empty((min(most, _AT_ONCE if self.machine else _AS_IT_IS), 2 * d + 2))
         with suppress(ArithmeticError, ValueError):  # where machine code goes on with an infinity
-            self._call(STEPS, rules, self.here, state, out, count)
+            self._call(STEPS, rules, self.point, state, out, count)
         rows = out[: count[0]].copy()
         return rows[:, :d], rows[:, d : 2 * d], rows[:, -2], rows[:, -1]
 
@@ -115,16 +115,16 @@ class CompiledCurve:
     ) -> tuple[Array, Array, float, int] | None:
         """The point in the plane across a vector, its tangent on the side of another, the residual
         and how many iterations it took; None where the solvers of the curve have to do."""
-        here = self.here
-        here.there[:] = guess
+        point = self.point
+        point.end[:] = guess
         try:
-            self._call(CORRECTED, tolerance, across, slope, here, self.answer)
+            self._call(CORRECTED, tolerance, across, slope, point, self.answer)
         except (ArithmeticError, ValueError):
             return None
         status, iterations, residual = self.answer.tolist()
-        if status != TAKEN:
+        if status != ACCEPTED:
             return None
-        return here.there.copy(), here.ahead.copy(), residual, int(iterations)
+        return point.end.copy(), point.end_tangent.copy(), residual, int(iterations)
 
 
 _known: dict[Any, MachineCode | None] = {}

@@ -55,7 +55,7 @@ class StartOnCurve:
     ----------
     point : Point
         On its curve, with the tangent along which to set out.
-    side : int
+    sign : int
         Sign of the bordered determinant there; 0 at a branch point, and where it is not known.
     bounds : list of Bound
         The window.
@@ -64,7 +64,7 @@ class StartOnCurve:
     """
 
     point: Point
-    side: int
+    sign: int
     bounds: list[Bound]
     directed: bool
 
@@ -83,21 +83,21 @@ def starts_on_curve(
     if along is None:
         curve, residual = corrected_start(problem, free, tolerance)
         bounds = bounds_of(curve, within)
-        tangent, side = first_tangent(curve, bounds)
+        tangent, sign = first_tangent(curve, bounds)
         if towards != "up":
-            tangent, side = -tangent, -side
+            tangent, sign = -tangent, -sign
     else:
         curve, residual, tangent = directed_start(problem, free, along)
-        bounds, side = bounds_of(curve, within), 0
+        bounds, sign = bounds_of(curve, within), 0
     # how far the start that was given had to be moved, if that is worth telling
     off = curve.length(curve.start - np.append(problem.x, problem.params[free]))
     detail = {"moved": off} if off > _MOVED * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
-    first = StartOnCurve(point, side, bounds, along is not None)
+    first = StartOnCurve(point, sign, bounds, along is not None)
     if towards != "both" or first.directed:
         return [first]
     back = replace(point, curve=copy(curve), tangent=-tangent)  # on a curve that learns by itself
-    return [first, replace(first, point=back, side=-side)]
+    return [first, replace(first, point=back, sign=-sign)]
 
 
 def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curve, float]:
@@ -195,9 +195,9 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
                 return closest_tangent(branch_point.tangents, curve.metric * along), 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
-    tangent, side = curve.tangent_at(z, along)
+    tangent, sign = curve.tangent_at(z, along)
     if abs(tangent[-1]) > _STEEP:
-        return tangent, side
+        return tangent, sign
     level = abs(tangent[-1]) <= LEVEL
     # across the parameter that determinant is the less certain the less it changes
     return curve.tangent_at(z, _inward(curve, bounds, tangent) if level else tangent)

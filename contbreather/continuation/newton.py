@@ -68,13 +68,14 @@ def newton(
     """Solve ``H(z) = 0`` together with ``row . (z - z_start) = 0``.
 
     Without `row` there are as many equations as unknowns, and one fewer with it.
-    Raises `Undefined` where the equations have no value. The rules are those of `step.newton`.
+    Raises `Undefined` where the equations have no value. The rules are those of
+    `step.newton_kernel`.
     """
     eq = _Iteration(curve)
     end = _NEWTON(eq, row, z, tolerance, most)
     if end.status == rules.LOOK:
         raise Undefined("the Newton correction is not finite")
-    solved = end.status == rules.TAKEN
+    solved = end.status == rules.ACCEPTED
     if solved and not end.regular:
         # the shortest correction may be short far from any solution: what is left of the equations
         # decides, relative to the terms of each; one that no entry of z moves is compared with 1
@@ -100,7 +101,7 @@ def chord(
     Iterative Methods for Linear and Nonlinear Equations, section 7.3).
     """
     size = 1.0 + curve.length(z)
-    most, before = rules.LASTING * size, math.nan
+    most, before = rules.REUSED * size, math.nan
     steps: list[Array] = []
     while True:
         step, singular = newton_step(factors, roughly(z), row)
@@ -127,16 +128,16 @@ def chord(
 
 @dataclass
 class _Iteration:
-    """What `step.newton` asks, by any linear algebra."""
+    """What `step.newton_kernel` asks, by any linear algebra."""
 
     curve: Equations
     matrix: Any = None  # the latest derivative
     factors: Any = None
 
     def correction(
-        self, row: Array | None, z: Array, value: Array, lasting: bool
+        self, row: Array | None, z: Array, value: Array, reuse: bool
     ) -> tuple[Array, bool]:
-        if self.factors is None or not lasting:
+        if self.factors is None or not reuse:
             matrix = self.matrix = self.curve.jacobian(z)
             large = sparse.is_large(matrix)
             self.factors = sparse.Factors(matrix) if large else Dense(matrix, row)

@@ -9,8 +9,8 @@ corrections dz stay in the plane across t, and the tangent t' at its end points 
 The sign of the determinant of this matrix changes at simple branch points and nowhere else.
 
 This is the only text of the rules. `steps` and `corrected` are compiled, for problems of a dozen
-unknowns whose equations are machine code, too. All others go by `newton` and `examined` with numpy,
-LAPACK and SuperLU in place of the functions under "arithmetic" (see `newton` and `stepper`).
+unknowns whose equations are machine code, too. All others go by `newton` and `check_step` with
+numpy, LAPACK and SuperLU in place of the functions under "arithmetic" (see `newton` and `stepper`).
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from ..kernels import Counts, Kernel, Matrix, Vector, call, fixed, inlined
 # a feature of the curve to hide inside a step.
 TURN = 0.45
 AIM = 0.15
-STRAY = 0.003
+CUBIC_ERROR = 0.003
 TINY = 1e-4  # relative to the longest step so far
 ITERATIONS = 8  # of Newton's method in a step
 EASY = 4  # so many of them ask for another step of this size
 ROUNDED = 4 * 2.0**-52  # sums of terms that round once each were never seen to be off by more
 LARGE = 10.0  # size of z beyond which its entries are looked at one by one
-LASTING = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
+REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
 SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
 LARGEST_STEP, RELATIVE = 0.1, 0.01  # unless the rules say how long a step may be
 WIDEST = 13  # entries of z: beyond a dozen unknowns LAPACK is faster than loops
 
 # How an attempt ended: it is taken; the caller has to look; or (negative) a shorter one may do.
-TAKEN, LOOK = 0, 1
-FAILED, LEFT, TURNS, STRAYS = -1, -2, -3, -4
-ARCLENGTH, SIZE, SIDE, LONGEST = range(4)  # of the state of a walk
+ACCEPTED, LOOK = 0, 1
+FAILED, LEFT, TURNS, OFF_CUBIC = -1, -2, -3, -4
+ARCLENGTH, SIZE, SIGN, LONGEST = range(4)  # of the state of a walk
 
 
 @fixed
@@ -72,15 +72,15 @@ class Rules(NamedTuple):
 
 
 @fixed
-class Here(NamedTuple):
+class CompiledPoint(NamedTuple):
     """Where a step sets out: z, unit tangent, dt/ds; and room for what it leads to."""
 
     z: Vector
     tangent: Vector
-    bend: Vector
-    there: Vector
-    ahead: Vector
-    between: Vector
+    curvature: Vector
+    end: Vector
+    end_tangent: Vector
+    work: Vector
 
 
 class Corrected(NamedTuple):
@@ -94,11 +94,11 @@ class Corrected(NamedTuple):
     regular: bool  # whether the last matrix was
 
 
-class Examined(NamedTuple):
+class StepCheck(NamedTuple):
     """What a solution says of the step to it, besides its tangent."""
 
     status: int
-    side: int  # sign of the determinant
+    sign: int  # sign of the determinant
     length: float
     turn: float
     tangent: Any
@@ -108,56 +108,63 @@ class Examined(NamedTuple):
 
 
 def steps(
-    eq: CompiledEquations, rules: Rules, here: Here, state: Vector, out: Matrix, count: Counts
+    eq: CompiledEquations,
+    rules: Rules,
+    point: CompiledPoint,
+    state: Vector,
+    out: Matrix,
+    count: Counts,
 ) -> None:
     """Take steps until one fails or has to be looked at; a row of `out` for each: z, tangent,
     arclength and residual."""
-    d, count[0] = here.z.size, 0
+    d, count[0] = point.z.size, 0
     while count[0] < out.shape[0]:
         wanted = state[SIZE]
-        size = min(wanted, longest(rules.largest, norm(eq, here.z)))
+        size = min(wanted, longest(rules.largest, norm(eq, point.z)))
         status, residual = FAILED, 0.0
         while status < 0 and size >= rules.smallest:
             state[SIZE] = size
-            status, residual = try_step(eq, rules, here, state)
+            status, residual = try_step(eq, rules, point, state)
             # the predictor's error, O(s^3), falls to an eighth
             size = 0.5 * size
-        if status != TAKEN:
+        if status != ACCEPTED:
             # the caller tries the same step, and knows why it fails
             state[SIZE] = wanted if status < 0 else state[SIZE]
             return
         row = count[0]
         for i in range(d):
-            out[row, i], out[row, d + i] = here.z[i], here.tangent[i]
+            out[row, i], out[row, d + i] = point.z[i], point.tangent[i]
         out[row, 2 * d], out[row, 2 * d + 1] = state[ARCLENGTH], residual
         count[0] = row + 1
 
 
 @inlined
-def try_step(eq: CompiledEquations, rules: Rules, here: Here, state: Vector) -> tuple[int, float]:
+def try_step(
+    eq: CompiledEquations, rules: Rules, point: CompiledPoint, state: Vector
+) -> tuple[int, float]:
     """One step of the size in the state, which is taken if it comes off; and its residual."""
     size = state[SIZE]
-    guess = predicted(here, size, here.there)
+    guess = predicted(point, size, point.end)
     if outside(rules, guess):
         return LOOK, 0.0
     # pseudo-arclength: with the tangent as its last row the matrix is regular at folds, too
     # (H. B. Keller, in Applications of Bifurcation Theory, ed. P. H. Rabinowitz, 1977, p. 359)
-    solution = newton_kernel(eq, here.tangent, guess, rules.tolerance, ITERATIONS)
-    if solution.status != TAKEN:
+    solution = newton_kernel(eq, point.tangent, guess, rules.tolerance, ITERATIONS)
+    if solution.status != ACCEPTED:
         return solution.status, 0.0
     if outside(rules, solution.z):
         return LOOK, 0.0
-    end = examined(eq, here, size, solution.z)
-    if end.status != TAKEN:
-        return end.status, 0.0
-    branches = end.side == 0 or end.side * state[SIDE] < 0
-    tiny = end.length < TINY * state[LONGEST]
-    if branches or tiny or leaves(rules, here) or returns(rules, here, solution.z):
+    check = check_step(eq, point, size, solution.z)
+    if check.status != ACCEPTED:
+        return check.status, 0.0
+    branches = check.sign == 0 or check.sign * state[SIGN] < 0
+    tiny = check.length < TINY * state[LONGEST]
+    if branches or tiny or leaves(rules, point) or returns(rules, point, solution.z):
         return LOOK, 0.0
-    state[SIZE] = size * next_size(solution.iterations, end.turn, rules.growth)
-    state[SIDE] = end.side
-    accept(here, state, end.length)
-    return TAKEN, solution.residual
+    state[SIZE] = size * next_size(solution.iterations, check.turn, rules.growth)
+    state[SIGN] = check.sign
+    accept(point, state, check.length)
+    return ACCEPTED, solution.residual
 
 
 def corrected(
@@ -165,14 +172,14 @@ def corrected(
     tolerance: float,
     across: Vector,
     slope: Vector,
-    here: Here,
+    point: CompiledPoint,
     answer: Vector,
 ) -> None:
     """The point of the curve in the plane across a vector, and its tangent on the side of `slope`,
-    from `here.there` on into `here.ahead`; status, iterations and residual are the answer."""
-    solution = newton_kernel(eq, across, here.there, tolerance, ITERATIONS)
+    from `point.end` on into `point.end_tangent`; status, iterations and residual are the answer."""
+    solution = newton_kernel(eq, across, point.end, tolerance, ITERATIONS)
     answer[0], answer[1], answer[2] = solution.status, solution.iterations, solution.residual
-    if solution.status == TAKEN and tangent_at(eq, slope, solution.z, here)[1] == 0:
+    if solution.status == ACCEPTED and tangent_at(eq, slope, solution.z, point)[1] == 0:
         answer[0] = LOOK
 
 
@@ -190,12 +197,12 @@ def newton_kernel(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Cor
     """
     size = 1.0 + norm(eq, z)
     bound = tolerance * size
-    previous, lasting, regular = math.inf, False, True
+    previous, reuse, regular = math.inf, False, True
     for iteration in range(1, most + 1):
         value, exists = residual(eq, z)
         if not exists:
             return Corrected(FAILED, z, iteration, 0.0, previous, regular)
-        step, regular = correction(eq, row, z, value, lasting)
+        step, regular = correction(eq, row, z, value, reuse)
         moved = norm(eq, step)
         if not moved < math.inf:
             return Corrected(LOOK, z, iteration, 0.0, moved, regular)
@@ -204,39 +211,39 @@ def newton_kernel(eq: Any, row: Any, z: Any, tolerance: float, most: int) -> Cor
         if 2.0 * moved > previous and moved > bound:
             solved = is_rounding(eq, value, z)
             if solved or moved > 2.0 * previous:
-                status = TAKEN if solved else FAILED
+                status = ACCEPTED if solved else FAILED
                 return Corrected(status, z, iteration, largest(eq, value), moved, True)
         z = minus(z, step)
         if moved <= bound and (
             bound < LARGE * tolerance or 2.0 * moved > previous or is_short(eq, step, z, tolerance)
         ):
             value, exists = residual(eq, z)
-            status = TAKEN if exists else FAILED
+            status = ACCEPTED if exists else FAILED
             return Corrected(status, z, iteration, largest(eq, value), moved, regular)
         # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
-        lasting = z.size > WIDEST and moved <= min(LASTING * size, SHRUNK * previous)
+        reuse = z.size > WIDEST and moved <= min(REUSED * size, SHRUNK * previous)
         previous = moved
     value, exists = residual(eq, z)
     return Corrected(FAILED, z, most, largest(eq, value), previous, regular)
 
 
 @inlined
-def examined(eq: Any, here: Any, size: float, z: Any) -> Examined:
+def check_step(eq: Any, point: Any, size: float, z: Any) -> StepCheck:
     """Whether the way to a solution is one smooth piece of curve, short against its features."""
-    length = apart(eq, z, here.z)
+    length = distance(eq, z, point.z)
     # the corrector moves across the step: this far it has left for another piece of curve
     if not 0.0 < length <= 2.0 * size:
-        return Examined(LEFT, 0, length, 0.0, here.tangent)
-    ahead, side = tangent_at(eq, here.tangent, z, here)
-    turn = angle(eq, here.tangent, ahead)
+        return StepCheck(LEFT, 0, length, 0.0, point.tangent)
+    end_tangent, sign = tangent_at(eq, point.tangent, z, point)
+    turn = angle(eq, point.tangent, end_tangent)
     # the chord as well: between tangents that are parallel a curve may turn and turn back
-    if turn > TURN or angle_to_chord(eq, here, z, length) > TURN:
-        return Examined(TURNS, side, length, turn, ahead)
+    if turn > TURN or angle_to_chord(eq, point, z, length) > TURN:
+        return StepCheck(TURNS, sign, length, turn, end_tangent)
     # One residual a third of the way along tells how far the curve is off the cubic: halfway,
     # tangents that are wrong alike would cancel.
-    if off_curve(eq, here, z, ahead, length) > STRAY * length:
-        return Examined(STRAYS, side, length, turn, ahead)
-    return Examined(TAKEN, side, length, turn, ahead)
+    if off_curve(eq, point, z, end_tangent, length) > CUBIC_ERROR * length:
+        return StepCheck(OFF_CUBIC, sign, length, turn, end_tangent)
+    return StepCheck(ACCEPTED, sign, length, turn, end_tangent)
 
 
 def next_size(iterations: int, turn: float, growth: float) -> float:
@@ -255,16 +262,16 @@ def longest(largest: float, size: float) -> float:
 
 
 @inlined
-def accept(here: Here, state: Vector, length: float) -> None:
+def accept(point: CompiledPoint, state: Vector, length: float) -> None:
     """Take the step: place, tangent and how that turns are those at its end."""
     before = state[ARCLENGTH]
     state[ARCLENGTH] = before + length
     length = state[ARCLENGTH] - before  # as points of a branch have it, rounded
     state[LONGEST] = max(state[LONGEST], length)
-    for i in range(here.z.size):
+    for i in range(point.z.size):
         # a backward difference, off by O(s): s^2/2 of it leaves the predictor an error of O(s^3)
-        here.bend[i] = (here.ahead[i] - here.tangent[i]) / length
-        here.z[i], here.tangent[i] = here.there[i], here.ahead[i]
+        point.curvature[i] = (point.end_tangent[i] - point.tangent[i]) / length
+        point.z[i], point.tangent[i] = point.end[i], point.end_tangent[i]
 
 
 # --- where the caller has to look: these may be wrong to the safe side ----------------------------
@@ -281,24 +288,24 @@ def outside(rules: Rules, z: Any) -> bool:
 
 
 @inlined
-def leaves(rules: Rules, here: Here) -> bool:
+def leaves(rules: Rules, point: CompiledPoint) -> bool:
     """Whether the curve may leave the window within the step and come back: what has a bound turned
     round."""
     for i in range(rules.slots.size):
         # dz_i/ds has a zero in between, where z_i is largest or smallest
-        if here.tangent[rules.slots[i]] * here.ahead[rules.slots[i]] < 0.0:
+        if point.tangent[rules.slots[i]] * point.end_tangent[rules.slots[i]] < 0.0:
             return True
     return False
 
 
 @inlined
-def returns(rules: Rules, here: Here, z: Any) -> bool:
+def returns(rules: Rules, point: CompiledPoint, z: Any) -> bool:
     """Whether the step passes the plane of the start in the direction of the walk."""
     before = after = along = 0.0
-    for i in range(here.z.size):
-        before += rules.across[i] * (here.z[i] - rules.start[i])
+    for i in range(point.z.size):
+        before += rules.across[i] * (point.z[i] - rules.start[i])
         after += rules.across[i] * (z[i] - rules.start[i])
-        along += rules.across[i] * here.ahead[i]
+        along += rules.across[i] * point.end_tangent[i]
     # the last is the cosine between both tangents: the plane may be passed elsewhere, aslant
     return before < 0.0 and after >= 0.0 and along >= 0.5
 
@@ -319,7 +326,7 @@ def residual(eq: CompiledEquations, z: Any) -> tuple[Any, bool]:
 
 @inlined
 def correction(
-    eq: CompiledEquations, row: Any, z: Any, value: Any, lasting: bool
+    eq: CompiledEquations, row: Any, z: Any, value: Any, reuse: bool
 ) -> tuple[Any, bool]:
     """dz of the bordered system, infinite where the matrix is singular; and whether it is not."""
     d = z.size
@@ -333,46 +340,48 @@ def correction(
 
 
 @inlined
-def tangent_at(eq: CompiledEquations, along: Any, z: Any, here: Here) -> tuple[Any, int]:
+def tangent_at(eq: CompiledEquations, along: Any, z: Any, point: CompiledPoint) -> tuple[Any, int]:
     """The unit tangent at z on the side of `along`, and the sign of the determinant; `along`
     itself where that is 0."""
-    d, out = z.size, here.ahead
+    d, out = z.size, point.end_tangent
     for i in range(d):
         eq.right[i] = 0.0
     eq.right[d - 1] = 1.0
-    side = bordered(eq, along, z)
+    sign = bordered(eq, along, z)
     size = norm(eq, eq.right)
-    if side == 0 or not 0.0 < size < math.inf:
+    if sign == 0 or not 0.0 < size < math.inf:
         for i in range(d):
             out[i] = along[i]
         return out, 0
     for i in range(d):
         # the row asks for t^T W t' = 1: t' is longer than 1 where the curve has turned
         out[i] = eq.right[i] / size
-    return out, side
+    return out, sign
 
 
 @inlined
-def angle_to_chord(eq: CompiledEquations, here: Here, z: Any, length: float) -> float:
+def angle_to_chord(eq: CompiledEquations, point: CompiledPoint, z: Any, length: float) -> float:
     """Between the tangent and the way to z."""
     for i in range(z.size):
-        here.between[i] = (z[i] - here.z[i]) / length
-    return angle(eq, here.tangent, here.between)
+        point.work[i] = (z[i] - point.z[i]) / length
+    return angle(eq, point.tangent, point.work)
 
 
 @inlined
-def off_curve(eq: CompiledEquations, here: Here, z: Any, ahead: Any, length: float) -> float:
+def off_curve(
+    eq: CompiledEquations, point: CompiledPoint, z: Any, end_tangent: Any, length: float
+) -> float:
     """How far the curve is from the Hermite cubic through both ends, a third of the way along, by
     one correction; 0 beside a branch point, where the residual says nothing."""
     for i in range(z.size):
         # Hermite at u = 1/3: h00, h01, h10, h11 = (20, 7, 4, -2) / 27
-        bow = (4.0 * here.tangent[i] - 2.0 * ahead[i]) * length
-        here.between[i] = (20.0 * here.z[i] + 7.0 * z[i] + bow) / 27.0
-    value, exists = residual(eq, here.between)
+        bow = (4.0 * point.tangent[i] - 2.0 * end_tangent[i]) * length
+        point.work[i] = (20.0 * point.z[i] + 7.0 * z[i] + bow) / 27.0
+    value, exists = residual(eq, point.work)
     if not exists:
         return math.inf
     # H = J dz + O(dz^2): one correction is the distance to first order
-    step, regular = correction(eq, here.tangent, here.between, value, False)
+    step, regular = correction(eq, point.tangent, point.work, value, False)
     return norm(eq, step) if regular else 0.0
 
 
@@ -388,7 +397,7 @@ def bordered(eq: CompiledEquations, row: Any, z: Any) -> int:
 
 def eliminate(A: Matrix, b: Vector) -> int:
     """Gaussian elimination in place; the sign of the determinant, 0 where that vanishes."""
-    d, side = b.size, 1
+    d, sign = b.size, 1
     for k in range(d):
         best = k
         for i in range(k + 1, d):
@@ -400,7 +409,7 @@ def eliminate(A: Matrix, b: Vector) -> int:
             return 0
         # an interchange of rows changes the sign, and so does a negative pivot
         if (best != k) != (pivot < 0.0):
-            side = -side
+            sign = -sign
         if best != k:
             b[best], b[k] = b[k], b[best]
             for j in range(d):
@@ -414,7 +423,7 @@ def eliminate(A: Matrix, b: Vector) -> int:
         for j in range(k + 1, d):
             b[k] -= A[k, j] * b[j]
         b[k] /= A[k, k]
-    return side
+    return sign
 
 
 @inlined
@@ -449,7 +458,7 @@ def norm(eq: Any, z: Any) -> float:
     return math.sqrt(total)
 
 
-def apart(eq: Any, z: Any, other: Any) -> float:
+def distance(eq: Any, z: Any, other: Any) -> float:
     total = 0.0
     for i in range(z.size):
         gap = z[i] - other[i]
@@ -460,7 +469,7 @@ def apart(eq: Any, z: Any, other: Any) -> float:
 def angle(eq: Any, t: Any, other: Any) -> float:
     """Between unit vectors, from their difference: exact for small angles too."""
     # |t - t'| = 2 sin(angle / 2): 1 - t . t' would have lost half of the digits
-    return 2.0 * math.asin(min(1.0, 0.5 * apart(eq, t, other)))
+    return 2.0 * math.asin(min(1.0, 0.5 * distance(eq, t, other)))
 
 
 def minus(z: Any, step: Any) -> Any:
@@ -478,10 +487,10 @@ def is_short(eq: Any, step: Any, z: Any, tolerance: float) -> bool:
     return True
 
 
-def predicted(here: Any, size: float, out: Any) -> Any:
+def predicted(point: Any, size: float, out: Any) -> Any:
     """``z + s t + s^2/2 dt/ds``."""
     for i in range(out.size):
-        out[i] = here.z[i] + size * here.tangent[i] + 0.5 * size * size * here.bend[i]
+        out[i] = point.z[i] + size * point.tangent[i] + 0.5 * size * size * point.curvature[i]
     return out
 
 

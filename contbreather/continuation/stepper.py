@@ -18,10 +18,10 @@ from .newton import Array, Solution, Undefined, newton, newton_step
 from .point import Point
 from .settings import Steps
 from .step import (
+    ACCEPTED,
     ITERATIONS,
     LEFT,
-    STRAYS,
-    TAKEN,
+    OFF_CUBIC,
     TINY,
     TURNS,
     WIDEST,
@@ -40,7 +40,7 @@ _ALONG = 1e-14  # how far, relative to that, rounding may leave a bound that a c
 _REASONS = {
     LEFT: "the corrector left the neighbourhood of the step",
     TURNS: "the curve turns too sharply",
-    STRAYS: "the curve is not smooth at the smallest step",
+    OFF_CUBIC: "the curve is not smooth at the smallest step",
 }
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
@@ -73,7 +73,7 @@ class Stepper:
 
     Attributes
     ----------
-    size, side, bend
+    size, sign, curvature
         To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
     rules
         What many steps in one call go by; None where there are none.
@@ -83,9 +83,9 @@ class Stepper:
         self.start, self.bounds, self.steps = way.point, way.bounds, steps
         self.largest = steps.largest or math.nan  # then the size of z says how long a step may be
         self.curve = way.point.curve
-        self.crossed = way.side == 0  # whether the start is a branch point
+        self.crossed = way.sign == 0  # whether the start is a branch point
         self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
-        self.side, self.size, self.bend = way.side, steps.first, np.zeros_like(way.point.z)
+        self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
         able = self.curve.compiled is not None
         able = able and all(isinstance(bound.slot, int) for bound in self.bounds)
@@ -100,16 +100,16 @@ class Stepper:
         compiled = self.curve.compiled
         if self.rules is None or compiled is None:
             return None
-        state = np.array([point.arclength, self.size, self.side, self.longest])
-        rows = compiled.steps(self.rules, (point.z, point.direction, self.bend), state, most)
+        state = np.array([point.arclength, self.size, self.sign, self.longest])
+        rows = compiled.steps(self.rules, (point.z, point.direction, self.curvature), state, most)
         if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
             self.rules = None
             return None
-        _, self.size, side, longest = state.tolist()
-        self.bend = compiled.here.bend.copy()
+        _, self.size, sign, longest = state.tolist()
+        self.curvature = compiled.point.curvature.copy()
         if not len(rows[0]):
             return None
-        self.side, self.longest, self.tiny = int(side), longest, 0
+        self.sign, self.longest, self.tiny = int(sign), longest, 0
         return Points(self.curve, *rows)
 
     def _strayed(self, z: Array, tangent: Array) -> bool:
@@ -199,9 +199,9 @@ class Stepper:
         raise failed or StepFailed(Stop.NO_CONVERGENCE)
 
     def _attempt(self, point: Point, size: float) -> Step:
-        curve, bend, side = self.curve, self.bend, self.side
+        curve, curvature, sign = self.curve, self.curvature, self.sign
         # predict: z + s t + s^2/2 dt/ds
-        predicted = point.z + size * point.direction + (0.5 * size * size) * bend
+        predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
         guess, landing = self._within(point.z, predicted, LEVEL * size)
         # correct
         if landing is None:
@@ -214,28 +214,28 @@ class Stepper:
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
-        end = _EXAMINED(curve, point, size, z)
-        if end.status != TAKEN:
-            raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[end.status])
-        arclength = point.arclength + end.length
-        last = Point(curve, z, end.tangent, arclength, solution.residual)
+        check = _CHECK_STEP(curve, point, size, z)
+        if check.status != ACCEPTED:
+            raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[check.status])
+        arclength = point.arclength + check.length
+        last = Point(curve, z, check.tangent, arclength, solution.residual)
         branch_point = None
-        if end.side * side < 0:
+        if check.sign * sign < 0:
             segment = StepInterpolant(point, last, self.steps.tolerance)
-            branch_point = self._crossing_on(segment, side)
+            branch_point = self._crossing_on(segment, sign)
             # without any the step ended on another curve, unless it is too short to tell
             if branch_point is None and size > _GAP * (1 + curve.length(last.z)):
                 raise StepFailed(Stop.NO_CONVERGENCE, "another curve is too close")
-        if self._leaves(point, last, end.length):
+        if self._leaves(point, last, check.length):
             raise StepFailed(Stop.NO_CONVERGENCE, "the curve touches the edge of the window")
         LOG.debug(
             "step of %.3g to %s = %.10g: %d Newton iterations, residual %.1e",
-            end.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
+            check.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
         # adapt
-        self.size = size * next_size(solution.iterations, end.turn, self.steps.growth)
-        self.side = end.side or side
-        self.bend = (end.tangent - point.direction) / (arclength - point.arclength)
+        self.size = size * next_size(solution.iterations, check.turn, self.steps.growth)
+        self.sign = check.sign or sign
+        self.curvature = (check.tangent - point.direction) / (arclength - point.arclength)
         return Step(last, branch_point, None if landing is None else Stop.BOUND)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
@@ -299,8 +299,8 @@ class Stepper:
         # from 1/64 of the step on the system of a branch point is solved
         for _ in range(6):
             middle = 0.5 * (low + high)
-            _, side = self.curve.tangent_at(*segment.guess(middle))
-            low, high = (middle, high) if side == before else (low, middle)
+            _, sign = self.curve.tangent_at(*segment.guess(middle))
+            low, high = (middle, high) if sign == before else (low, middle)
         try:
             branch_point = crossing(self.curve, segment.guess(0.5 * (low + high))[0])
             place, point = segment.corrected(branch_point.solution, branch_point.tangents)
@@ -333,22 +333,22 @@ class Stepper:
 # --- the text of `step` by numpy, LAPACK and SuperLU ----------------------------------------------
 
 
-def _off_curve(curve: Curve, here: Point, z: Array, ahead: Array, length: float) -> float:
-    bow = (4 * here.direction - 2 * ahead) * length
-    between = (20 * here.z + 7 * z + bow) / 27
-    row, value = curve.metric * here.direction, curve.equations(between, curve.problem.roughly)
+def _off_curve(curve: Curve, point: Point, z: Array, end_tangent: Array, length: float) -> float:
+    bow = (4 * point.direction - 2 * end_tangent) * length
+    between = (20 * point.z + 7 * z + bow) / 27
+    row, value = curve.metric * point.direction, curve.equations(between, curve.problem.roughly)
     # of large problems the factors at hand: no more than the size of the answer is asked for
     factors = curve.factors(z if z.size > WIDEST else between, row)
     change, singular = newton_step(factors, value, row)
     return 0.0 if singular else curve.length(change)
 
 
-_APART = {"apart": lambda curve, z, other: curve.length(z - other)}
-_ANGLE = kernels.bound(rules.angle, **_APART)
-_EXAMINED = kernels.bound(
-    rules.examined,
-    **_APART,
-    angle_to_chord=lambda curve, here, z, s: _ANGLE(curve, here.tangent, (z - here.z) / s),
-    tangent_at=lambda curve, along, z, here: curve.tangent_at(z, along),
+_DISTANCE = {"distance": lambda curve, z, other: curve.length(z - other)}
+_ANGLE = kernels.bound(rules.angle, **_DISTANCE)
+_CHECK_STEP = kernels.bound(
+    rules.check_step,
+    **_DISTANCE,
+    angle_to_chord=lambda curve, point, z, s: _ANGLE(curve, point.tangent, (z - point.z) / s),
+    tangent_at=lambda curve, along, z, point: curve.tangent_at(z, along),
     off_curve=_off_curve,
 )

@@ -234,7 +234,7 @@ class ContinuationIterator:
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
         self.taken: Points | None = None  # the steps of the last call of machine code
         self.used = 0  # and how many of them are recorded
-        self.ahead = 1  # so many of the next steps are looked at, as long as they are taken
+        self.batch = 1  # so many of the next steps are looked at, as long as they are taken
         self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
     def follow(
@@ -342,15 +342,15 @@ class ContinuationIterator:
             # where there is no value, the reason is seen when the step is looked through
             with suppress(Undefined):
                 while self.used < most:
-                    end = min(self.used + self.ahead, most)
+                    end = min(self.used + self.batch, most)
                     few = end - self.used < _MANY
                     if few or not self._looked_ahead(points[self.used : end]):
                         while self.used < end and self._has_no_candidate(points[self.used]):
                             self.used += 1
                     if self.used < end:
-                        self.ahead = 1
+                        self.batch = 1
                         break
-                    self.ahead = min(4 * self.ahead, _TOGETHER)
+                    self.batch = min(4 * self.batch, _TOGETHER)
         self.count += self.used - start
         return points[start : self.used]
 
@@ -364,8 +364,8 @@ class ContinuationIterator:
         if len(values) < len(events):
             return False
         places = np.concatenate([[earlier[0], point.arclength], points.arclength])
-        past, ahead = np.array([earlier[1], self.tests]).T, np.array([test for test, _ in values])
-        tests = np.hstack([past, ahead])
+        past, new = np.array([earlier[1], self.tests]).T, np.array([test for test, _ in values])
+        tests = np.hstack([past, new])
         counts = [
             np.append(count_at(event, point), count)
             for event, (_, count) in zip(events, values, strict=True)

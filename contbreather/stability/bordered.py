@@ -70,8 +70,8 @@ class CountWorkspace(NamedTuple):
     sums: Vector
     answers: Cube  # by near alias, g r^d for each distance d
     matrix: Cube
-    here: Matrix  # samples: place x, kappa, real and imaginary part of F
-    there: Matrix
+    rows: Matrix  # samples: place x, kappa, real and imaginary part of F
+    refined: Matrix
 
 
 class CircleSamples(NamedTuple):
@@ -191,11 +191,11 @@ def bordered_value(orbit: Impacts, room: CountWorkspace, kappa: complex) -> comp
     m = orbit.times.size
     for a in range(-NEAR, NEAR + 1):
         if abs(a) > BORDER:
-            here = kappa + a
-            root = band_root(orbit.gamma, here)
-            answer, share = over(-here * root), complex(0.0, 0.0)
+            x = kappa + a
+            root = band_root(orbit.gamma, x)
+            answer, share = over(-x * root), complex(0.0, 0.0)
             if orbit.moments.shape[0] > 1:
-                share = over(here + root)
+                share = over(x + root)
             r = -4.0 * orbit.gamma * (share * share)
             for d in range(orbit.moments.shape[0]):
                 put(room.answers, a + NEAR, d, answer)
@@ -233,11 +233,11 @@ def mean_propagators(
     for a in range(-NEAR, NEAR + 1):
         phase = entry(orbit.phases, pair, a + NEAR)
         if abs(a) > BORDER:
-            here = kappa + a
+            x = kappa + a
             answer = entry(room.answers, a + NEAR, distance) * phase
-            turn += complex(-here.imag, here.real) * answer
+            turn += complex(-x.imag, x.real) * answer
             reach += answer
-            pull -= here * here * answer
+            pull -= x * x * answer
         if distance == 0:  # what a site does to itself at once
             pull -= phase
     return turn, reach, pull
@@ -379,13 +379,13 @@ def piece(
     high: float,
 ) -> None:
     """One of them."""
-    here, there, count = room.here, room.there, GRID + 1
+    rows, refined, count = room.rows, room.refined, GRID + 1
     for i in range(count):
-        sample_at(orbit, room, here, i, i / GRID, low, high)
+        sample_at(orbit, room, rows, i, i / GRID, low, high)
     for _ in range(DEPTH):
         more = 0
         for i in range(count - 1):
-            more += 1 if is_wide(here, count, i, terms) else 0
+            more += 1 if is_wide(rows, count, i, terms) else 0
         if more == 0:
             break
         if count + more > MOST:
@@ -394,18 +394,18 @@ def piece(
         to = 0
         for i in range(count):
             for c in range(4):
-                there[to, c] = here[i, c]
+                refined[to, c] = rows[i, c]
             to += 1
-            if i + 1 < count and is_wide(here, count, i, terms):
-                sample_at(orbit, room, there, to, 0.5 * (here[i, 0] + here[i + 1, 0]), low, high)
+            if i + 1 < count and is_wide(rows, count, i, terms):
+                sample_at(orbit, room, refined, to, 0.5 * (rows[i, 0] + rows[i + 1, 0]), low, high)
                 to += 1
-        here, there, count = there, here, to
+        rows, refined, count = refined, rows, to
     start = circle.used[0]
     for i in range(count):
         for c in range(4):
-            circle.samples[start + i, c] = here[i, c]
+            circle.samples[start + i, c] = rows[i, c]
     circle.used[0] = start + count
-    tell(here, count, terms, circle, low == 0.0, high == 0.5)
+    tell(rows, count, terms, circle, low == 0.0, high == 0.5)
 
 
 def sample_at(
@@ -417,12 +417,12 @@ def sample_at(
     to[i, 0], to[i, 1], to[i, 2], to[i, 3] = x, kappa, value.real, value.imag
 
 
-def is_wide(here: Matrix, count: int, i: int, terms: float) -> bool:
+def is_wide(rows: Matrix, count: int, i: int, terms: float) -> bool:
     """Whether F moves by much of its modulus over an interval or one next to it."""
-    if here[i + 1, 0] - here[i, 0] <= SHARP:
+    if rows[i + 1, 0] - rows[i, 0] <= SHARP:
         return False
     for j in range(max(i - 1, 0), min(i + 2, count - 1)):
-        a, b, c, d = here[j, 2], here[j, 3], here[j + 1, 2], here[j + 1, 3]
+        a, b, c, d = rows[j, 2], rows[j, 3], rows[j + 1, 2], rows[j + 1, 3]
         start, end = math.sqrt(a * a + b * b), math.sqrt(c * c + d * d)
         moved = math.sqrt((c - a) * (c - a) + (d - b) * (d - b))
         if moved > TURN * min(start, end) and max(start, end) > FLAT * terms:
@@ -431,56 +431,56 @@ def is_wide(here: Matrix, count: int, i: int, terms: float) -> bool:
 
 
 def tell(
-    here: Matrix, count: int, terms: float, circle: CircleSamples, first: bool, last: bool
+    rows: Matrix, count: int, terms: float, circle: CircleSamples, first: bool, last: bool
 ) -> None:
     """What the samples of one piece tell, of the first one from 1 on, of the last up to -1."""
     summary = circle.found
     for i in range(count - 1):
-        distance_off_circle(here, i, summary)
+        distance_off_circle(rows, i, summary)
     # D has the sign of -F next to mu = 1, where g(kappa) > 0 > g(kappa +- 1), and of F at -1; a
     # real multiplier on the circle to within rounding is not outside
     if first:
-        signed_inside(here, 0, 1, count, CERTAIN * terms, -1.0)
-        summary[START] = here[0, 2]
+        signed_inside(rows, 0, 1, count, CERTAIN * terms, -1.0)
+        summary[START] = rows[0, 2]
     if last:
-        signed_inside(here, count - 1, -1, count, CERTAIN * terms, 1.0)
-        summary[END] = here[count - 1, 2]
+        signed_inside(rows, count - 1, -1, count, CERTAIN * terms, 1.0)
+        summary[END] = rows[count - 1, 2]
     for i in range(count):
-        a, b = here[i, 2], here[i, 3]
+        a, b = rows[i, 2], rows[i, 3]
         size = math.sqrt(a * a + b * b) / terms
         if size < summary[LEAST]:
-            summary[LEAST], summary[WHERE] = size, here[i, 1]
+            summary[LEAST], summary[WHERE] = size, rows[i, 1]
         if i + 1 < count:
-            c, d = here[i + 1, 2], here[i + 1, 3]
+            c, d = rows[i + 1, 2], rows[i + 1, 3]
             turn = math.atan2(d * a - c * b, c * a + d * b)
             summary[TURNING] += -turn if turn < -HALF else turn
 
 
 def signed_inside(
-    here: Matrix, first: int, step: int, count: int, least: float, sign: float
+    rows: Matrix, first: int, step: int, count: int, least: float, sign: float
 ) -> None:
     """Give samples that are rounding, from one end on, the sign of a multiplier inside."""
     for n in range(count):
         i = first + n * step
-        size = math.sqrt(here[i, 2] * here[i, 2] + here[i, 3] * here[i, 3])
+        size = math.sqrt(rows[i, 2] * rows[i, 2] + rows[i, 3] * rows[i, 3])
         if size > least:
             return
-        here[i, 2], here[i, 3] = sign * max(size, 1e-300), 0.0
+        rows[i, 2], rows[i, 3] = sign * max(size, 1e-300), 0.0
 
 
-def distance_off_circle(here: Matrix, i: int, summary: Vector) -> None:
+def distance_off_circle(rows: Matrix, i: int, summary: Vector) -> None:
     """How far a zero is off the circle, by a straight line between two samples, over its distance
     from +1 and -1, which are not meant."""
-    step = here[i + 1, 1] - here[i, 1]
-    a, b = here[i, 2], here[i, 3]
-    rise, lift = here[i + 1, 2] - a, here[i + 1, 3] - b
+    step = rows[i + 1, 1] - rows[i, 1]
+    a, b = rows[i, 2], rows[i, 3]
+    rise, lift = rows[i + 1, 2] - a, rows[i + 1, 3] - b
     square = rise * rise + lift * lift
     # pieces of the circle share their ends: nothing is between them
-    if step <= 1e-14 * here[i + 1, 1] or square == 0.0:
+    if step <= 1e-14 * rows[i + 1, 1] or square == 0.0:
         return
     t = min(max(-(a * rise + b * lift) / square, 0.0), 1.0)
     re, im = a + t * rise, b + t * lift
-    kappa = here[i, 1] + t * step
+    kappa = rows[i, 1] + t * step
     off = math.sqrt((re * re + im * im) / square) * step
     if off <= ON_CIRCLE:
         summary[RESOLVED] = 0.0

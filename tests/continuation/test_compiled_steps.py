@@ -290,9 +290,9 @@ RULES = step.Rules(
 )  # fmt: skip
 
 
-def here(z: Any, tangent: Any, ahead: Any) -> step.Here:
-    arrays = (np.array(one, dtype=float) for one in (z, tangent, np.zeros(3), z, ahead, z))
-    return step.Here(*arrays)
+def point(z: Any, tangent: Any, end_tangent: Any) -> step.CompiledPoint:
+    entries = z, tangent, np.zeros(3), z, end_tangent, z
+    return step.CompiledPoint(*(np.array(row, dtype=float) for row in entries))
 
 
 def test_a_place_on_a_bound_is_inside_and_what_turns_round_may_have_left() -> None:
@@ -302,9 +302,9 @@ def test_a_place_on_a_bound_is_inside_and_what_turns_round_may_have_left() -> No
     ):  # fmt: skip
         assert step.outside(RULES, np.array(z)) is outside
     up = [1.0, 1.0, 1.0]
-    for ahead, leaves in (([-1.0, 1.0, 1.0], False), ([1.0, -1.0, 1.0], True),
+    for end_tangent, leaves in (([-1.0, 1.0, 1.0], False), ([1.0, -1.0, 1.0], True),
                           ([1.0, 1.0, -1.0], True), ([1.0, 0.0, 0.0], False)):  # fmt: skip
-        assert step.leaves(RULES, here(up, up, ahead)) == leaves
+        assert step.leaves(RULES, point(up, up, end_tangent)) == leaves
 
 
 def test_the_plane_of_the_start_is_passed_from_behind_in_its_own_direction() -> None:
@@ -313,7 +313,7 @@ def test_the_plane_of_the_start_is_passed_from_behind_in_its_own_direction() -> 
         (5.1, 4.9, 1.0, False), (4.8, 4.9, 1.0, False), (4.9, 5.1, 0.5, True),
         (4.9, 5.1, 0.4, False), (4.9, 5.1, -1.0, False),
     ):  # fmt: skip
-        begun = here([before, 1.0, 0.0], [1.0, 0.0, 0.0], [along, 0.0, 0.0])
+        begun = point([before, 1.0, 0.0], [1.0, 0.0, 0.0], [along, 0.0, 0.0])
         found = step.returns(RULES, begun, np.array([after, 7.0, 0.0]))
         assert found == passed, (before, after, along)
 
