@@ -80,6 +80,7 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "Verdict on a run": judge(cb.simulate(b.state(4), **ON, periods=30)),
         "Diagram": cb.diagram(mine, "mu", **walk),
         "Zones": cb.zones(k=0.8, within={"gamma": (0, 0.03)}),
+        "zones of several values": cb.zones(k=[0.7, 0.8]),
         "Zones without curves": Zones(("k", 0.8), ("gamma", "a"), dict.fromkeys(KINDS, ())),
         "Run": cb.simulate(b.state(10), **ON, periods=2),
         "Run with a record": cb.simulate(b.state(10), **ON, periods=2, sample=Sample((0, 1))),
@@ -169,7 +170,8 @@ def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> N
         page = ElementTree.fromstring(re.sub(r"<svg.*?</svg>", "", shown, flags=re.DOTALL))
         assert page.find(".//table") is not None, name
         pictures = pictures_of(shown)
-        assert len(pictures) == (name not in WORDS_ALONE), name
+        drawn = 2 if name == "zones of several values" else name not in WORDS_ALONE
+        assert len(pictures) == drawn, name
         for picture in pictures:
             assert len(list(ElementTree.fromstring(picture).iter())) > 50, name
         fetched = re.findall(r"""(?:src|href)=["'](?!#|data:)([^"']*)""", shown)
@@ -225,6 +227,10 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     assert [row[1] for row in shown["Zones"][1:]] == zones.meetings()
     for row, point in zip(shown["Zones"][1:], zones.special, strict=True):
         assert [float(cell) for cell in row[2:]] == near([point[n] for n in names])
+    several = values["zones of several values"]
+    rows = [row for diagram in several for row in diagram.table().rows]
+    assert [row[0] for row in rows] == [0.7] * 3 + [0.8] * 3
+    assert several.table().rows == rows
     names = ["value", "p", "amplitude", "participation", "tilt", "change"]
     assert shown["Sweep"][0] == ["a", *names[1:]]
     for i, row in enumerate(shown["Sweep"][1:]):

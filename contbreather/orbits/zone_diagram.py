@@ -216,6 +216,17 @@ class Zones(Columns, HtmlRepr):
         return f"<Zones of {of} at {self.fixed[0]} = {self.fixed[1]:g}; {counts}{cut}>"
 
 
+class ZoneDiagrams(tuple[Zones, ...], HtmlRepr):
+    """Zone diagrams of several values of the fixed parameter: a tuple that notebooks show."""
+
+    __slots__ = ()
+
+    def table(self) -> Sheet:
+        """Where curves meet in each, one diagram after the other."""
+        first, *others = (diagram.table() for diagram in self)
+        return first.further(*(row for sheet in others for row in sheet.rows))
+
+
 def admissible_roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     """All roots of (11) that keep off the walls, in the `model` that `symmetric` takes; none in
     resonance."""

@@ -18,7 +18,7 @@ from contbreather.lattice.finite import Lattice as Finite
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.orbits.section import Section, check_walls
-from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
 from contbreather.orbits.zone_search import ZoneSearch
 from contbreather.parameters import parameter
 from contbreather.progress import Counter
@@ -58,7 +58,7 @@ def zones(
     gamma: Sequence[float] | None = None,
     a: Sequence[float] | None = None,
     **drawn: Unpack[ZoneArguments],
-) -> tuple[Zones, ...]: ...
+) -> ZoneDiagrams: ...
 
 
 def zones(
@@ -77,7 +77,7 @@ def zones(
     damping: float = 0.0,
     spring: float | None = None,
     walls: Any = None,
-) -> Zones | tuple[Zones, ...]:
+) -> Zones | ZoneDiagrams:
     """All curves of the zone diagram with one of k, gamma, a fixed; nobody supplies a seed.
 
     Parameters
@@ -115,7 +115,7 @@ def zones(
     Zones
         LP (lower limit of existence), GR (upper limit, or site 0 grazing for small k), PF and NS
         (limits of stability), each to the end of the region where breathers exist. For several
-        values, ``k=[0.8, 0.4]``, a tuple of them in the same order.
+        values, ``k=[0.8, 0.4]``, a tuple of them in the same order, with one table.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def model_of(
     return {"lattice": place, "site": site, **more, "walls": on.walls}
 
 
-def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, ...]:
+def _several(name: str, values: Any, save: Save, **shared: Any) -> ZoneDiagrams:
     """A diagram for each of several values."""
     values = [fixed_value(name, value) for value in values]  # all before any diagram is drawn
     if not values:
@@ -219,4 +219,4 @@ def _several(name: str, values: Any, save: Save, **shared: Any) -> tuple[Zones, 
             done.append(zones(**{name: value}, **shared, save=inner))
         if kept:
             kept.finish(tuple(done))
-    return tuple(done)
+    return ZoneDiagrams(done)

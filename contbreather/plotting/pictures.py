@@ -21,7 +21,7 @@ from contbreather.errors import BadInput, ContbreatherError
 from contbreather.flows.cycle_problem import Cycle
 from contbreather.flows.integrate import Trajectory
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.zone_diagram import Zones
+from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
 from contbreather.plotting.branches import plot_branches, plot_diagram
 from contbreather.plotting.canvas import Drawn, drawing, inline, symbol
 from contbreather.plotting.orbits import plot_orbit, solution_of
@@ -199,10 +199,8 @@ def card(value: Any) -> str:
     (True, True, False)
     """
     try:
-        # a legend of zones would cover them
-        draw = partial(plot_zones, legend=False) if isinstance(value, Zones) else plot
-        there = isinstance(value, LISTS) or _drawn(value)[1] is not None
-        picture = inline(lambda ax: draw(value, ax=ax)) if there else ""
+        several = value if isinstance(value, ZoneDiagrams) else (value,)
+        picture = "".join(map(_picture, several))
     except ContbreatherError as error:  # an interrupted diagram without a curve, say
         picture = f"<p>no picture: {escape(str(error))}</p>"
     table = value.table().further(*(_in_words(value) if isinstance(value, Orbit) else ()))
@@ -214,6 +212,13 @@ def card(value: Any) -> str:
     )
 
 
+def _picture(value: Any) -> str:
+    # a legend of zones would cover them
+    draw = partial(plot_zones, legend=False) if isinstance(value, Zones) else plot
+    there = isinstance(value, LISTS) or _drawn(value)[1] is not None
+    return inline(lambda ax: draw(value, ax=ax)) if there else ""
+
+
 def _sentence(value: Any) -> str:
     match value:
         case Branch() | Diagram() | Orbit():
@@ -222,6 +227,8 @@ def _sentence(value: Any) -> str:
             return str(value.path)
         case Branches():
             return f"{len(value)} branches"
+        case ZoneDiagrams():
+            return f"{len(value)} zone diagrams"
         case Zones():
             return ". ".join([repr(value).strip("<>"), *value.sentences()])
         case _:
