@@ -165,7 +165,7 @@ def test_branch_starts_at_the_root_that_was_asked_for(run: Run) -> None:
         assert columns["p"][here] == pytest.approx(root.p, abs=1e-12)
 
 
-RIM = {
+EDGE = {
     "k = 0": (0.5, 0.1, 0.0),
     "k = 1": (0.5, 0.1, 1.0),
     "gamma = 0": (0.5, 0.0, 0.8),
@@ -175,7 +175,7 @@ RIM = {
 }
 
 
-@pytest.mark.parametrize(("a", "gamma", "k"), RIM.values(), ids=RIM)
+@pytest.mark.parametrize(("a", "gamma", "k"), EDGE.values(), ids=EDGE)
 def test_rim_of_the_domain_works(run: Run, a: float, gamma: float, k: float) -> None:
     status, out, _ = run(f"point --a={a!r} --gamma={gamma} --k={k} --json")
     content = strict(out)
@@ -345,8 +345,8 @@ def test_doublings_are_found_on_an_arm(run: Run) -> None:
     ("walk", "line", "shown", "stop"),
     [
         ("trace", BRANCH, "label", cb.continuation.Stop.NO_CONVERGENCE),
-        ("trace", f"{BRANCH} --json", '"columns": {"a": [', cb.continuation.Stop.RIM),
-        ("boundary", "boundary PF --k 0.8", "label", cb.continuation.Stop.RIM),
+        ("trace", f"{BRANCH} --json", '"columns": {"a": [', cb.continuation.Stop.DOMAIN),
+        ("boundary", "boundary PF --k 0.8", "label", cb.continuation.Stop.DOMAIN),
     ],
 )
 def test_what_ends_in_mx_is_shown_and_has_status_1(

@@ -445,7 +445,7 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     outcomes = np.array([[4, 1, 0], [2, 3, -1]], np.int8)
     u, v = Axis("u", 1, [-0.5, 0.0, 0.5]), Axis("v", 0, [-1.0, 1.0])
     ax = plot_basin(Basin(u, v, outcomes, np.zeros((2, 3)), False)).axes
-    ax.set_axis_off()  # ticks stand in the cells at the rim
+    ax.set_axis_off()  # ticks stand in the cells at the edge
     ax.figure.canvas.draw()
     legend = ax.get_legend()
     shown = {

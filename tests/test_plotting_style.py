@@ -406,15 +406,15 @@ def test_letters_of_regions_have_the_size_that_fits_and_none_where_none_does() -
     assert shown == wanted
 
 
-@pytest.mark.parametrize(("sites", "rim"), [(100, 0.03), (400, 0.01), (2000, 0.01)])
+@pytest.mark.parametrize(("sites", "edge"), [(100, 0.03), (400, 0.01), (2000, 0.01)])
 def test_a_multiplier_is_off_the_band_if_it_is_farther_than_the_ripple_of_the_ring(
-    sites: int, rim: float
+    sites: int, edge: float
 ) -> None:
     arc = 0.5 * np.pi * np.linspace(-1.0, 1.0, 2001)
     for angle, radial in ((0.3, True), (-1.5, True), (0.0, True), (math.pi / 2, False)):
         for part, off in ((0.98, False), (1.02, True)):
             way = np.exp(1j * angle)
-            mu = way * (1.0 + part * rim) if radial else way + 1j * way * part * rim
+            mu = way * (1.0 + part * edge) if radial else way + 1j * way * part * edge
             assert (
                 off_the_band(np.array([mu, mu.conjugate()]), np.exp(1j * arc), sites).tolist()
                 == [off] * 2

@@ -180,7 +180,8 @@ class Stop(enum.Enum):
     INFINITY = "runs to infinity while its parameters tend to limits"
     MOST = "took as many steps as allowed; raise Steps.most to go on"
     NO_CONVERGENCE = "Newton's iteration failed down to the smallest step"
-    RIM = "reached the rim of the domain of the equations"
+    DOMAIN = "reached the edge of the domain of the equations"
+    RIM = DOMAIN  # in older files
     INTERRUPTED = "interrupted; the points up to here are kept"
     START = "where the walk set out"
     CUT = "a piece of a longer branch was taken"
@@ -188,7 +189,7 @@ class Stop(enum.Enum):
     @property
     def failed(self) -> bool:
         """Whether the numerics gave up, rather than the curve being at its end."""
-        return self in (Stop.NO_CONVERGENCE, Stop.RIM)
+        return self in (Stop.NO_CONVERGENCE, Stop.DOMAIN)
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ _AT_ONCE = 256  # steps in one call of compiled code
 _AS_IT_IS = 16  # and of plain text, after each of which a signal is seen
 
 _AGREE = 1e-10  # relative; what is compiled may round otherwise
-_DERIVED = 1e-5  # and derivatives by differences at a rim or a fine feature may be this bad
+_DERIVED = 1e-5  # and derivatives by differences at a edge or a fine feature may be this bad
 
 _log = logging.getLogger(__name__)
 

@@ -47,8 +47,8 @@ def differences(
 ) -> Array:
     """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
 
-    Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a rim, where a
-    step would leave the domain, shorter ones are taken, and with `one_sided` at the rim itself
+    Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a edge, where a
+    step would leave the domain, shorter ones are taken, and with `one_sided` at the edge itself
     steps to one side.
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer

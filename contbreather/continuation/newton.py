@@ -33,7 +33,7 @@ _ROUNDING = 1e-12  # residual, relative to the terms of its row, of a solution w
 
 
 class Undefined(ContbreatherError, ArithmeticError):
-    """The equations have no value here: a NaN, an overflow, or beyond the rim of their domain."""
+    """The equations have no value here: a NaN, an overflow, or beyond the edge of their domain."""
 
 
 @dataclass(frozen=True, slots=True)

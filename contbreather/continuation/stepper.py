@@ -189,7 +189,7 @@ class Stepper:
             try:
                 return self._attempt(point, size)
             except Undefined as error:
-                failed = StepFailed(Stop.RIM, str(error))
+                failed = StepFailed(Stop.DOMAIN, str(error))
             except StepFailed as reason:
                 if reason.stop is Stop.BOUND:
                     raise

@@ -411,7 +411,7 @@ class ContinuationIterator:
             tests = self.tests, self._tests_at(step.point)
             return find(segment, self.events, *tests, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
-            raise StepFailed(Stop.RIM, f"while locating an event: {error}") from error
+            raise StepFailed(Stop.DOMAIN, f"while locating an event: {error}") from error
 
     def _line_up(self, step: Step, located: StepEvents) -> tuple[list[Point], Stop | None]:
         """The points of this step, in order, and whether the walk ends with it."""

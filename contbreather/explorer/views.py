@@ -223,9 +223,9 @@ def _at(fixed: tuple[str, float]) -> str:
 def _here(fig: Any, theme: Theme) -> ColumnDataSource:
     """The mark of what is looked at; at the level of annotations Bokeh would leave grey rims of it
     behind."""
-    rim: dict[str, Any] = {"size": 15, "fill_color": None}
-    source = _drawn(fig, "scatter", "x", "y", line_color=theme.paper, line_width=5, **rim)
-    fig.scatter("x", "y", source=source, line_color=theme.vermillion, line_width=2.5, **rim)
+    edge: dict[str, Any] = {"size": 15, "fill_color": None}
+    source = _drawn(fig, "scatter", "x", "y", line_color=theme.paper, line_width=5, **edge)
+    fig.scatter("x", "y", source=source, line_color=theme.vermillion, line_width=2.5, **edge)
     return source
 
 

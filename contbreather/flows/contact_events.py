@@ -239,7 +239,7 @@ class _Arrivals:
     def examine(self, point: Point) -> Examined:
         orbit: Cycle = point.base_point.solution
         _, i, _ = min(self._arrivals(point), key=lambda arrival: arrival[0])
-        return {"said": f"flow {i} ends at the rim of sliding at t = {orbit.flights[i].last:.6g}"}
+        return {"said": f"flow {i} ends at the edge of sliding at t = {orbit.flights[i].last:.6g}"}
 
     def _arrivals(self, point: Point) -> list[tuple[float, int, Function]]:
         orbit: Cycle = point.base_point.solution

@@ -21,8 +21,8 @@ Lower = Callable[[float, float], float | None]
 NEAR = 3e-3  # the end of a curve that comes so close to another one lies on it
 SMALL = 1e-3  # area of a sliver between two curves, which nothing is said of
 GRID = 1e-10  # places that are no farther apart are one
-CENTRED = 2e-3  # how well the place farthest from the rim is known
-RIM = 7e-3  # how far from the rim a region is asked what breathers are there
+CENTRED = 2e-3  # how well the place farthest from the edge is known
+EDGE = 7e-3  # how far from the edge a region is asked what breathers are there
 PROBES = 5  # places where it is asked
 CANDIDATES = 40  # of them along each side
 
@@ -39,9 +39,9 @@ class Region:
     holes : tuple of ndarray
         Outlines of what is cut out of it.
     x, y : float
-        The place inside that is farthest from the rim.
+        The place inside that is farthest from the edge.
     room : float
-        Its distance from the rim, where each side of the whole diagram counts as 1.
+        Its distance from the edge, where each side of the whole diagram counts as 1.
     counts : tuple of (int or None)
         At that place, and at others spread over the region, the number of unstable multipliers of
         a breather; the smallest where there are several breathers, None where there is none of the
@@ -159,7 +159,7 @@ def _spread(piece: Any, centre: Array, room: float) -> Array:
     nodes = np.column_stack([coordinate.ravel() for coordinate in grid])
     nodes = nodes[shapely.contains_xy(piece, nodes)]
     off = shapely.distance(shapely.points(nodes), piece.boundary)
-    nodes = np.vstack([centre, nodes[off > min(RIM, 0.5 * room)]])
+    nodes = np.vstack([centre, nodes[off > min(EDGE, 0.5 * room)]])
     places, far = [centre], np.full(len(nodes), np.inf)
     for _ in range(PROBES - 1):  # each as far as can be from all before it
         far = np.minimum(far, np.sum((nodes - places[-1]) ** 2, axis=1))

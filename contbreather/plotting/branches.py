@@ -304,11 +304,11 @@ def pieces(
 
 def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> None:
     for point in points:
-        plain, rim = point.kind == "EP", ax.get_facecolor()
+        plain, edge = point.kind == "EP", ax.get_facecolor()
         mark = ax.plot(
             value_of(point, x), value_of(point, y), marker(point.kind),
             color=GREY if plain else colour, markersize=5 if plain else size(point.kind),
-            markeredgecolor=colour if point.kind == "MX" else "none" if plain else rim,
+            markeredgecolor=colour if point.kind == "MX" else "none" if plain else edge,
             markeredgewidth=0.5, zorder=3,
         )  # fmt: skip
         to_the_rim(mark)

@@ -64,7 +64,7 @@ _ITALIC = (  # words that are letters
     "Lambda", "Xi", "Sigma", "Phi", "Psi", "Omega",
 )  # fmt: skip
 _VARIANTS = {"epsilon": "varepsilon", "phi": "varphi"}
-BEYOND_RIM = 0.015  # of the axes: so far outside the half of a marker on the rim is still drawn
+BEYOND_EDGE = 0.015  # of the axes: so far outside the half of a marker on the edge is still drawn
 
 
 def style() -> AbstractContextManager[None]:
@@ -290,11 +290,11 @@ def text_colour(ax: Axes) -> str:
 
 
 def to_the_rim(artists: Iterable[Artist]) -> None:
-    """Show artists whole where they stand on the rim of their axes, and not where they lie beyond
+    """Show artists whole where they stand on the edge of their axes, and not where they lie beyond
     it, as after other limits were set."""
     from matplotlib.transforms import Bbox, TransformedBbox
 
-    wider = Bbox.unit().padded(BEYOND_RIM)
+    wider = Bbox.unit().padded(BEYOND_EDGE)
     for artist in artists:
         assert artist.axes is not None
         artist.set_clip_box(TransformedBbox(wider, artist.axes.transAxes))
@@ -314,7 +314,7 @@ def size(kind: str) -> float:
 
 _RADII = (3.0, 6.0, 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0)  # points, from the point to the word
 _DIRECTIONS = 16
-_RIM = 3.0  # points between a word and the axes, ticks included
+_EDGE = 3.0  # points between a word and the axes, ticks included
 _LEADER = 12.0  # words farther off than that are tied to their point by a line
 _SPACING = 2.0  # points between two samples of a curve
 
@@ -389,7 +389,7 @@ class Labels:
         """Write `text` near (x, y); nothing if that is outside of the axes."""
         anchor = self.ax.transData.transform((x, y))
         frame = np.asarray(self.ax.bbox.extents)
-        inner = frame + _RIM * self.pixel * np.array([1.0, 1.0, -1.0, -1.0])
+        inner = frame + _EDGE * self.pixel * np.array([1.0, 1.0, -1.0, -1.0])
         slack = 2.0 * self.pixel
         if np.any(anchor < frame[:2] - slack) or np.any(anchor > frame[2:] + slack):
             return None

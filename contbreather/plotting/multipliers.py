@@ -39,7 +39,7 @@ Array = NDArray[Any]
 NARROW = 150.0  # points: in axes narrower than that a pair takes two lines
 ALONE = 3.0  # times 1/sites: off the band by more, a multiplier does not belong to it
 LONG = 20.0  # beyond it moduli are drawn by their logarithms
-FAR = 2.0  # from 0: what is farther out is shown at the rim of the figure
+FAR = 2.0  # from 0: what is farther out is shown at the edge of the figure
 NAMED = 8  # multipliers that have their value beside them; of more none could be read
 
 
@@ -57,9 +57,9 @@ def plot_multipliers(
     The unit circle, the band of the infinite chain ``exp(+-2 i pi w)`` (``exp(+-i pi w)`` for the
     half map; on the circle ``exp(-damping pi)`` with damping), all 2N multipliers of the ring, and
     the values of those off the band: of the eight that are farthest from it. What is farther than 2
-    from 0 is a triangle at the rim, so that the circle stays a circle one can read. Finite lattices
-    other than rings have no band; there the circle of free modes is drawn, of what `periodic` or
-    `cycle` found neither. The trivial multiplier of an autonomous cycle is left out.
+    from 0 is a triangle at the edge, so that the circle stays a circle one can read. Finite
+    lattices other than rings have no band; there the circle of free modes is drawn, of what
+    `periodic` or `cycle` found neither. The trivial multiplier of an autonomous cycle is left out.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def plot_multipliers(
         mu, waves, alone = with_band(orbit, sites, half)
     with drawing(ax, height=8.5) as (drawn, axes):
         _circle_and_band(axes, waves)
-        size = np.abs(mu)  # those far out are shown at the rim, in their direction
+        size = np.abs(mu)  # those far out are shown at the edge, in their direction
         shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
         unstable = bool(np.any(alone & (size > 1.0)))
         reach = max(1.5 if unstable else 1.27, 1.1 * float(np.abs(shown).max()))

@@ -57,7 +57,7 @@ LINES: dict[str, dict[str, Any]] = {
 }
 CEILING: dict[str, Any] = {"color": BLACK, "linestyle": ":", "label": r"no impact left, $p \to 0$"}
 SHADES = {"S": "#D9EAF5", "US": "#FBE6D5"}
-# Sizes of letters, and how far away the rim of the region must be for each.
+# Sizes of letters, and how far away the edge of the region must be for each.
 LETTERS = (("large", 0.048), ("small", 0.031), ("xx-small", 0.019))
 NODES = 60  # along a curve, on its surface
 FAINT = 0.25

@@ -59,7 +59,7 @@ from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 Array = NDArray[Any]
 
 ROUNDING = 1e-13  # of F's own terms: closer than that to zero, a count is not certain
-RIM = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
+EDGE = 1e-10  # of 1/4 - gamma: nearer, the band's edge and -1 are told apart by rounding
 CLOSE = 1e-5  # of its terms: what many counts at once leave to one by one
 MOST = 2**20  # samples on a circle, when a ring's count asks for more there is no telling
 
@@ -141,7 +141,7 @@ def _chain_count(gamma: float, k: float, b: float, chain: InfiniteChain) -> Coun
     miss = window(gamma, k, chain.spring).miss(b)
     room = 0.25 * (1.0 - chain.spring) - gamma  # of the edge sqrt(spring + 4 gamma) up to nu = 1
     pairs = int(miss < -ROUNDING)
-    certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > RIM
+    certain = min(distances[nearest], abs(miss)) > ROUNDING + 1e-16 / room and room > EDGE
     if k < 1.0 and gamma > 0.0:
         certain &= pairs == _crossings(F, NOISE * (abs(b) + 1.0))
     return Count(_total(beta0, fold, pairs), certain, distances[nearest], where, pairs)

@@ -22,7 +22,7 @@ from contbreather.checks import brief, real
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.stability.arc import OverReflection
-from contbreather.stability.counting import RIM
+from contbreather.stability.counting import EDGE
 from contbreather.stability.half_period import HalfMap
 from contbreather.tables import HtmlRepr, Sheet, yes_or_no
 
@@ -156,7 +156,7 @@ class Verdict(HtmlRepr):
     def _on_the_chain(self) -> str:
         half = self.map.sign < 0
         text = f"{'QS' if half else 'the orbit'} outside the unit circle"
-        if not self.certain and 0.25 * (1.0 - self.map.lattice.spring) - self.map.gamma <= RIM:
+        if not self.certain and 0.25 * (1.0 - self.map.lattice.spring) - self.map.gamma <= EDGE:
             text += "; uncertain, the band's edge is within rounding of mu = -1"
         elif not self.certain:
             text += f"; one on it to within rounding, at the angle {self.nu:.6g} pi"

@@ -361,7 +361,7 @@ def test_scalar_problem_without_any_fold_has_no_cusp_either() -> None:
 
 
 def test_a_locus_without_derivative_is_followed_to_the_rim_of_its_parameters() -> None:
-    """Differences have no room at the rim, and one side of it is enough."""
+    """Differences have no room at the edge, and one side of it is enough."""
 
     def height(point):
         if point["g"] < 0:

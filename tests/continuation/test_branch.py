@@ -170,7 +170,7 @@ def test_many_branches_are_asked_for_as_one_is(monkeypatch: pytest.MonkeyPatch) 
 def test_a_branch_in_trouble_says_why() -> None:
     bad = Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
     branch = trace(bad, "mu", towards="down")
-    assert "reached the rim of the domain of the equations: the equations are not finite" in repr(
+    assert "reached the edge of the domain of the equations: the equations are not finite" in repr(
         branch
     )
     assert branch.stop.failed
@@ -179,7 +179,7 @@ def test_a_branch_in_trouble_says_why() -> None:
 
 def test_both_ends_in_trouble_are_said() -> None:
     whole = trace_case(LINE)
-    for stop in (Stop.RIM, Stop.NO_CONVERGENCE):
+    for stop in (Stop.DOMAIN, Stop.NO_CONVERGENCE):
         one = replace(whole, stop=stop, began=stop, began_reason="f at t = 0 raised")
         assert f"; the other way: {stop.value}: f at t = 0 raised" in one.describe()
 

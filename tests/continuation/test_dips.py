@@ -137,7 +137,7 @@ def test_a_test_that_jumps_away_from_zero_is_not_said_to_touch_it() -> None:
 
 def test_a_test_that_approaches_zero_at_the_rim_is_not_said_to_touch_it_before() -> None:
     line = scalar(lambda x, p: x - p["m"], 0.0, {"m": 0.0}, domain={"m": (0.0, 1.0)})
-    event = Event("VV", lambda point: point["m"] or 1.0)  # of no meaning at the rim itself
+    event = Event("VV", lambda point: point["m"] or 1.0)  # of no meaning at the edge itself
     branch = trace(line.at(x=0.73, m=0.73), "m", events=[event])
     assert branch[0]["m"] == 0.0
     assert events_of(branch) == []

@@ -340,7 +340,7 @@ def test_derivatives_along_a_direction_suit_functions_that_bend_within_short_dis
 def test_a_rim_beside_the_point_shortens_the_step() -> None:
     def residual(x: Array, p: Mapping[str, float]) -> Array:
         if np.real(x[0]) > 1.001:
-            raise ValueError("beyond the rim")
+            raise ValueError("beyond the edge")
         return x**3 + p["h"]
 
     curve = Curve(Problem(residual, {"x": 1.0}, {"h": 0.0}), ("h",))

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Params = Mapping[str, float]
 
 
-# --- differences at the rim of a domain -----------------------------------------------------------
+# --- differences at the edge of a domain ----------------------------------------------------------
 
 
 def rimmed(low: float, high: float):
@@ -32,7 +32,7 @@ def rimmed(low: float, high: float):
 
     def function(z: Array) -> Array:
         if z[0] < low or z[0] > high:
-            raise Undefined("beyond the rim")
+            raise Undefined("beyond the edge")
         return np.array([math.sin(z[0]) + z[1] ** 2, math.exp(z[0]) * z[1]])
 
     return function

@@ -646,6 +646,19 @@ def changed(change: Callable[[h5py.File], None], path: Path) -> None:
     path.write_bytes(image + b"\nsha256 of all bytes before: %s\n" % sum_of_all)
 
 
+def test_the_older_name_of_an_end_is_read(branch: Branch, path: Path) -> None:
+    def older(file: h5py.File) -> None:
+        about = json.loads(file["branch1/about_in_json"][()].tobytes())
+        del file["branch1/about_in_json"]
+        file["branch1/about_in_json"] = np.bytes_(json.dumps({**about, "stop": "RIM"}).encode())
+        file["branch1"].attrs["stop"] = "RIM"
+
+    save(path, replace(branch, stop=Stop.DOMAIN))
+    assert b"RIM" not in path.read_bytes()
+    changed(older, path)
+    assert load(path).stop is Stop.DOMAIN
+
+
 @pytest.mark.parametrize(
     "change",
     [

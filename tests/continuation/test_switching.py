@@ -353,7 +353,7 @@ def test_seeds_that_are_on_no_curve_are_refused(
 def test_no_first_step_is_an_error_not_a_branch_of_one_point() -> None:
     def residual(x: Array, p: Mapping[str, float]) -> Array:
         if x[0] > 1e-4:
-            raise ValueError("beyond the rim")
+            raise ValueError("beyond the edge")
         return np.array([x[0] * (p["mu"] - x[0] ** 2)])
 
     point = trace_case(PITCHFORK).first("BP")

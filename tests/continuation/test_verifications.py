@@ -311,15 +311,15 @@ def test_a_start_in_a_given_direction_keeps_its_residual() -> None:
 
 
 @pytest.mark.parametrize("largest", [0.05, 0.5, 2.0])
-@pytest.mark.parametrize(("first", "rim"), [("x", (0.31, 0.6)), ("y", (0.6, 0.31))])
-def test_of_two_bounds_in_one_step_the_nearer_one_ends_the_branch(largest, first, rim) -> None:
+@pytest.mark.parametrize(("first", "edge"), [("x", (0.31, 0.6)), ("y", (0.6, 0.31))])
+def test_of_two_bounds_in_one_step_the_nearer_one_ends_the_branch(largest, first, edge) -> None:
     """On ``x = y = mu`` from 0; both windows are left within a step of 0.5 or 2."""
     mine = flow(lambda u, p: [u[0] - p["mu"], u[1] - p["mu"]], XY, mu=0.0)
     branch = trace(
         mine,
         "mu",
         towards="up",
-        within={"x": (-1, rim[0]), "y": (-1, rim[1]), "mu": (-1, 0.65)},
+        within={"x": (-1, edge[0]), "y": (-1, edge[1]), "mu": (-1, 0.65)},
         steps=cb.Steps(first=largest, largest=largest),
     )
     end = branch[-1]

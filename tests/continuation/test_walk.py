@@ -200,12 +200,12 @@ def test_the_reason_names_the_domain_that_ended_a_branch_even_just_beyond_an_eve
 @pytest.mark.parametrize(
     ("equation", "x", "stop", "reason", "there"),
     [
-        (lambda x, p: x - np.sqrt(p["mu"]), 1.0, Stop.RIM, "not finite", 0.0),
-        (lambda x, p: x - math.sqrt(p["mu"]), 1.0, Stop.RIM, "math domain|nonnegative", 0.0),
-        (lambda x, p: x - p["mu"] ** 0.5, 1.0, Stop.RIM, "not real", 0.0),
-        (lambda x, p: x - p["mu"] * np.log(p["mu"]), 0.0, Stop.RIM, "not finite", 0.0),
-        (lambda x, p: x - 1 if p["mu"] > 0.5 else math.nan, 1.0, Stop.RIM, "not finite", 0.5),
-        (lambda x, p: x - 1 if p["mu"] > 0.5 else 1 / 0, 1.0, Stop.RIM, "division by zero", 0.5),
+        (lambda x, p: x - np.sqrt(p["mu"]), 1.0, Stop.DOMAIN, "not finite", 0.0),
+        (lambda x, p: x - math.sqrt(p["mu"]), 1.0, Stop.DOMAIN, "math domain|nonnegative", 0.0),
+        (lambda x, p: x - p["mu"] ** 0.5, 1.0, Stop.DOMAIN, "not real", 0.0),
+        (lambda x, p: x - p["mu"] * np.log(p["mu"]), 0.0, Stop.DOMAIN, "not finite", 0.0),
+        (lambda x, p: x - 1 if p["mu"] > 0.5 else math.nan, 1.0, Stop.DOMAIN, "not finite", 0.5),
+        (lambda x, p: x - 1 if p["mu"] > 0.5 else 1 / 0, 1.0, Stop.DOMAIN, "division by zero", 0.5),
         (lambda x, p: x - np.sign(p["mu"]), 1.0, Stop.NO_CONVERGENCE, "", 0.0),
         (lambda x, p: x - abs(p["mu"]), 1.0, Stop.NO_CONVERGENCE, "", 0.0),
         (lambda x, p: x**3 - p["mu"] ** 2, 1.0, Stop.NO_CONVERGENCE, "", 0.0),
@@ -256,7 +256,7 @@ def test_overflow_ends_a_branch_without_a_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         branch = trace(start, "mu", towards="up", steps=Steps(largest=1e3), events=ALL)
-    assert branch.stop in (Stop.RIM, Stop.NO_CONVERGENCE)
+    assert branch.stop in (Stop.DOMAIN, Stop.NO_CONVERGENCE)
     assert branch[-1]["mu"] > 300
     assert events_of(branch) == []
 

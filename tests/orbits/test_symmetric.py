@@ -334,7 +334,7 @@ def test_state_of_the_lower_branch_stays_on_the_lower_branch():
     assert upper.on(Ring(20)).p > lower.on(Ring(20)).p
 
 
-# ---------------------------------------------------------------------------------- the rim
+# ---------------------------------------------------------------------------------- the edge
 
 
 def test_the_rim_of_the_domain_works():
