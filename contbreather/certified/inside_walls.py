@@ -57,8 +57,8 @@ class ProvenMotion:
     def over(self, middle: float, radius: float) -> Ball:
         """Displacement over a ball of times, by Taylor's theorem."""
         y = arb(middle)
-        bend = self.at(arb(middle, radius), 2) * arb(0.5 * radius**2, 0.5 * radius**2)
-        return self.at(y, 0) + self.at(y, 1) * arb(0, radius) + bend
+        curvature = self.at(arb(middle, radius), 2) * arb(0.5 * radius**2, 0.5 * radius**2)
+        return self.at(y, 0) + self.at(y, 1) * arb(0, radius) + curvature
 
 
 def far_field(values: Mapping[str, Ball]) -> ProvenMotion:

@@ -324,7 +324,7 @@ def _lines(
         yield f"{point.detail['criticality'].capitalize()}: {size}."
     yield _table(arms)
     for i, arm in enumerate(arms, start=1):
-        yield from (f"Arm {i}, {line}." for line in (*_stretches(arm), *_ends(arm)))
+        yield from (f"Arm {i}, {line}." for line in (*_stability_lines(arm), *_ends(arm)))
 
 
 def _table(arms: Sequence[cb.Branch]) -> Sheet:
@@ -348,7 +348,7 @@ def _name(point: cb.continuation.Point) -> str:
     return point.title if point.located else f"{point.title}?"
 
 
-def _stretches(arm: cb.Branch) -> Iterator[str]:
+def _stability_lines(arm: cb.Branch) -> Iterator[str]:
     """Between which of its special points an arm is stable, and on which chain."""
     from contbreather.continuation.step_interpolant import between
     from contbreather.stability.verdict import THRESHOLD
@@ -385,7 +385,7 @@ def arms_entry(arms: Sequence[cb.Branch]) -> dict[str, Any]:
         {
             **branch_entry(arm),
             "label": arm.problem.label,
-            "stability": list(_stretches(arm)),
+            "stability": list(_stability_lines(arm)),
             "end": next(_ends(arm)),
             "image_of": None if arm.image_of is None else arm.image_of + 1,
         }

@@ -43,7 +43,7 @@ class CutShort(KeyboardInterrupt):
     """Ctrl-C, after all that was done by then has been shown."""
 
 
-class _Watch:
+class _Interrupts:
     """Ctrl-C in this process: what it does now, and whether one waits."""
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class _Watch:
         signal.raise_signal(signal.SIGINT)
 
 
-_watch = _Watch()
+_interrupts = _Interrupts()
 
 
 def _deaf(frame: FrameType | None) -> int:
@@ -112,29 +112,29 @@ def interruptible(*, alone: bool) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the business of the main thread
         return
-    _watch.begin(alone=alone)
-    before = signal.signal(signal.SIGINT, _watch)
+    _interrupts.begin(alone=alone)
+    before = signal.signal(signal.SIGINT, _interrupts)
     try:
         yield
-        if _watch.waiting:
+        if _interrupts.waiting:
             raise KeyboardInterrupt
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN if alone else before)
-        if _watch.outside is not None:
+        if _interrupts.outside is not None:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        _watch.act = _watch.rest = Act.STOP
+        _interrupts.act = _interrupts.rest = Act.STOP
 
 
 @contextlib.contextmanager
 def computing() -> Iterator[None]:
     """Let Ctrl-C stop a computation; afterwards it waits for what is written."""
-    if _watch.waiting:
+    if _interrupts.waiting:
         raise KeyboardInterrupt
-    _watch.act = Act.STOP
+    _interrupts.act = Act.STOP
     try:
         yield
     finally:
-        _watch.act = _watch.rest
+        _interrupts.act = _interrupts.rest
 
 
 def until_interrupted(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:

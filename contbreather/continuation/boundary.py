@@ -100,8 +100,8 @@ def boundary(
     """
     check_kind(point, Point, "a special point of a branch, branch.first('PF') for instance,")
     named_pair(pair)
-    ground, event = _having(point.base_point, _traceable(point), pair)
-    longer = boundary_problem(ground, event, pair, events, inadmissible=inadmissible)
+    base_point, event = _having(point.base_point, _traceable(point), pair)
+    longer = boundary_problem(base_point, event, pair, events, inadmissible=inadmissible)
     steps = steps_of(steps, Steps(most=_MOST))
     settings = Settings(windows(within), all_of(events), steps, inadmissible)
 
@@ -139,14 +139,14 @@ class BoundaryProblem(ExtendedProblem):
         curve, (free,), event = Curve(self, ()), names, self.residual.event
         assert event is not None
         pair = free, curve.varied[-1]
-        ground, event = _having(Point(curve, curve.start).base_point, event, pair)
-        if free not in ground.curve.problem.params:
+        base_point, event = _having(Point(curve, curve.start).base_point, event, pair)
+        if free not in base_point.curve.problem.params:
             return self
-        return boundary_problem(ground, event, pair, self.asked, inadmissible=self.inadmissible)
+        return boundary_problem(base_point, event, pair, self.asked, inadmissible=self.inadmissible)
 
 
 def boundary_problem(
-    ground: Point,
+    base_point: Point,
     event: Event,
     pair: tuple[str, str],
     events: Iterable[Event] | None = None,
@@ -157,7 +157,7 @@ def boundary_problem(
     of its unknowns."""
     named_pair(pair)
     listed = all_of(events)
-    base, active = active_events(ground.problem, listed, inadmissible=inadmissible)
+    base, active = active_events(base_point.problem, listed, inadmissible=inadmissible)
     for name in pair:
         if name not in base.params:
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
@@ -165,7 +165,7 @@ def boundary_problem(
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
     curve = Curve(base, (pair[1], pair[0]))
     try:
-        locus = event.locus(replace(ground, curve=curve, z=curve.start, tangent=None))
+        locus = event.locus(replace(base_point, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
         raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
     for name, (low, high) in locus.domain.items():
@@ -196,7 +196,7 @@ def boundary_problem(
         BoundaryProblem,
         events=(*of_locus, *others),
         record=record,
-        label=titled(f"{_named(ground, event)} boundary", base),
+        label=titled(f"{_named(base_point, event)} boundary", base),
         asked=listed,
         inadmissible=inadmissible,
     )
@@ -206,10 +206,10 @@ def boundary_problem(
     return longer
 
 
-def _named(ground: Point, event: Event) -> str:
+def _named(base_point: Point, event: Event) -> str:
     """The kind that a point was found to be, which may be another than its event's: PF for BP."""
-    same = ground.event is not None and ground.event.kind == event.kind
-    return ground.kind if same and ground.kind else event.kind
+    same = base_point.event is not None and base_point.event.kind == event.kind
+    return base_point.kind if same and base_point.kind else event.kind
 
 
 def _check_derivative(longer: Problem, locus: DefiningSystem, free: str) -> None:
@@ -245,16 +245,16 @@ def _traceable(point: Point) -> Event:
     return event
 
 
-def _having(ground: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
+def _having(base_point: Point, event: Event, pair: tuple[str, str]) -> tuple[Point, Event]:
     """The point, and its event, in equations that have both parameters."""
-    problem = having(ground.problem, *pair)
-    if problem.residual is ground.curve.problem.residual:
-        return ground, event
+    problem = having(base_point.problem, *pair)
+    if problem.residual is base_point.curve.problem.residual:
+        return base_point, event
     alike = next((e for e in problem.events if e.kind == event.kind), event)
     event = (from_dict(to_dict(event.serialised)) if event.serialised else alike).of(problem)
     problem, _ = active_events(problem, (event,))
-    curve = Curve(problem, ground.curve.free)
-    return replace(ground, curve=curve, z=curve.start, tangent=None), event
+    curve = Curve(problem, base_point.curve.free)
+    return replace(base_point, curve=curve, z=curve.start, tangent=None), event
 
 
 def codim_two(kind: str, event: Event) -> CodimensionTwo:

@@ -60,8 +60,8 @@ def branch_from_dict(content: Content, problems: Sequence[Problem] = ()) -> Bran
     origin, groups = None, content.get("groups", {})
     if "origin" in groups:  # it may be on a curve of other equations
         born = _Stored(groups["origin"])
-        fitting = [problem for problem in problems if set(problem.names) <= set(born.here)]
-        curve, _, events = born.fitted(fitting, None)
+        candidates = [problem for problem in problems if set(problem.names) <= set(born.here)]
+        curve, _, events = born.fitted(candidates, None)
         origin = replace(born.points(curve, events)[0], label=born.content["point_label"])
     stored = _Stored(content)
     curve, settings, events = stored.fitted(problems, origin)
@@ -174,11 +174,13 @@ class _Stored:
         if set(problem.names) <= set(born):
             curve = Curve(problem.at(**{name: born[name] for name in problem.names}), curve.free)
         event = event.of(problem)
-        ground = Point(curve, curve.start)
+        base_point = Point(curve, curve.start)
         if origin is not None:
-            ground = replace(ground, kind=origin.base_point.kind, event=event)
+            base_point = replace(base_point, kind=origin.base_point.kind, event=event)
         inadmissible = settings.inadmissible
-        make = partial(boundary_problem, ground, event, (free, released), inadmissible=inadmissible)
+        make = partial(
+            boundary_problem, base_point, event, (free, released), inadmissible=inadmissible
+        )
         longer = make(settings.events)
         return longer, (*longer.events, *make(candidates).events)
 
@@ -227,11 +229,11 @@ class _Stored:
             for name in ("point_tangent", "point_kind", "point_bracket", "arclength", "residual")
         )
         points = Points(curve, self.z, tangent, arclength, residual)
-        astray, bare = {*content["located"]}, np.isnan(tangent).any(axis=1)
+        unlocated, bare = {*content["located"]}, np.isnan(tangent).any(axis=1)
         more = {
             *np.flatnonzero((codes != 0) | bare).tolist(),
             *map(int, content["detail"]),
-            *astray,
+            *unlocated,
         }
         for i in sorted(more):
             detail = content["detail"].get(str(i))
@@ -240,7 +242,7 @@ class _Stored:
                 tangent=None if bare[i] else points[i].tangent,
                 kind=content["kinds"][codes[i]],
                 bracket=None if np.isnan(brackets[i][0]) else tuple(brackets[i].tolist()),
-                located=i not in astray,
+                located=i not in unlocated,
                 detail=_detail_from_dict(detail) if detail else {},
             )
             points.made[i] = replace(point, event=_event_at(point, events))

@@ -174,10 +174,10 @@ class Crossings:
         return branch_point.solution, {"tangents": branch_point.tangents}
 
 
-def branches_cross(ground: Point) -> bool:
+def branches_cross(base: Point) -> bool:
     """Whether the derivative in unknowns and both parameters loses one rank: solutions then are
     no smooth surface, and branches cross for other values of the parameters as well."""
-    matrix = balanced(ground)
+    matrix = balanced(base)
     weak = least_singular(matrix)
     return weak.size < _lost(matrix, weak) < weak.second
 
@@ -188,9 +188,9 @@ def _lost(matrix: Matrix, weak: LeastSingular) -> float:
     return _RANK * (min(1.0, weak.second) if is_sparse(matrix) else 1.0)
 
 
-def crossed(ground: Point) -> dict[str, str]:
+def crossed(base: Point) -> dict[str, str]:
     """That branches cross where they do, which makes any other normal form degenerate."""
-    return {"degenerate": CROSSED} if branches_cross(ground) else {}
+    return {"degenerate": CROSSED} if branches_cross(base) else {}
 
 
 def _branch_point_locus(point: Point) -> DefiningSystem:
@@ -289,10 +289,10 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
 def _refuse_to_part(point: Point) -> float:
     """No test: the curve is analytic, so that branches either cross all along it or nowhere else
     but at its start."""
-    ground = point.base_point
+    base = point.base_point
     split = abs(point["split"])
-    if split > _SPLIT * (1 + ground.curve.length(ground.z)) ** 2:
-        values = ", ".join(f"{name} = {point[name]:.6g}" for name in ground.curve.free)
+    if split > _SPLIT * (1 + base.curve.length(base.z)) ** 2:
+        values = ", ".join(f"{name} = {point[name]:.6g}" for name in base.curve.free)
         raise NotConverged(
             f"no curve of branch points: at {values} the branches have come apart (they miss each "
             f"other by {split:.2g} in the equations); it needs a third parameter",

@@ -79,11 +79,11 @@ def _pencil(first: Array, *others: Array) -> Array | None:
     middle, last = (others[0], others[-1]) if len(others) > 1 else (None, others[-1])
     if middle is None:
         return Dense(first).solve(first - last)
-    # M(u) = M0 + u (M1 - M0 - bend) + u^2 bend, bend = 2 (M0 - 2 M1/2 + M1): with w = u x
-    #     | M0^-1 (M0 - M1 + bend)   -M0^-1 bend |  has the eigenvalues 1 / u where M(u) x = 0
-    #     |           1                   0      |
-    bend = 2 * (first - 2 * middle + last)
-    change = Dense(first).solve(np.hstack([first + bend - last, -bend]))
+    # M(u) = M0 + u (M1 - M0 - Q) + u^2 Q, Q = 2 (M0 - 2 M1/2 + M1): with w = u x
+    #     | M0^-1 (M0 - M1 + Q)   -M0^-1 Q |  has the eigenvalues 1 / u where M(u) x = 0
+    #     |           1               0    |
+    Q = 2 * (first - 2 * middle + last)
+    change = Dense(first).solve(np.hstack([first + Q - last, -Q]))
     return change if change is None else np.vstack([change, np.eye(*change.shape)])
 
 

@@ -145,20 +145,20 @@ def _cusp_test(point: Point) -> float:
 
 def _cusp_beside(reference: Array, point: Point) -> float:
     """The same with the null vector that is no unknown here, on the side of another."""
-    ground = point.base_point
-    weak = systems.least_in_unknowns(ground.curve, ground.z)
-    null = weak.right * ground.curve.scales[: ground.curve.size]
-    return _quadratic(ground, math.copysign(1.0, null @ reference) * null)
+    base = point.base_point
+    weak = systems.least_in_unknowns(base.curve, base.z)
+    null = weak.right * base.curve.scales[: base.curve.size]
+    return _quadratic(base, math.copysign(1.0, null @ reference) * null)
 
 
-def _quadratic(ground: Point, null: Array) -> float:
+def _quadratic(base: Point, null: Array) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
-    curve, n = ground.curve, ground.curve.size
+    curve, n = base.curve, base.curve.size
     # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
     # Bifurcation Theory, chapter 5), of a unit p whose sign follows the curve
-    weak = least_singular(ground.jacobian()[:, :n])
+    weak = least_singular(base.jacobian()[:, :n])
     sign = weak.sign * np.sign(weak.right @ null)
-    return float(sign * weak.left @ (curve.along(ground.z, null)[:, :n] @ null) / 2)
+    return float(sign * weak.left @ (curve.along(base.z, null)[:, :n] @ null) / 2)
 
 
 def cusp() -> Event:
@@ -179,14 +179,14 @@ def cusp() -> Event:
 
 
 def _examine_cusp(point: Point) -> Examined:
-    ground = point.base_point
+    base = point.base_point
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
     # where two folds are mirror images both vanish, and location is good to a few 1e-6 only
     if abs(cubic.value) <= 1e-4 * cubic.size:
         return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
     if abs(quadratic.value) > 1e-4 * quadratic.size:
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
-    return {"c": cubic.value.real, **branch_points.crossed(ground)}
+    return {"c": cubic.value.real, **branch_points.crossed(base)}
 
 
 # --- Hopf points ------------------------------------------------------------------------------
@@ -339,7 +339,7 @@ def _examine_takens(point: Point) -> Examined:
 def _examine_double_zero(point: Point) -> Examined:
     """A double zero with one eigenvector, whatever the normal form: there a curve of Hopf points
     ends, and one of branch points meets it. Both coefficients, and why it is another if it is."""
-    ground = point.base_point
+    base = point.base_point
     try:
         a, b = normal_forms.takens_bogdanov(point)
     except OUT_OF_DOMAIN as error:
@@ -347,7 +347,7 @@ def _examine_double_zero(point: Point) -> Examined:
     coefficients: dict[str, Any] = {"a": a.value.real, "b": b.value.real}
     if a.degenerate or b.degenerate:
         coefficients["degenerate"] = f"degenerate: a = {a.value.real:.2g}, b = {b.value.real:.2g}"
-    return coefficients | branch_points.crossed(ground)
+    return coefficients | branch_points.crossed(base)
 
 
 def _examine_zero_hopf(point: Point) -> Examined:

@@ -92,19 +92,19 @@ def find(
         values = earlier[1], before, after
         quiet = without_candidate(events, pace, *values, (segment.first, segment.last))
     tests = [
-        StepSamples(segment, event, {0.0: before[i], 1.0: after[i]}, calm=i in quiet)
+        StepSamples(segment, event, {0.0: before[i], 1.0: after[i]}, clear=i in quiet)
         for i, event in enumerate(events)
     ]
     for samples in tests:
         # those with a matrix say more of what is between than their values do
-        samples.calm = samples.calm and not samples.foresee()
-    if all(samples.calm for samples in tests):
+        samples.clear = samples.clear and not samples.foresee()
+    if all(samples.clear for samples in tests):
         return StepEvents((), (), after)
     counts = [samples for samples in tests if samples.event.test is None]
     crossings = [samples for samples in tests if samples.event.crosses]
     others = [s for s in tests if s.event.test is not None and not s.event.crosses]
     for samples in (*crossings, *others):  # what has no test is looked at last, and at few places
-        if not samples.calm:
+        if not samples.clear:
             samples.glance(0.5)
     points = list(_events_on(crossings, ends))
     cuts = [p for p in points if "tangents" in p.detail] or ([crossing] if crossing else [])
@@ -167,10 +167,10 @@ def without_candidate(
 
 def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
     """Of numbers or arrays: whether the parabola through three values stays away from zero."""
-    # start + b u + bend u^2 through (-pace, earlier), (0, start) and (1, end): its value at 1/2 is
-    # (start + end) / 2 - bend / 4
-    bend = (end - start - (start - earlier) / pace) / (1 + pace)
-    middle = (0.5 * (start + end) - 0.25 * bend) / start  # all of them in units of the first
+    # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
+    # 1/2 is (start + end) / 2 - curvature / 4
+    curvature = (end - start - (start - earlier) / pace) / (1 + pace)
+    middle = (0.5 * (start + end) - 0.25 * curvature) / start  # all of them in units of the first
     last = end / start
     return (
         (middle > _CALM)
@@ -188,11 +188,13 @@ def clear_steps(arclength: Array, tests: Array, counts: Sequence[Array]) -> int:
     have a candidate; `tests` has a row for each event, `counts` those of the events that have any.
     """
     steps = np.diff(arclength)
-    calm = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(axis=0)
+    clear = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(
+        axis=0
+    )
     for count in counts:
         # by one the count changes at a simple zero, which leaves its change of sign
-        calm &= abs(np.diff(count)) <= 1
-    return int(calm.argmin()) if not calm.all() else calm.size
+        clear &= abs(np.diff(count)) <= 1
+    return int(clear.argmin()) if not clear.all() else clear.size
 
 
 def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
@@ -237,7 +239,7 @@ def _unverified(failed: Sequence[Point], good: Sequence[Point]) -> tuple[Point, 
 
 
 def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
-    active = [samples for samples in tests if not samples.calm]
+    active = [samples for samples in tests if not samples.clear]
     for samples in active:
         yield from _at_ends(samples, ends)
         samples.foresee()
@@ -249,7 +251,7 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
         yield from fresh
         if not fresh:
             break
-        active = list(tests)  # what happens at an event is news of the calm ones as well
+        active = list(tests)  # what happens at an event is news of the clear ones as well
         for point, samples in itertools.product(fresh, tests):
             segment = samples.segment
             u = (point.arclength - segment.first.arclength) / segment.length

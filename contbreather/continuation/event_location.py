@@ -331,13 +331,13 @@ def has_double_zero(samples: StepSamples) -> bool:
 
 def _parabola(u: list[float], f: list[float]) -> tuple[float, float]:
     """Place and value of the vertex of the parabola through three points, by divided differences:
-    ``f0 + (x - u0) (slope + bend (x - u1))``."""
+    ``f0 + (x - u0) (slope + curvature (x - u1))``."""
     slope = (f[1] - f[0]) / (u[1] - u[0])
-    bend = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
-    if bend == 0:
+    curvature = ((f[2] - f[1]) / (u[2] - u[1]) - slope) / (u[2] - u[0])
+    if curvature == 0:
         return math.inf, math.inf
-    vertex = 0.5 * (u[0] + u[1] - slope / bend)
-    return vertex, f[0] + (vertex - u[0]) * (slope + bend * (vertex - u[1]))
+    vertex = 0.5 * (u[0] + u[1] - slope / curvature)
+    return vertex, f[0] + (vertex - u[0]) * (slope + curvature * (vertex - u[1]))
 
 
 def kinks(samples: StepSamples) -> Iterator[Point]:

@@ -231,8 +231,8 @@ def inverses_between(first: Bordered, *others: Bordered) -> Array:
     # with u^2 as well, of the companion matrix of three, for x and y = u x
     def quadratic(xy: Array) -> Array:
         x, y = xy[:size], xy[size:]
-        bend = 2 * (first @ (x - y) - 2 * (middle @ (x - y)) + last @ (x - y))
-        return np.concatenate([first.solve(first @ x - last @ x + bend), x])
+        Q = 2 * (first @ (x - y) - 2 * (middle @ (x - y)) + last @ (x - y))
+        return np.concatenate([first.solve(first @ x - last @ x + Q), x])
 
     whole, matvec = (size, linear) if middle is last else (2 * size, quadratic)
     if not _grows(matvec, whole):

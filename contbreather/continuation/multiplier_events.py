@@ -62,9 +62,9 @@ def linked(fold: Event, flips: Callable[[Point], float]) -> dict[str, Event]:
 
 def _all(point: Point) -> tuple[Values, float]:
     """All multipliers but a trivial one, and what rounding may leave in each."""
-    ground = point.base_point
-    known: tuple[Values, float] = ground.curve.cached(
-        "multipliers", ground.z, lambda z: ground.curve.problem.multipliers(ground)
+    base = point.base_point
+    known: tuple[Values, float] = base.curve.cached(
+        "multipliers", base.z, lambda z: base.curve.problem.multipliers(base)
     )
     return known
 
@@ -124,10 +124,10 @@ def _units(curve: Curve) -> Array:
 
 def _eigenvectors(mu: float, point: Point) -> int:
     """How many, one or two, belong to a multiplier that is there."""
-    ground = point.base_point
+    base = point.base_point
     matrix, moved = (
-        scaled_closing(ground.curve, ground.jacobian(), mu),
-        ground.curve.problem.perturbed,
+        scaled_closing(base.curve, base.jacobian(), mu),
+        base.curve.problem.perturbed,
     )
     # meshes have no multipliers: that of an orbit that rests is all but free
     weak = least_singular(matrix if moved is None else matrix[moved][:, moved])
@@ -139,8 +139,8 @@ def _eigenvectors(mu: float, point: Point) -> int:
 
 def unresolved(point: Point) -> str:
     """Why no event is believed: where a mesh resolves no multiplier."""
-    ground = point.base_point
-    reason: str = ground.curve.problem.unresolved(ground)
+    base = point.base_point
+    reason: str = base.curve.problem.unresolved(base)
     return reason
 
 
@@ -177,7 +177,7 @@ def _examine_rotation(point: Point) -> Examined:
 # --- as equations -----------------------------------------------------------------------------
 
 
-class _Weak(NamedTuple):
+class _SmallestSingular(NamedTuple):
     """The least singular value of a square matrix with the sign of its determinant, its vectors,
     ``B right = value left``, and what it is multiplied by."""
 
@@ -187,24 +187,24 @@ class _Weak(NamedTuple):
     weight: float = 1.0
 
 
-def _weak(curve: Curve, z: Array) -> _Weak:
+def _weak(curve: Curve, z: Array) -> _SmallestSingular:
     """Of the problem closed with -1."""
 
-    def make(z: Array) -> _Weak:
+    def make(z: Array) -> _SmallestSingular:
         matrix = curve.jacobian(z)
         B = scaled_closing(curve, matrix, -1.0)
         if not is_large(B):
             weak = least_singular(B)
             value, left = weak.sign * weak.size, weak.sign * weak.left
-            return _Weak(value, left, weak.right, min(1.0, weak.second))
+            return _SmallestSingular(value, left, weak.right, min(1.0, weak.second))
         # where a pivot is 0 nothing tells on which side the vectors are: beside it they do
         factors = (Factors(scaled_closing(curve, matrix, mu)) for mu in (-1.0, -1.0 - _BESIDE))
         regular = next((each for each in factors if each.sign()), None)
         if regular is None:
             raise Undefined("the cycle is singular whatever multiplies its start")
-        return _Weak(*by_inverses(regular, B.shape[0], refined=False))
+        return _SmallestSingular(*by_inverses(regular, B.shape[0], refined=False))
 
-    weak: _Weak = curve.cached("flip", z, make)
+    weak: _SmallestSingular = curve.cached("flip", z, make)
     return weak
 
 

@@ -104,8 +104,8 @@ class Forms:
     """The derivatives of the equations at a point in their unknowns, in units of their scales."""
 
     def __init__(self, point: Point, agreed: float = _AGREED) -> None:
-        ground, self.agreed = point.base_point, agreed
-        self.curve, self.z = ground.curve, ground.z
+        base, self.agreed = point.base_point, agreed
+        self.curve, self.z = base.curve, base.z
         problem = self.curve.problem
         self.closing = problem.closing
         every = np.arange(self.curve.size)

@@ -165,18 +165,18 @@ class Point(HtmlRepr):
             return beneath(z[: longer.size], longer.params(z), longer.free)
 
         # once: all events ask for it in turn
-        curve, z = longer.cached("ground", self.z, under)
+        curve, z = longer.cached("base", self.z, under)
         others = (getattr(self, name) for name in _OTHERS)  # `replace` takes three times as long
         return Point(curve, z, None, *others)
 
     @property
     def solution(self) -> Any:
         """What this point is to the user of its problem, an `Orbit` for instance."""
-        ground = self.base_point
-        interpret = ground.curve.problem.interpret
+        base = self.base_point
+        interpret = base.curve.problem.interpret
         if interpret is None:
             raise BadInput("this problem says no more of a point than its values")
-        return ground.curve.cached("solution", ground.z, lambda z: interpret(ground))
+        return base.curve.cached("solution", base.z, lambda z: interpret(base))
 
     def __getattr__(self, name: str) -> Any:
         """What the solution answers the point answers too: ``point.state(sites=20)`` of an orbit.

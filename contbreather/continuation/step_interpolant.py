@@ -196,7 +196,7 @@ class StepSamples:
         Brackets that were dealt with, and the events in them.
     close : list
         Pieces on which two zeros may be close together.
-    calm : bool
+    clear : bool
         Whether nothing was to be looked for when the step was made.
     """
 
@@ -207,7 +207,7 @@ class StepSamples:
     zeros: list[float] = field(default_factory=list)
     sure: set[float] = field(default_factory=lambda: {0.0, 1.0})
     close: list[tuple[float, float]] = field(default_factory=list)
-    calm: bool = False
+    clear: bool = False
 
     # --- values -------------------------------------------------------------------------------
 
@@ -314,8 +314,8 @@ class StepSamples:
         test, segment, look, places = self.event.test, self.segment, list[float](), np.empty(0)
         if isinstance(test, Singular) and segment.last.tangent is not None:
             sizes = [abs(value) for value in self.values.values()]
-            dips = min(sizes) < _LOW * max(sizes)
-            middle = (segment.provisional(0.5),) if dips else ()
+            small = min(sizes) < _LOW * max(sizes)
+            middle = (segment.provisional(0.5),) if small else ()
             places = singular_between(*map(test.matrix, (segment.first, *middle, segment.last)))
             for low, high in itertools.pairwise(places.tolist()):
                 look.append((low + high) / 2)

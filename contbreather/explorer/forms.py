@@ -297,7 +297,7 @@ class PageForms:
         }
 
         def simulate(**typed: Any) -> None:
-            self._begin(jobs.simulated, **typed, watched=self.explorer.state.sites)
+            self._begin(jobs.simulated, **typed, sampled=self.explorer.state.sites)
 
         button = "Simulate from here", simulate, self.length
         return self._card("Simulation", in_rows(self.length.values(), 3), button)

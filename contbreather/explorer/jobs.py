@@ -229,7 +229,7 @@ def _special(chosen: Chosen, what: str) -> Any:
 
 
 def simulated(
-    chosen: Chosen, sites: int, periods: int, push: float, watched: tuple[int, ...]
+    chosen: Chosen, sites: int, periods: int, push: float, sampled: tuple[int, ...]
 ) -> Computation:
     """The lattice let go from its state, with a push to the site that impacts."""
     if chosen.orbit is None:
@@ -237,7 +237,7 @@ def simulated(
     infinite = chosen.orbit.lattice.sites is None
     orbit = chosen.orbit.on(Ring(sites)) if infinite else chosen.orbit
     site, size = orbit.section.hit[0], orbit.lattice.sites
-    sample = Sample(tuple(n for n in watched if -size <= n < size) or (site,), MOMENTS)
+    sample = Sample(tuple(n for n in sampled if -size <= n < size) or (site,), MOMENTS)
 
     def job(progress: Progress) -> Any:
         u, v = (np.array(x) for x in orbit.state())

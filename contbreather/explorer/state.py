@@ -28,7 +28,7 @@ from contbreather.plotting.zones import names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
 
 Array = NDArray[np.float64]
-Meeting = tuple[float, float, str]
+SpecialPoint = tuple[float, float, str]
 
 STOPPED = ", stopped: curves may be missing"
 FINE = 80  # points of a curve between two others
@@ -240,7 +240,7 @@ class Preview:
     exact: bool  # False for what is between two neighbours
     curves: dict[str, tuple[Array, ...]]  # by kind, arrays of shape (n, 2)
     regions: tuple[Region, ...]  # with the verdicts of breathers in this plane in any case
-    meetings: tuple[Meeting, ...]
+    meetings: tuple[SpecialPoint, ...]
     pair: tuple[str, str] = ("gamma", "a")
 
 
@@ -315,7 +315,7 @@ def _line(zones: Zones, branch: Any) -> Array:
     return np.column_stack([branch[name] for name in zones.pair])
 
 
-def _sorted(zones: Zones) -> list[Meeting]:
+def _sorted(zones: Zones) -> list[SpecialPoint]:
     return sorted(names_of_meetings(zones), key=lambda met: (met[2], met[0]))
 
 

@@ -43,7 +43,7 @@ OTHER = "hex"
 ROOM = (420.0, 310.0)  # pixels inside of a figure, about: it is as wide as its page
 LETTER, LINE = 8.0, 15.0  # pixels that a letter and a line take
 MARGIN = 0.08
-SEEN = 2000  # stretches of a line, more than a figure has pixels
+SEEN = 2000  # pieces of a line, more than a figure has pixels
 WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the multipliers
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
@@ -460,10 +460,10 @@ def thinned(times: Array, u: Array) -> tuple[Array, Array]:
     length = -(-times.size // SEEN)
     if length == 1:
         return times, u
-    stretches = u[: u.size // length * length].reshape(-1, length)
-    begins = length * np.arange(len(stretches))
+    blocks = u[: u.size // length * length].reshape(-1, length)
+    begins = length * np.arange(len(blocks))
     ends = (0, u.size - 1)
-    at = [begins + stretches.argmin(axis=1), begins + stretches.argmax(axis=1), ends]
+    at = [begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1), ends]
     indices = np.unique(np.concatenate(at))
     return times[indices], u[indices]
 

@@ -132,8 +132,8 @@ def _passages(orbit: Cycle) -> list[_Passage]:
     first = int(np.argmax(speeds))  # from there on around
     pace = np.roll(speeds, -first) / speeds[first]
     cuts = np.flatnonzero((pace > _FAST) & (pace.min() < _SLOW))  # where none is slow one will do
-    stretches = np.split(np.arange(pace.size), cuts)
-    least = sorted((min(s, key=pace.item) for s in stretches if s.size), key=pace.item)
+    pieces = np.split(np.arange(pace.size), cuts)
+    least = sorted((min(s, key=pace.item) for s in pieces if s.size), key=pace.item)
     slow = [j for j in least if pace[j] < _SLOW] or least[:1]
     return [_Passage(float(pace[j]), orbit, *places[(j + first) % pace.size]) for j in slow]
 

@@ -335,7 +335,7 @@ class _Integration:
             lambda t, x: at_state(plain, t, x, self.params), t0, x0, waited,
             rtol=self.tolerance, atol=self.tolerance * (abs(x0).max() or 1.0),
         )  # fmt: skip
-        watched = [
+        guarded = [
             GuardOnPiece(name, guard, flow.f, self.params, rough=not self.taken)
             for name, guard in guards.items()
             if guard not in clocks
@@ -346,7 +346,7 @@ class _Integration:
         while hit is None and solver.status == "running" and len(steps) < most:
             self.step(solver)
             steps.append(solver.dense_output())
-            falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in watched]
+            falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in guarded]
             at = min(falls, default=math.inf)
             hit = len(clocks) + falls.index(at) if math.isfinite(at) else None
             t.append(solver.t if hit is None else at)

@@ -202,9 +202,9 @@ def _peak(harmonics: Harmonics) -> float:
     t = math.pi * np.arange(32 * highest) / (32 * highest)
     values = np.abs(series.on_grid(64 * highest)[: t.size])  # |f(t + pi)| = |f(t)|: half will do
     best = float(values.max())
-    # every crest that could still win; the grid misses at most (highest h)^2/2 of a crest
-    crest = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
-    for start in t[crest & (values >= best * (1.0 - 0.01))]:
+    # every maximum that could still win; the grid misses at most (highest h)^2/2 of one
+    peaks = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
+    for start in t[peaks & (values >= best * (1.0 - 0.01))]:
         x = float(start)
         for _ in range(6):  # Newton's iteration for f' = 0
             curvature = series.at(x, 2)

@@ -107,10 +107,10 @@ def response_since(
     past = math.floor((s + LATE + SLACK * abs(s)) / width)
     y = s - width * past - 0.5 * width
     z, powers = y * y, table.shape[1] - 2
-    P = dP = bend = jerk = 0.0  # a polynomial in z; derivatives over 1, 2 and 6
+    P = dP = curvature = jerk = 0.0  # a polynomial in z; derivatives over 1, 2 and 6
     for i in range(powers):
-        jerk = jerk * z + bend
-        bend = bend * z + dP
+        jerk = jerk * z + curvature
+        curvature = curvature * z + dP
         dP = dP * z + P
         P = P * z + table[row, i]
     A, B, c, s = table[row, powers], table[row, powers + 1], math.cos(y), math.sin(y)
@@ -119,14 +119,14 @@ def response_since(
         h, dh, d2h = (
             y * P + A * s,
             P + 2.0 * z * dP + A * c,
-            y * (6.0 * dP + 8.0 * z * bend) - A * s,
+            y * (6.0 * dP + 8.0 * z * curvature) - A * s,
         )
-        d3h = 6.0 * dP + 48.0 * z * (bend + z * jerk) - A * c
+        d3h = 6.0 * dP + 48.0 * z * (curvature + z * jerk) - A * c
         return flip * h, flip * dh, flip * d2h, flip * d3h
     c2, s2 = 2.0 * c * c - 1.0, 2.0 * c * s
     h, dh = P + A * c + B * c2, 2.0 * y * dP - A * s - 2.0 * B * s2
-    d2h = 2.0 * dP + 8.0 * z * bend - A * c - 4.0 * B * c2
-    d3h = 24.0 * y * bend + 48.0 * z * y * jerk + A * s + 8.0 * B * s2
+    d2h = 2.0 * dP + 8.0 * z * curvature - A * c - 4.0 * B * c2
+    d3h = 24.0 * y * curvature + 48.0 * z * y * jerk + A * s + 8.0 * B * s2
     for i in range(responses.waves.size):
         W, C, D = responses.waves[i], responses.even[row, i], responses.odd[row, i]
         c, s = math.cos(W * y), math.sin(W * y)
@@ -327,14 +327,14 @@ def slope_ratio(responses: Responses, y: float) -> tuple[float, float]:
     """``slope/y`` of the first row and its derivative in the time y from mid period, smooth through
     y = 0, for n = 1."""
     *powers, first, second = responses.table[0].tolist()
-    P = dP = bend = 0.0  # and its derivatives in y^2, over 1 and 2
+    P = dP = curvature = 0.0  # and its derivatives in y^2, over 1 and 2
     for c in powers:
-        bend = bend * y * y + dP
+        curvature = curvature * y * y + dP
         dP = dP * y * y + P
         P = P * y * y + c
     (s1, d1), (s2, d2) = sinc(y), sinc(2.0 * y)
     value = 2.0 * dP - first * s1 - 4.0 * second * s2
-    return value, 8.0 * y * bend - first * d1 - 8.0 * second * d2
+    return value, 8.0 * y * curvature - first * d1 - 8.0 * second * d2
 
 
 def sinc(y: float) -> tuple[float, float]:

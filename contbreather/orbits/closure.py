@@ -223,7 +223,7 @@ def general_roots(a: float, chi: float, q: float, forcing: Forcing) -> list[tupl
             if not touched:
                 phases.append(phi)
             elif abs(series.at(phi, 1)) < abs(series.at(phases[-1], 1)):
-                phases[-1] = phi  # of points on one flat top the one nearest its crest
+                phases[-1] = phi  # of points on one flat top the one nearest its maximum
     for i, left in enumerate(extrema):
         right = extrema[i + 1] if i + 1 < len(extrema) else extrema[0] + 2.0 * math.pi
         if heights[i] * heights[(i + 1) % len(extrema)] < 0.0:
@@ -244,12 +244,12 @@ def level_crossing(series: TrigonometricSeries, level: float, left: float, right
         x = 0.5 * (left + right)
         left, right = (left, x) if (series.at(x, 0) > level) == rises else (x, right)
     # and one Newton step; next to a double root it would go astray
-    height, steepness, bend, third = series.motion(right)
+    height, steepness, curvature, third = series.motion(right)
     step = (height - level) / steepness if steepness else 0.0
     if abs(step) < 1e-9:
         return right - step
     # a root of third order is known to EPS^(1/3) by the level, to EPS by its inflection
-    flat = right - bend / third if third else right
+    flat = right - curvature / third if third else right
     solves = abs(series.at(flat, 0) - level) <= 4.0 * EPS * (1.0 + abs(level))
     return flat if solves and abs(flat - right) < EPS**0.25 else right
 

@@ -38,7 +38,7 @@ from contbreather.orbits.site_motion import SiteMotion, Terms
 Array = NDArray[np.float64]
 
 TELLING = 1e-12  # where margins vanish together, the least size of what still sets them apart
-MIRRORED = 1e-13  # the margin of a crest that symmetry makes touch the other wall at the same place
+MIRRORED = 1e-13  # the margin of a maximum that by symmetry touches the other wall, too
 ALIKE = 1e-5  # a coupling below which sites are told apart as they would be there
 SAME = 1e-9  # displacements that differ by less are mirror images
 ONE = 1e-4  # impacts of a site at a wall less apart than this are one
@@ -123,7 +123,7 @@ def _is_impact(orbit: Orbit, site: int, t: float) -> bool:
 
 
 def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Whether the crest comes again at the other wall because the orbit is its own mirror image."""
+    """Whether the maximum comes again at the other wall: the orbit is its own mirror image."""
     section, motion = orbit.section, orbit.motion
     if section.symmetric or section.turns % 2 == 0:
         return False
@@ -184,11 +184,11 @@ class _OtherContact:
 def other_contacts(
     orbit: SiteMotion, site: int, t: float, *, mirrored: bool = False
 ) -> list[Clearance]:
-    """Everything that may touch a wall besides the crest of one site at one time, which does.
+    """Everything that may touch a wall besides the maximum of one site at one time, which does.
 
-    With `mirrored` the orbit is a symmetric one with its whole period written out: the crest at the
-    other wall, half a period later, is the same again. On an arm it is not, and both come together
-    at the pitchfork.
+    With `mirrored` the orbit is a symmetric one with its whole period written out: the maximum at
+    the other wall, half a period later, is the same again. On an arm it is not, and both come
+    together at the pitchfork.
 
     The far field is not among them: its displacement lies between those of two neighbours far out,
     so it is never highest by more than rounding.
@@ -205,7 +205,7 @@ def other_contacts(
         # margins are told apart by the larger of two influences: of those that feel the impacts
         # less the least is enough
         size, *sizes = orbit.influences((site, *idle))
-        near |= {site, *(n for n, felt in zip(idle, sizes, strict=True) if felt > size)}
+        near |= {site, *(n for n, influence in zip(idle, sizes, strict=True) if influence > size)}
     measured = measured_margins(orbit, idle, near, touching=site, time=t)
     gaps = [*of_flights(orbit, measured), *of_idle(orbit, measured)]
     if site not in orbit.hit:

@@ -139,13 +139,13 @@ class OrbitEquations:
         q = (1.0 - k) / (1.0 + k)  # the mean velocity at an impact is -q J/2
         return np.concatenate(
             [
-                self._told(x, params, h),
+                self._beyond_walls(x, params, h),
                 a * f.df(times) + h[1] @ impulses + 0.5 * q * impulses,
                 self._balance(impulses, offsets, gamma),
             ]
         )
 
-    def _told(self, x: FloatArray, params: Params, h: FloatArray) -> FloatArray:
+    def _beyond_walls(self, x: FloatArray, params: Params, h: FloatArray) -> FloatArray:
         """How far sites are beyond their walls at their impacts."""
         a, gamma, _, f = self._unpack(x, params)
         times, impulses, offsets = self.split(x)
@@ -187,8 +187,8 @@ class OrbitEquations:
         out[2 * m + self.own, m + diagonal] = 1.0  # mean impulses add up
         out[balance, balance] = (self.section.period * gamma) * self.links
         if self.section.repeats:
-            told = self._told(x, params, h)
-            out[walls] = told_apart_slopes(self.section, times, told, out[walls])
+            beyond = self._beyond_walls(x, params, h)
+            out[walls] = told_apart_slopes(self.section, times, beyond, out[walls])
         return out
 
     def sensitivity(self, x: FloatArray, params: Params, name: str) -> FloatArray:

@@ -291,7 +291,7 @@ def _grazing_site(orbit: Orbit, site: int) -> GrazingSite:
     """A site with its share of the offsets as it is where the curve sets out.
 
     The grazing of an arm ends at its pitchfork, on the side of the arm. There that of the other arm
-    begins: the margin of the mirrored crest vanishes together with the asymmetry, and their ratio
+    begins: the margin of the mirrored maximum vanishes together with the asymmetry, and their ratio
     does not. So that this end is known by one name, margins are those per asymmetry.
     """
     share = _offset_share(orbit, site)

@@ -151,12 +151,12 @@ class ImpactSequence:
         on, w = self.conditions, self.representation.accelerations
         w = np.concatenate([w, -w]) if self.section.symmetric else w  # u(t + T/2) = -u(t)
         hits = []
-        for (site, wall, time, J), bend in zip(
+        for (site, wall, time, J), acceleration in zip(
             self.section.course(self.impacts), w.tolist(), strict=True
         ):
             before = -J / (1.0 + on.k)
             # just after the impact a damped site is braked the other way
-            after = bend + on.damping * (1.0 + on.k) * before
+            after = acceleration + on.damping * (1.0 + on.k) * before
             hits.append(Hit(site, wall, time, before, -on.k * before, after))
         return tuple(sorted(hits, key=lambda hit: hit.time))
 

@@ -175,15 +175,16 @@ def polished(motion: Motion, q: Quotient, s: float, low: float, high: float) -> 
         n, n1, n2, d, d1, d2 = margin_terms(q, motion.k, s, u, v, w)
         if n / d <= best + ROUNDING / abs(d):  # the later, the more exact is s
             best, where = min(best, n / d), s
-        tilt, bend = n1 * d - n * d1, n2 * d - n * d2
+        tilt, curvature = n1 * d - n * d1, n2 * d - n * d2
         if tilt > 0.0:
             high = s
         else:
             low = s
-        if bend > 0.0 and abs(tilt) <= FLAT * bend:  # what is left changes 1e-16 of the value
-            return best, s - tilt / bend if where == s else where
+        # what is left changes 1e-16 of the value
+        if curvature > 0.0 and abs(tilt) <= FLAT * curvature:
+            return best, s - tilt / curvature if where == s else where
         last = s
-        s = s - tilt / bend if bend > 0.0 else low
+        s = s - tilt / curvature if curvature > 0.0 else low
         if not low < s < high:
             bisected, s = bisected + 1, 0.5 * (low + high)
         if abs(s - last) <= FLAT:
@@ -305,7 +306,7 @@ def besides_contact(
     motion: Motion, site: int, contact: float, points: int, work: Matrix, row: int,
     answers: Matrix,
 ) -> None:  # fmt: skip
-    """Where one crest of a site, whose path is in the workspace, touches a wall: the least of all
+    """Where one maximum of a site, whose path is in the workspace, touches a wall: the least of all
     others there, the contact divided out, and of those at the other wall."""
     sections = 2 if motion.sign < 0.0 else 1
     period, step = sections * motion.length, motion.length / points

@@ -2,10 +2,10 @@
 
 In every representation the whole period of a symmetric orbit solves ``G(x, parameter) = 0``, with
 null vectors v and w of ``G_x`` at its pitchfork. Along an arm ``x = x_0 + s v + s^2 h + ...`` and
-``parameter = its value + s^2 bend``, hence
+``parameter = its value + s^2 curvature``, hence
 
-    ``G_x h + G_parameter bend = -G_xx v v/2``,
-    ``w (G_xx v h + G_x,parameter v bend) = -w G_xxx v v v/6``:
+    ``G_x h + G_parameter curvature = -G_xx v v/2``,
+    ``w (G_xx v h + G_x,parameter v curvature) = -w G_xxx v v v/6``:
 
 one linear system, for by symmetry neither right side of the first equation has a share of w.
 """
@@ -38,7 +38,7 @@ _AGREED = 3e-5  # of that by three places: by five it is then good to 1e-9
 # of first order by five
 _SECOND = np.array([[16.0, -1.0], [12.0, 0.0]]) / 12.0
 _FIRST = np.array([8.0, -1.0]) / 12.0
-_STEEP = 1e9  # a bend beyond it is rounding over rounding
+_STEEP = 1e9  # a curvature beyond it is rounding over rounding
 _ASIDE = 1e-3  # how far off the pitchfork its multiplier is looked at
 _PASSED = 1e-6  # and how far beyond 1 it is then outside: those of a free mean are at 1 to rounding
 
@@ -135,27 +135,27 @@ def _form(point: Point) -> PitchforkForm:
     shifts = right[-1][m : 2 * m] - right[-1][:m]
     # so that s is the asymmetry
     v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]  # G_x v = 0, w G_x = 0
-    bend = _bend(curve, matrix, v, w)
-    return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0)
+    curvature = _curvature(curve, matrix, v, w)
+    return PitchforkForm(curve.free[0], 1.0 / curvature, curvature * _loss(point) > 0.0)
 
 
-def _bend(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
+def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -> float:
     """Of the parameter along the arms."""
     n = v.size
     change, cubic = _turned(curve, matrix, v, w)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
     # G_x       w  G_a        h        -G_xx v v/2
     # v         0  0        ( 0    ) = 0
-    # w G_xx v  0  w G_xa v   bend     -w G_xxx v v v/6
+    # w G_xx v  0  w G_xa v   curvature     -w G_xxx v v v/6
     whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
     whole[n, :n] = v  # h has no share of v
     row = w @ change
     whole[-1, :n], whole[-1, -1] = row[:-1], row[-1]
     right[:n], right[-1] = -0.5 * (change[:, :-1] @ v), -cubic / 6.0
-    bend = float(solve(whole, right)[-1])  # h and, last, the parameter per s^2
-    if abs(bend) > _STEEP:
+    curvature = float(solve(whole, right)[-1])  # h and, last, the parameter per s^2
+    if abs(curvature) > _STEEP:
         raise Undefined("the multiplier touches 1 and does not pass it: no normal form")
-    return bend
+    return curvature
 
 
 def _turned(

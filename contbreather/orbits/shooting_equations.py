@@ -170,9 +170,9 @@ class SectionTrajectory:
     def _arrival(self, j: int, time: float, q: FloatArray, r: FloatArray) -> Arrival:
         site, wall = self.section.impacts[j]
         e, a = self.shapes[j], self.conditions.a
-        _, speed, bend = self.forced.at(site, time)
+        _, speed, acceleration = self.forced.at(site, time)
         velocity, pull = float(e.dot(r)), float(e.dot(self.pulled(q, r)))
-        return Arrival(j, site, wall, time, velocity + a * speed, pull + a * bend)
+        return Arrival(j, site, wall, time, velocity + a * speed, pull + a * acceleration)
 
     def pulled(self, q: FloatArray, r: FloatArray) -> FloatArray:
         """Acceleration of free modes."""
@@ -290,10 +290,10 @@ class SectionTrajectory:
                 moved = self.driven(name, arrival.site, arrival.time)
                 wall[i] += moved[0]
                 speed[i] += moved[1]
-            _, tilt, bend = self.forced.at(arrival.site, arrival.time)
+            _, velocity, acceleration = self.forced.at(arrival.site, arrival.time)
             # the forced motion goes on with its time
-            wall[arrival.which] += self.conditions.a * tilt
-            speed[arrival.which] += self.conditions.a * bend
+            wall[arrival.which] += self.conditions.a * velocity
+            speed[arrival.which] += self.conditions.a * acceleration
             loss = (1.0 + self.conditions.k) * speed
             loss[width:] += [arrival.velocity if name == "k" else 0.0 for name in names]
             walls[arrival.which], speeds[arrival.which] = wall, speed

@@ -102,10 +102,10 @@ def site_state(motion: Motion, site: int, t: float) -> tuple[float, float, float
     row = site if forced.cosines.shape[0] > 1 else 0
     f = df = d2f = 0.0
     for i in range(forced.orders.size):
-        value, slope, bend, _ = harmonic(
+        value, slope, curvature, _ = harmonic(
             forced.orders[i], forced.cosines[row, i], forced.sines[row, i], t
         )
-        f, df, d2f = f + value, df + slope, d2f + bend
+        f, df, d2f = f + value, df + slope, d2f + curvature
     u, v, w = motion.places[site, OFFSET] + motion.a * f, motion.a * df, motion.a * d2f
     for j in range(responses.which.shape[1]):
         J = motion.impacts[IMPULSE, j]

@@ -29,8 +29,8 @@ def images_of(orbit: Orbit) -> Iterator[Orbit]:
     orbit, among those that have the same sequence of impacts; each begins with the impact that
     comes closest in time to the first one. A shift of half a symmetric orbit is itself."""
     # by odd multiples of pi the walls change places
-    stride = 1 if orbit.walls.symmetric else 2  # in half periods of the forcing
-    shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, stride)
+    step = 1 if orbit.walls.symmetric else 2  # in half periods of the forcing
+    shifts = range(0, 1 if orbit.symmetric else 2 * orbit.section.turns, step)
     hit, walls = orbit.section.hit, orbit.walls
     others = any(site not in hit for site, _ in walls.own)  # of idle sites, which may be exchanged
     orders = [order for order in _exchanges(_answers(orbit)) if _idle_alike(orbit, order)]

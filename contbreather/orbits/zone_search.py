@@ -225,7 +225,7 @@ class ZoneSearch:
 
     def _follow(self, point: Point, shown: Counter) -> None:
         """Trace an event as a boundary unless it lies on one already, and what takes over where it
-        ends: another crest that grazes, another wave of a ring, a fold."""
+        ends: another maximum that grazes, another wave of a ring, a fold."""
         waiting: list[tuple[Point, Branch | None]] = [(point, None)]
         while waiting:
             point, since = waiting.pop()
@@ -397,14 +397,14 @@ class Row:
     def _is_resolved(self, steps: slice) -> bool:
         """Whether no event can be on these steps but those that change a sign."""
         for event, test, count in zip(self.events, self.tests, self.counts, strict=True):
-            if _dips(test)[steps].any():
+            if _may_touch_zero(test)[steps].any():
                 return False
             # at a zero a count changes by one; where it says more the test is looked at closely
             passed = _changes(test) if count is None else np.rint(abs(np.diff(count)))
             jumps = _changes(test) != passed
             for step in np.flatnonzero(jumps[steps]) + steps.start:
                 _, closer = self._closely(event, self.z[step : step + 2, 1])
-                if (_changes(closer) | _dips(closer)).any():
+                if (_changes(closer) | _may_touch_zero(closer)).any():
                     return False
         return True
 
@@ -474,7 +474,7 @@ def _changes(test: Array) -> Marked:
     return np.asarray(np.diff(test > 0.0))
 
 
-def _dips(test: Array) -> Marked:
+def _may_touch_zero(test: Array) -> Marked:
     """Steps within which a test may come to zero and back: on both sides a line through two values
     leads there."""
     falls = np.append(True, test[1:] * (2.0 * test[1:] - test[:-1]) < 0.0)

@@ -106,7 +106,7 @@ def plot_branches(
                     axes.plot(*line, style, color=colour)
                 _markers(axes, points, x, name, colour)
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
-            _calm(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
+            _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
         tops = [names[0] for names in heights]
         paper, plain = Labels(axes), text_colour(axes)
         by_value = any(group.values for group in groups)
@@ -260,24 +260,24 @@ def value_of(point: Point, name: str) -> float:
 
 
 def _unstable(branch: Branch) -> NDArray[np.bool_]:
-    """For each stretch between two points: is the solution on it unstable?
+    """For each piece between two points: is the solution on it unstable?
 
     At a special point the count is of a multiplier on the circle, so its neighbours decide, and
     between two special points one more that lies there.
     """
-    stretches = np.zeros(max(len(branch) - 1, 0), dtype=bool)
+    pieces = np.zeros(max(len(branch) - 1, 0), dtype=bool)
     if branch.problem.beneath is not None or STABILITY not in branch.names:
-        return stretches
+        return pieces
     unstable = np.asarray(branch[STABILITY]) > 0
     special = np.array([bool(point.kind) for point in branch])
-    for i in range(stretches.size):
+    for i in range(pieces.size):
         ends = [j for j in (i, i + 1) if not special[j]]
         inside = None if ends else between(branch[i], branch[i + 1])
         if inside is not None:
-            stretches[i] = inside[STABILITY] > 0
+            pieces[i] = inside[STABILITY] > 0
         else:
-            stretches[i] = any(unstable[j] for j in ends or (i, i + 1))
-    return stretches
+            pieces[i] = any(unstable[j] for j in ends or (i, i + 1))
+    return pieces
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:
@@ -292,7 +292,7 @@ def _styles(branch: Branch) -> NDArray[np.str_]:
 def pieces(
     branch: Branch, x: str, y: str, styles: NDArray[np.str_] | None = None
 ) -> Iterator[tuple[str, Array, Array]]:
-    """The stretches of a branch that are drawn alike: how, and both columns."""
+    """The pieces of a branch that are drawn alike: how, and both columns."""
     styles = _styles(branch) if styles is None else styles
     for name in (x, y):
         column_of(branch, name)  # once for all: slices have the columns that were computed
@@ -314,7 +314,7 @@ def _markers(ax: Axes, points: Iterable[Point], x: str, y: str, colour: str) -> 
         to_the_rim(mark)
 
 
-def _calm(axis: Axis, scale: float) -> None:
+def _without_offset(axis: Axis, scale: float) -> None:
     """Tick labels without an offset, and a range wide enough for rounding not to show."""
     from matplotlib.ticker import ScalarFormatter
 

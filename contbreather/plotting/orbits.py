@@ -404,10 +404,10 @@ def draw_states(
             lines = [(_column(piece, names, x), _column(piece, names, name)) for piece in pieces]
             for j, line in enumerate(lines):
                 panel.plot(*line, dashes, color=colour, label=None if j else symbol(name))
-            for piece, onward, line in zip(pieces, following, lines, strict=False):
+            for piece, after, line in zip(pieces, following, lines, strict=False):
                 if piece.ended:
                     last = line[0][-1], line[1][-1]
-                    first = _column(onward, names, x)[0], _column(onward, names, name)[0]
+                    first = _column(after, names, x)[0], _column(after, names, name)[0]
                     panel.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
                     to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
         for panel in panels:

@@ -59,8 +59,8 @@ def find_contact(
     work.when[n] = NEVER
     origin = work.origin[n]
     left = h - origin
-    bend = column_bound(work.rows, n, left / h, 2) / (h * h) + driven_bound(on.motion, 2)
-    slack = bend * left * left / 8.0
+    curvature = column_bound(work.rows, n, left / h, 2) / (h * h) + driven_bound(on.motion, 2)
+    slack = curvature * left * left / 8.0
     if max(abs(first), abs(last)) + slack < on.walls[2, n]:
         work.released[n] = 0
         return True

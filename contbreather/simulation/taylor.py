@@ -131,11 +131,11 @@ def powers_needed(reach: float) -> int:
 @inlined
 def drive_sum(drive: Harmonics, t: float) -> tuple[float, float, float, float]:
     """The sum at time t, and its first three derivatives."""
-    value = slope = bend = jerk = 0.0
+    value = slope = curvature = jerk = 0.0
     for i in range(drive.m.size):
         u, v, w, x = harmonic(drive.m[i], drive.c[i], drive.s[i], t)
-        value, slope, bend, jerk = value + u, slope + v, bend + w, jerk + x
-    return value, slope, bend, jerk
+        value, slope, curvature, jerk = value + u, slope + v, curvature + w, jerk + x
+    return value, slope, curvature, jerk
 
 
 def driven_terms(drive: Harmonics, t: float, h: float, column: Vector) -> None:
@@ -290,27 +290,27 @@ NEVER = -1.0
 LOST = -2.0
 
 
-def parabola_root(gap: float, slope: float, bend: float) -> float:
-    """First x > 0 with ``slope x + bend x^2/2 = gap``, gap > 0; infinity if there is none."""
-    if bend <= NOTHING:  # a straight line, or a crest that may stay below
+def parabola_root(gap: float, slope: float, curvature: float) -> float:
+    """First x > 0 with ``slope x + curvature x^2/2 = gap``, gap > 0; infinity if there is none."""
+    if curvature <= NOTHING:  # a straight line, or a maximum that may stay below
         if slope <= NOTHING:
             return math.inf
-        inside = slope * slope + 2.0 * bend * gap
-        # not (root - slope)/bend, which cancels
+        inside = slope * slope + 2.0 * curvature * gap
+        # not (root - slope)/curvature, which cancels
         return 2.0 * gap / (slope + math.sqrt(inside)) if inside >= 0.0 else math.inf
-    root = math.sqrt(slope * slope + 2.0 * bend * gap)
+    root = math.sqrt(slope * slope + 2.0 * curvature * gap)
     if slope > 0.0:
         return 2.0 * gap / (slope + root)
-    return (root - slope) / bend
+    return (root - slope) / curvature
 
 
-def safe_advance(gap: float, slope: float, bend: float, jerk: float, longest: float) -> float:
+def safe_advance(gap: float, slope: float, curvature: float, jerk: float, longest: float) -> float:
     """How far one may go, at most ``longest``, without reaching the wall."""
     # of x with a root behind it all before x is safe, with one before it all before the root: the
     # best x is where both meet
     best, x = NUDGE, longest
     for _ in range(60):
-        root = parabola_root(gap, slope, bend + jerk * x)
+        root = parabola_root(gap, slope, curvature + jerk * x)
         if root >= x:
             return max(best, x)
         best = max(best, root)
@@ -340,20 +340,20 @@ def first_contact(
     jerk = column_bound(rows, n, limit / h, 3) / (h * h * h) + driven_bound(drive, 3)
     s, close = start, CLOSE * max(1.0, abs(level))
     for _ in range(WALKS):
-        value, slope, bend = site_at(rows, n, h, s / h)
-        forced, forced_slope, forced_bend, _ = drive_sum(drive, t + s)
+        value, slope, curvature = site_at(rows, n, h, s / h)
+        forced, forced_slope, forced_curvature, _ = drive_sum(drive, t + s)
         gap = level - sign * (value + forced)
         slope = sign * (slope + forced_slope)
-        bend = sign * (bend + forced_bend)
+        curvature = sign * (curvature + forced_curvature)
         if gap <= close:
             if slope > STILL:  # one step of Newton's method, where it is not mere rounding
                 return max(start, s + (gap / slope if slope > 1e-3 else 0.0))
-            if slope > -STILL and bend > PUSHED:
+            if slope > -STILL and curvature > PUSHED:
                 return s
         if s >= limit:
             return NEVER
         # a gap of rounding, of either sign, is taken for one that can be walked off
-        s = min(limit, s + safe_advance(max(gap, close), slope, bend, jerk, limit - s))
+        s = min(limit, s + safe_advance(max(gap, close), slope, curvature, jerk, limit - s))
         if s >= limit and level - last > 2.0 * close:
             return NEVER
     return LOST

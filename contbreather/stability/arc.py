@@ -460,9 +460,9 @@ def _zoom(
         left, right = alpha[rows, i - 1], alpha[rows, i + 1]
     low, top, high = values[rows, i - 1], values[rows, i], values[rows, i + 1]
     # the vertex of the parabola through the last three samples
-    bend = low - 2.0 * top + high
+    curvature = low - 2.0 * top + high
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = np.where(bend < 0.0, 0.5 * (low - high) / bend, 0.0)
+        shift = np.where(curvature < 0.0, 0.5 * (low - high) / curvature, 0.0)
     shift = np.clip(shift, -1.0, 1.0)
     vertex = top - 0.25 * (low - high) * shift
     return np.stack([vertex, alpha[rows, i] + shift * (right - alpha[rows, i])])

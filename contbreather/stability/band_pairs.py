@@ -240,8 +240,8 @@ def pair_window(on: ChainWithImpacts, work: BandWorkspace, window: Vector, roots
         window[0], window[1] = 0.5 * (roots[0, 1] + roots[1, 1]), 0.25 * apart * apart
         window[2], window[3] = roots[lower, 0], roots[1 - lower, 0]
     else:
-        bend, vertex, height = refine_maximum(on, work, top)
-        window[0], window[1] = unopened(work.around, bend, vertex, height)
+        curvature, vertex, height = refine_maximum(on, work, top)
+        window[0], window[1] = unopened(work.around, curvature, vertex, height)
         window[2] = window[3] = 0.0
 
 
@@ -282,13 +282,13 @@ def refine_maximum(on: ChainWithImpacts, work: BandWorkspace, top: int) -> Tripl
     look_around(on, work, i * step, step)
     for place in range(3):
         around[place, 1] = work.values[i + place - 1]
-    bend, vertex, height = parabola(around)
-    while step > 1e-4 and abs(height) < bend:
+    curvature, vertex, height = parabola(around)
+    while step > 1e-4 and abs(height) < curvature:
         middle = around[1, 0] + step * vertex
         step *= 0.05
         look_around(on, work, min(max(middle, step), 0.5 * math.pi - step), step)
-        bend, vertex, height = parabola(around)
-    return bend, vertex, height
+        curvature, vertex, height = parabola(around)
+    return curvature, vertex, height
 
 
 def look_around(on: ChainWithImpacts, work: BandWorkspace, middle: float, step: float) -> None:
@@ -299,20 +299,22 @@ def look_around(on: ChainWithImpacts, work: BandWorkspace, middle: float, step: 
 
 
 def parabola(around: Matrix) -> Triple:
-    """Its bend, where its vertex is in units of the step, and how high."""
+    """Its curvature, where its vertex is in units of the step, and how high."""
     y0, y1, y2 = around[0, 1], around[1, 1], around[2, 1]
-    bend, tilt = 2.0 * y1 - y0 - y2, y2 - y0
-    # y1 + tilt x/2 - bend x^2/2 through all three, in units of the step; y1 + tilt vertex/4 on top
-    vertex = min(max(0.5 * tilt / bend, -1.0), 1.0) if bend > 0.0 else 0.0
-    return bend, vertex, y1 + 0.25 * tilt * vertex
+    curvature, tilt = 2.0 * y1 - y0 - y2, y2 - y0
+    # y1 + tilt x/2 - curvature x^2/2 through all three, in units of the step; y1 + tilt vertex/4
+    # on top
+    vertex = min(max(0.5 * tilt / curvature, -1.0), 1.0) if curvature > 0.0 else 0.0
+    return curvature, vertex, y1 + 0.25 * tilt * vertex
 
 
-def unopened(around: Matrix, bend: float, x: float, height: float) -> tuple[float, float]:
+def unopened(around: Matrix, curvature: float, x: float, height: float) -> tuple[float, float]:
     """Centre and square where no b brings a pair out: how far it is from that."""
     b0, b1, b2 = around[0, 2], around[1, 2], around[2, 2]
     rise = 0.5 * (b2 - b0)
-    # the parabola has its roots sqrt(2 height/bend) from its vertex: b is rise times as far off
-    square = 2.0 * height * rise * rise / bend if bend > 0.0 else -1.0
+    # the parabola has its roots sqrt(2 height/curvature) from its vertex: b is rise times as far
+    # off
+    square = 2.0 * height * rise * rise / curvature if curvature > 0.0 else -1.0
     return b1 + x * rise + 0.5 * x * x * (b0 - 2.0 * b1 + b2), min(square, 0.0)
 
 

@@ -250,11 +250,11 @@ class ModalMap:
     def on_circle(self, angle: float, radius: float = 1.0) -> complex:
         """The least singular value of ``M - mu``, with the phase of the determinant: so it is
         smooth where it vanishes."""
-        return _weakest(self, _multiplier(angle, radius))[0]
+        return _smallest_singular(self, _multiplier(angle, radius))[0]
 
     def beside(self, angle: float, radius: float = 1.0) -> Callable[[Any, float], complex]:
         """One perturbation flown, with no matrix, between the singular vectors."""
-        _, left, right = _weakest(self, _multiplier(angle, radius))
+        _, left, right = _smallest_singular(self, _multiplier(angle, radius))
         return lambda map, angle: left @ (map.applied(right) - _multiplier(angle, radius) * right)
 
 
@@ -264,7 +264,7 @@ def _multiplier(angle: float, radius: float) -> complex:
 
 
 @lru_cache(maxsize=16)
-def _weakest(map: ModalMap, mu: complex) -> tuple[complex, Array, Array]:
+def _smallest_singular(map: ModalMap, mu: complex) -> tuple[complex, Array, Array]:
     """`on_circle`, and the vectors it is between, with its phase in the left one."""
     left, sizes, right = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)))
     phase = np.linalg.det(left) * np.linalg.det(right)
@@ -401,10 +401,10 @@ class ReducedDeterminant:
         x = place * (1.0 + beside)
         D = self.D(x + 0j).real
         for _ in range(CLOSER):
-            dips = _dips(D)
-            if not dips.size:
+            minima = _local_minima(D)
+            if not minima.size:
                 break
-            cells = np.concatenate([dips - 1, dips])
+            cells = np.concatenate([minima - 1, minima])
             more = (x[cells] + FOURTHS[:, None] * (x[cells + 1] - x[cells])).ravel()
             x, first = np.unique(np.append(x, more), return_index=True)
             D = np.append(D, self.D(more + 0j).real)[first]
@@ -444,8 +444,8 @@ class ReducedDeterminant:
         mu = radius * np.exp(1j * x)
         with np.errstate(divide="ignore", invalid="ignore"):  # the pole at an angle of 0 is twice
             step = abs(0.5 * (D[1:] + D[:-1]) * np.diff(mu) / np.diff(D))
-        dips = np.flatnonzero((step[1:-1] <= step[:-2]) & (step[1:-1] <= step[2:])) + 1
-        starts = mu[dips[np.argsort(step[dips])[:STARTS]]]
+        minima = np.flatnonzero((step[1:-1] <= step[:-2]) & (step[1:-1] <= step[2:])) + 1
+        starts = mu[minima[np.argsort(step[minima])[:STARTS]]]
         return NearestMultipliers(self._zeros(starts), round(-turning / math.pi))
 
     @cached_property
@@ -467,7 +467,7 @@ class ReducedDeterminant:
         return distinct(zeros[zeros.imag > REAL], APART)
 
 
-def _dips(D: Array) -> Array:
+def _local_minima(D: Array) -> Array:
     """Where it comes so close to zero, of one sign, that two zeros may be between two places."""
     size, sign = abs(D), D > 0.0
     low, high = np.minimum(size[:-2], size[2:]), np.maximum(size[:-2], size[2:])

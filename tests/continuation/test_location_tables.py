@@ -25,7 +25,7 @@ from contbreather.errors import BadInput, NotConverged
 from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
 
 
-def test_a_test_is_calm_where_its_parabola_stays_far_from_zero() -> None:
+def test_a_test_is_clear_where_its_parabola_stays_far_from_zero() -> None:
     """By numpy's parabola through the last three values: middle and ends of the step."""
     ends = tuple(trace(LINE.problem, "mu", within={"mu": (-1, 1)}, events=())[2:4])
     event, rng, seen = Event("X", float), np.random.default_rng(3), set()
