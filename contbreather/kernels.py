@@ -143,11 +143,12 @@ class Kernel:
         frame = self.framed((0.0, *values))
         at = _begin(frame)
 
-        def go(first: float, keep: Any = values) -> None:  # the arrays, whose addresses are known
+        # `keep`: the arrays, whose addresses are known
+        def call_code(first: float, keep: Any = values) -> None:
             frame[0] = first
             code(at)
 
-        return go
+        return call_code
 
 
 EQUATIONS = "ppp"  # kinds of functions to `call`

@@ -109,7 +109,7 @@ class Output:
     json: bool = False
 
     @property
-    def kept(self) -> str | None:
+    def library_file(self) -> str | None:
         """A file that the library writes."""
         return getattr(self, "save", None)
 
@@ -117,7 +117,7 @@ class Output:
         """Refuse files that cannot be written before anything is computed, `more` by their options
         among them, and one place for two things, however its name is written: two files, a file
         and what is `read`, or what is printed."""
-        typed = {"--csv": self.csv, "--save": self.kept}
+        typed = {"--csv": self.csv, "--save": self.library_file}
         typed |= {f"--{name}": path for name, path in more.items()} | {"--output": self.output}
         written = {option: path for option, path in typed.items() if path is not None}
         for option, path in written.items():  # what is kept and a figure have names of their sort
@@ -155,7 +155,7 @@ class Output:
         cut: bool = False,
     ) -> None:
         """Files first, then one JSON object, or lines for people; each made where it is wanted."""
-        written = [] if self.kept is None else [self.kept]
+        written = [] if self.library_file is None else [self.library_file]
         if self.csv is not None:
             # what was cut short by Ctrl-C says so in a last line
             written.append(str(write_csv(self.csv, *table(), CUT if cut else "")))

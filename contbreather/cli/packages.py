@@ -124,7 +124,7 @@ def run(
     if dry_run:
         planned = studies.dry_run(study, folder=folder, again=again)
         if json:
-            to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.parts()})
+            to_json({"folder": str(planned.folder), "on": planned.on, "parts": planned.overview()})
         else:
             say(planned.table())
         return

@@ -239,7 +239,7 @@ class Branch(Columns, HtmlRepr):
         return self.curve.free[0]
 
     @property
-    def moved(self) -> float:
+    def start_correction(self) -> float:
         """How far the start that was given was from the curve; 0 if that is not worth telling."""
         more = self.points.made.values()
         return next((p.detail["moved"] for p in more if "moved" in p.detail), 0.0)
@@ -445,7 +445,9 @@ class Branch(Columns, HtmlRepr):
         end = _ended(self.stop, self.reason)
         if self.began is not None and self.began.failed:
             end += f"; the other way: {_ended(self.began, self.began_reason)}"
-        moved = f"; the start was moved by {self.moved:.2g}" if self.moved else ""
+        moved = (
+            f"; the start was moved by {self.start_correction:.2g}" if self.start_correction else ""
+        )
         hint = f"; {self.curve.hint}" if self.curve.hint else ""
         return f"{head}: {len(self)} points; {end}{moved}{hint}"
 

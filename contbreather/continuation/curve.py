@@ -376,11 +376,11 @@ class Curve:
         """Derivatives along one direction of the unknowns, column 0, and in the parameters."""
         n = self.size
 
-        def moved(t: Array) -> Array:
+        def shifted(t: Array) -> Array:
             return self.residual(np.concatenate([z[:n] + t[0] * way, t[1:]]))
 
         start, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
-        return self._by_trying(moved, start, columns, scales)
+        return self._by_trying(shifted, start, columns, scales)
 
     def along(self, z: Array, vector: Array) -> Array:
         """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""

@@ -125,11 +125,11 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
         return None
     from scipy.optimize import brentq  # dear to import, and hardly ever needed
 
-    def seen(u: float) -> Any:
+    def value_at(u: float) -> Any:
         return ends[u] if u in ends else samples.look(u)
 
     try:
-        u = brentq(seen, left, right, xtol=1e-15, rtol=1e-14, disp=False)
+        u = brentq(value_at, left, right, xtol=1e-15, rtol=1e-14, disp=False)
     except Undefined:
         return _at_crossing(samples, secant, size)
     if place := _solved(samples, u, left, right):

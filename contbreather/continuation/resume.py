@@ -222,12 +222,12 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     problem, curve = branch.problem, copy(branch.curve)
     curve.problem = replace(problem, record={**problem.record, **columns})
 
-    def moved(point: Point) -> Point:
+    def remapped(point: Point) -> Point:
         return replace(point, curve=curve)
 
-    made = {i: moved(point) for i, point in branch.points.made.items()}
+    made = {i: remapped(point) for i, point in branch.points.made.items()}
     points = replace(branch.points, curve=curve, made=made)
-    return replace(branch, points=points, doubtful=tuple(map(moved, branch.doubtful)))
+    return replace(branch, points=points, doubtful=tuple(map(remapped, branch.doubtful)))
 
 
 def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:

@@ -394,7 +394,7 @@ class FlowEquations:
         if self.smooth and self.period:
             # after half of a symmetric orbit the forcing is the mirror image of what it was: the
             # mirror that ends the half takes it back to its beginning
-            after = [flow.seen(partial(_earlier, self.period, self.turns)) for flow in after]
+            after = [flow.through(partial(_earlier, self.period, self.turns)) for flow in after]
         start, sizes = (*flights, *again), self.sizes * 2
         flows = (*self.flows, *after)
         return replace(self, flows=flows, start=start, turns=2 * self.turns, sizes=sizes)

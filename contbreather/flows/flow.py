@@ -162,10 +162,10 @@ class Flow:
         clock = self.until
         return replace(self, until=clock.at(t, p)) if isinstance(clock, Clock) else self
 
-    def seen(self, through: Callable[..., Any]) -> Flow:
-        """The flow with its field, reset and walls asked through a function of these."""
-        f, reset = partial(through, self.f), self.reset and partial(through, self.reset)
-        return replace(self, f=f, reset=reset, walls=tuple(partial(through, w) for w in self.walls))
+    def through(self, change: Callable[..., Any]) -> Flow:
+        """The flow with its field, reset and walls asked by way of a function of these."""
+        f, reset = partial(change, self.f), self.reset and partial(change, self.reset)
+        return replace(self, f=f, reset=reset, walls=tuple(partial(change, w) for w in self.walls))
 
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.

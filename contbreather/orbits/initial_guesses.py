@@ -244,7 +244,7 @@ def from_orbit(
             return replace(orbit.representation, conditions=on)
         if isinstance(on.lattice, Ring) and isinstance(orbit.lattice, Ring) and orbit.section.local:
             return replace(orbit.representation.resized(on.lattice), conditions=on)
-    return ExactModes.from_times(on, orbit.section.moved(on.lattice), orbit.times)
+    return ExactModes.from_times(on, orbit.section.on(on.lattice), orbit.times)
 
 
 def _otherwise(orbit: Orbit, on: Conditions, sequence: Sequence[Any]) -> ExactModes:

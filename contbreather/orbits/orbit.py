@@ -161,7 +161,7 @@ class Orbit(ImpactSequence, HtmlRepr):
         if lattice.sites is not None:  # they belong to the sites from left to right
             there = sorted(zip((site % lattice.sites for site in hit), offsets, strict=True))
             offsets = tuple(c for _, c in there)
-        section = self.section.moved(lattice)
+        section = self.section.on(lattice)
         return _settled(orbit_of(on, section, self.times, self.impulses, offsets).problem)
 
     def solved(self) -> Orbit:

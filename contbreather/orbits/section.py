@@ -196,7 +196,7 @@ class Section:
             )
         return self if impacts == self.impacts else replace(self, impacts=impacts)
 
-    def moved(self, lattice: Any) -> Section:
+    def on(self, lattice: Any) -> Section:
         """On another lattice: sites go around a ring, elsewhere they stay what they are."""
         return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
 

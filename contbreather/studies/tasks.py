@@ -272,7 +272,7 @@ class DryRun(HtmlRepr):
         """Those that are not there yet."""
         return [task for task in self.tasks if not self.outcomes[task.name][0]]
 
-    def parts(self) -> list[dict[str, Any]]:
+    def overview(self) -> list[dict[str, Any]]:
         """Name, kind, conditions and state of each part."""
         return [
             {
@@ -286,7 +286,7 @@ class DryRun(HtmlRepr):
 
     def table(self) -> Sheet:
         """A line for each part."""
-        headings, parts = ("name", "conditions", "state"), self.parts()
+        headings, parts = ("name", "conditions", "state"), self.overview()
         return Sheet(
             [Column(heading, [row[heading] for row in parts]) for heading in headings],
             f"{len(self.left)} of {len(self.tasks)} parts to compute, on the {self.on}",
@@ -319,7 +319,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     >>> import tempfile, pathlib
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "small.toml"
     >>> _ = path.write_text("[zones.paper]\\nk = [0.8, 0.4]\\n")
-    >>> for part in dry_run(path).parts():
+    >>> for part in dry_run(path).overview():
     ...     print(part["name"], part["conditions"], part["state"])
     paper/k=0.8 zones at k = 0.8 to compute
     paper/k=0.4 zones at k = 0.4 to compute

@@ -91,7 +91,7 @@ def test_a_direction_is_taken_where_it_is_one_of_the_curve(off, tilt, good) -> N
 def test_a_start_beyond_a_fold_is_moved_up_to_half_of_its_size_and_one() -> None:
     fold_at_0 = Problem(lambda x, p: x**2 - p["m"], {"x": 0.0}, {"m": -0.9})
     branch = trace(fold_at_0, "m", within={"x": (-1, 1)})
-    assert branch.moved == pytest.approx(0.9, abs=1e-3)
+    assert branch.start_correction == pytest.approx(0.9, abs=1e-3)
     with pytest.raises(NotConverged):
         trace(fold_at_0.at(m=-1.1), "m", within={"x": (-1, 1)})
 

@@ -97,8 +97,8 @@ def test_a_start_from_which_plain_steps_lead_astray_is_moved_to_the_curve(s: flo
     assert [point["q2"] for point in branch.special[1:-1]] == pytest.approx(known, abs=1e-5)
     assert min(branch["x"].min(), branch["y"].min()) > 0
     distance = min(np.hypot(p["s"] - s, np.hypot(p["x"] - 0.07, p["y"] - 0.2)) for p in branch)
-    assert branch.moved >= distance - 0.1
-    assert f"the start was moved by {branch.moved:.2g}" in repr(branch)
+    assert branch.start_correction >= distance - 0.1
+    assert f"the start was moved by {branch.start_correction:.2g}" in repr(branch)
 
 
 def stirred_tank(t: float, rate: float) -> cb.Problem:
@@ -114,17 +114,17 @@ def test_how_far_a_start_was_moved_is_said(t: float, rate: float) -> None:
     branch = cb.trace(stirred_tank(t, rate), "t", within={"t": (0.1, 5)}, events=[])
     start = next(point for point in branch if "moved" in point.detail)
     gone = math.dist((start["u"], start["v"], start["t"]), (0.75, 4.0, t))
-    assert branch.moved == pytest.approx(gone, rel=1e-12)
-    assert branch.moved > 0.2
+    assert branch.start_correction == pytest.approx(gone, rel=1e-12)
+    assert branch.start_correction > 0.2
     if start["t"] != t:  # none was found at the same parameter: then the nearest
         near = np.hypot(np.hypot(branch["u"] - 0.75, branch["v"] - 4.0), branch["t"] - t).min()
-        assert branch.moved < 1.3 * near
+        assert branch.start_correction < 1.3 * near
 
 
 def test_a_start_that_is_a_solution_was_not_moved() -> None:
     line = cb.Problem(lambda x, p: x - p["mu"], {"x": 0.0}, {"mu": 0.0})
     branch = cb.trace(line, "mu", within={"mu": (0, 1)})
-    assert branch.moved == 0
+    assert branch.start_correction == 0
     assert "moved" not in repr(branch)
 
 
@@ -132,7 +132,7 @@ def test_linear_equations_are_solved_at_the_same_parameter_from_any_distance() -
     problem = cb.Problem(lambda x, p: x - 1000 * p["mu"], {"x": 0.0}, {"mu": 1.0})
     branch = cb.trace(problem, "mu", within={"mu": (0.5, 2)})
     start = next(point for point in branch if "moved" in point.detail)
-    assert (start["x"], start["mu"], branch.moved) == (1000.0, 1.0, 1000.0)
+    assert (start["x"], start["mu"], branch.start_correction) == (1000.0, 1.0, 1000.0)
 
 
 def test_a_start_is_not_moved_out_of_the_domain() -> None:
