@@ -265,7 +265,7 @@ def _detail_from_dict(content: Any) -> Any:
 def _check_fit(curve: Curve) -> None:
     """Refuse equations that the first point does not solve."""
     try:
-        off = float((abs(curve.equations(curve.start)) / curve.rows).max())
+        off = float((abs(curve.equations(curve.start)) / curve.row_scales).max())
     except Undefined as error:
         raise BadInput(f"the points of the file lie outside this problem: {error}") from error
     if off > _FITS:

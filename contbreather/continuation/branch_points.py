@@ -59,7 +59,10 @@ def crossing(curve: Curve, z: Array, *, most: int = 12) -> Crossing:
     # a system of G. Moore, Numer. Funct. Anal. Optimiz. 2, 441 (1980), for z, w and beta
     previous = math.inf
     for iteration in range(1, most + 1):
-        value, matrix = curve.equations(z) / curve.rows, _finite(curve.balanced(curve.jacobian(z)))
+        value, matrix = (
+            curve.equations(z) / curve.row_scales,
+            _finite(curve.balanced(curve.jacobian(z))),
+        )
         weak = least_singular(matrix)
         w, null, rest = weak.left, weak.plane, -weak.rest(value)
         turned = [curve.balanced(curve.along(z, vector * curve.scales)) for vector in null]
@@ -95,7 +98,9 @@ def _resolved(curve: Curve, root: Solution, w: Array, null: Array, form: Array) 
     (low, high), axes = np.linalg.eigh((form + form.T) / 2)
     if not min(-low, high) > _ANGLE * max(-low, high):
         raise Undefined("an isolated point or a touch: no two curves cross at an angle")
-    left = max(0.0, abs(w.dot(value / curve.rows)) - abs(w) @ (curve.rounding(z) / curve.rows))
+    left = max(
+        0.0, abs(w.dot(value / curve.row_scales)) - abs(w) @ (curve.rounding(z) / curve.row_scales)
+    )
     # the hyperbola c^T form c / 2 + beta = 0 stays about this far off its centre
     gap = math.sqrt(left / min(-low, high))
     if gap > GAP * (1 + curve.length(z)):
@@ -283,7 +288,7 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
     across = least_singular(_columns(point.jacobian(), direction))
     # each row in its own size: what is left of the conditions is then rounding, as of equations
-    return weak.left * curve.rows, across.plane, direction
+    return weak.left * curve.row_scales, across.plane, direction
 
 
 def _refuse_to_part(point: Point) -> float:

@@ -118,7 +118,7 @@ class Curve:
             self.scales[slot] = size = float(problem.scales.get(name, 1.0))
             self.metric[slot] = 1 / (np.size(self.start[slot]) * size**2)
         self._scheme: derivatives.Scheme | None = None
-        self._rows: Array | None = None
+        self._row_scales: Array | None = None
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
         self.hint = ""  # what would make all of this cheaper
@@ -136,26 +136,26 @@ class Curve:
         return z / self.length(z)
 
     @property
-    def rows(self) -> Array:
-        if self._rows is None:
-            sizes = self._rows = self.row_sizes(self.start)
+    def row_scales(self) -> Array:
+        if self._row_scales is None:
+            sizes = self._row_scales = self.row_sizes(self.start)
             if not (sizes.size > 1 and sizes.min() > _VANISHED * sizes.max()):
                 # where curves cross a whole row, or the only one, may vanish: it is seen aside
                 z = self.start + _ASIDE * (1 + self.length(self.start)) * self.scales
                 with suppress(Undefined):
-                    self._rows = np.maximum(sizes, self.row_sizes(z))
+                    self._row_scales = np.maximum(sizes, self.row_sizes(z))
         passed, self._passed = self._passed, []
         for z in passed:
             # halved, not forgotten: a row may vanish for a moment, as where curves cross
-            self._rows = np.maximum(0.5 * self._rows, self.row_sizes(z))
-        return self._rows
+            self._row_scales = np.maximum(0.5 * self._row_scales, self.row_sizes(z))
+        return self._row_scales
 
-    @rows.setter
-    def rows(self, sizes: Array) -> None:
-        self._rows = sizes
+    @row_scales.setter
+    def row_scales(self, sizes: Array) -> None:
+        self._row_scales = sizes
 
     def passes(self, z: Array) -> None:
-        """Take note of a place of a walk, for `rows`: they are wanted on few of them."""
+        """Take note of a place of a walk, for `row_scales`: they are wanted on few of them."""
         self._passed = [*self._passed[1 - PASSED :], z]
 
     def row_sizes(self, z: Array) -> Array:
@@ -164,9 +164,10 @@ class Curve:
         return sizes
 
     def balanced(self, matrix: Matrix) -> Matrix:
-        """A derivative (its first columns, in the order of z) in units of `scales` and `rows`."""
+        """A derivative (its first columns, in the order of z) in units of `scales` and
+        `row_scales`."""
         # R^-1 J S: singular values then do not depend on the units of equations and unknowns
-        return scaled(matrix, 1 / self.rows, self.scales[: matrix.shape[1]])
+        return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
 
     def rounding(self, z: Array) -> Array:
         """What rounding leaves of each equation at z."""

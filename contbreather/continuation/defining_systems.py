@@ -195,7 +195,7 @@ def _slope_of_least(curve: Curve, z: Array, extra: Array) -> Array:
     # second derivatives are symmetric, as in `null_locus`
     change = curve.along(z, weak.right * curve.scales[:n])
     # sigma' = w^T A' v: as |v| = |w| = 1, what the vectors change by drops out
-    return np.asarray(weak.sign * ((weak.left / curve.rows) @ change))[None, :]
+    return np.asarray(weak.sign * ((weak.left / curve.row_scales) @ change))[None, :]
 
 
 # --- pairs of eigenvalues ---------------------------------------------------------------------

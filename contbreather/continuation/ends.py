@@ -110,7 +110,9 @@ def corrected_start(problem: Problem, free: str, tolerance: float) -> tuple[Curv
     curve = Curve(problem, (free,))
     domain = bounds_of(curve, None)  # outside of it there is nothing to solve
     value = curve.check()
-    if (abs(value) <= _ROUNDING * curve.rows * (1 + abs(curve.start / curve.scales).max())).all():
+    if (
+        abs(value) <= _ROUNDING * curve.row_scales * (1 + abs(curve.start / curve.scales).max())
+    ).all():
         return curve, float(abs(value).max())
     try:
         problem, solution = problem.solve(tolerance=tolerance)
@@ -158,9 +160,12 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     ahead = z + _AHEAD * (1 + curve.length(z)) * tangent
     with contextlib.suppress(Undefined):
         curve.reconsider(ahead)
-        curve.rows = np.maximum(curve.row_sizes(ahead), curve.rows)
+        curve.row_scales = np.maximum(curve.row_sizes(ahead), curve.row_scales)
     try:
-        value, change = curve.equations(z) / curve.rows, curve.jacobian(z) @ tangent / curve.rows
+        value, change = (
+            curve.equations(z) / curve.row_scales,
+            curve.jacobian(z) @ tangent / curve.row_scales,
+        )
     except Undefined as error:
         raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
@@ -169,7 +174,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
             f"no curve leaves the start in this direction: the residual there is {off:.2g}, "
             f"and {skew:.2g} is its change along the direction"
         )
-    return curve, float(abs(value * curve.rows).max()), tangent
+    return curve, float(abs(value * curve.row_scales).max()), tangent
 
 
 def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
@@ -182,7 +187,7 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     z, matrix = curve.start, curve.jacobian(curve.start)
     along = np.eye(1, z.size, z.size - 1)[0]
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
-        weak = least_singular(scaled(matrix, 1 / curve.rows, curve.scales))
+        weak = least_singular(scaled(matrix, 1 / curve.row_scales, curve.scales))
         singular = weak.size < 1e-4 * weak.second
     else:
         # with the row of the parameter below: singular at folds as well as where curves cross

@@ -201,7 +201,7 @@ def test_without_a_multiplier_one_no_fold_or_branch_point_of_a_map_is_verified(k
     point = trace(start, "r", within={"r": (2.4, 2.6)})[3]
     (event,) = (event for event in start.events if event.kind == kind)
     curve = copy(point.curve)
-    curve.rows = np.array([1e9])
+    curve.row_scales = np.array([1e9])
     there = replace(point, curve=curve, detail={"null": 1.0, "tangents": ()})
     assert "no multiplier is 1: the nearest is 1.5 off" in event.examine(there)
 
