@@ -166,6 +166,6 @@ class Counter(_Progress):
         """Count points, and show the last of them."""
         self.count += count
         if self.wanted:
-            hint = f"; {point.curve.hint}" if point.curve.hint else ""
-            free = point.curve.free[0]
-            self.show(f"{self.title}{self.count} points, {free} = {point[free]:.6g}{hint}")
+            warning, free = point.curve.performance_warning, point.curve.free[0]
+            warning = warning and f"; {warning}"
+            self.show(f"{self.title}{self.count} points, {free} = {point[free]:.6g}{warning}")

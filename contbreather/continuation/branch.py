@@ -445,11 +445,10 @@ class Branch(Columns, HtmlRepr):
         end = _ended(self.stop, self.reason)
         if self.began is not None and self.began.failed:
             end += f"; the other way: {_ended(self.began, self.began_reason)}"
-        moved = (
-            f"; the start was moved by {self.start_correction:.2g}" if self.start_correction else ""
-        )
-        hint = f"; {self.curve.hint}" if self.curve.hint else ""
-        return f"{head}: {len(self)} points; {end}{moved}{hint}"
+        distance = self.start_correction
+        moved = f"the start was moved by {distance:.2g}" if distance else ""
+        more = filter(None, (moved, self.curve.performance_warning))
+        return "; ".join([f"{head}: {len(self)} points", end, *more])
 
     def __rich__(self) -> Sheet:
         return self.table()

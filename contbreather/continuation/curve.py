@@ -87,11 +87,11 @@ class Curve:
         Weights W of the squared arclength: ``t^T W`` is the row whose product with z is the inner
         product with t. An array unknown counts as its mean square, so that a refined mesh keeps its
         steps.
-    hint : str
+    performance_warning : str
         What would make a large problem cheaper; empty if there is nothing to say.
     asked : tuple of Event or None
         What was looked for on it, None for the events of its problem: arms that set out have it.
-    rows : ndarray
+    row_scales : ndarray
         Size of the derivative of each equation along the latest piece of curve: what is small
         against it counts as zero.
     """
@@ -121,7 +121,7 @@ class Curve:
         self._row_scales: Array | None = None
         self._passed: list[Array] = []
         self.asked: tuple[Any, ...] | None = None
-        self.hint = ""  # what would make all of this cheaper
+        self.performance_warning = ""  # what would make all of this cheaper
         self._known = defaultdict[str, dict[bytes, Any]](dict)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -264,12 +264,12 @@ class Curve:
         """Derivative of `equations`, shape ``(n, n + len(free))``, an array or a csc_array; not to
         be written to."""
         matrix: Matrix = self.cached("jacobian", z, self._derivatives)
-        if self.size < _MANY or self.hint or is_sparse(matrix):
+        if self.size < _MANY or self.performance_warning or is_sparse(matrix):
             return matrix
         of_user = self.problem.derivatives is None and self.problem.beneath is None
         # a large derivative that is dense for want of a word
         if of_user and np.count_nonzero(matrix) < _THIN * matrix.size:
-            self.hint = (
+            self.performance_warning = (
                 f"a derivative of {self.size} x {self.size} entries, nearly all of them 0: "
                 "Problem(..., jacobian=pattern), or a sparse jacobian, is faster"
             )

@@ -207,7 +207,7 @@ class Factors:
 
     def solve(self, right: Array, rows: Array | None = None, *, refined: bool = True) -> Array:
         """The solution of the equations and of as many conditions as unknowns are left: `right`
-        first for the matrix, then for `row_scales`. Without rows some solution."""
+        first for the matrix, then for `rows`. Without rows some solution."""
         n = self.matrix.shape[0]
         x = self._particular(right[:n])
         if refined and is_sparse(self.matrix):
@@ -223,7 +223,7 @@ class Factors:
         return x
 
     def transposed(self, right: Array, rows: Array | None = None) -> Array:
-        """As `solve`, for the transpose of the matrix with `row_scales` below. Without rows, the right
+        """As `solve`, for the transpose of the matrix with `rows` below. Without rows, the right
         side must be orthogonal to the null vectors."""
         weights = np.empty(0)
         if rows is not None and len(rows):
@@ -250,7 +250,7 @@ class Factors:
         return -self._lu.sign() if turned else self._lu.sign()
 
     def sign(self, rows: Array | None = None) -> int:
-        """Sign of the determinant of the matrix with `row_scales` below; 0 where it is singular."""
+        """Sign of the determinant of the matrix with `rows` below; 0 where it is singular."""
         if not self.exact:
             return 0
         if rows is None or not len(rows):
