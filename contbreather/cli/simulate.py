@@ -453,17 +453,9 @@ def content(summary: RunSummary, params: Mapping[str, Any], m: float | None) -> 
     return entry
 
 
-WORDS = {
-    "participation": ("participation ratio", "{:.4g}"),
-    "multiplier": ("largest multiplier", "{:.9g}"),
-    "rotation": ("rotation number", "{:.10f}"),
-    "rotation_error": ("its error", "{:.0e}"),
-    "exponent": ("largest Lyapunov exponent", "{:.3g}"),
-    "exponent_error": ("its error", "{:.0e}"),
-}
-
-
 def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]:
+    from contbreather.simulation.classify import in_words
+
     if summary.by_site is not None:
         yield "impacts", str(sum(summary.by_site.values()))
         yield f"of them at site {summary.site}", str(summary.by_site.get(summary.site, 0))
@@ -475,11 +467,4 @@ def _rows(summary: RunSummary, options: RunOptions) -> Iterator[tuple[str, str]]
         if options.start is None:
             lost = "to the end" if summary.lost is None else periods_in_words(summary.lost)
             yield "breather kept for", lost
-    evidence = summary.verdict["evidence"]
-    if "return" in evidence:
-        count = int(evidence["periods"])
-        after = "a period" if count == 1 else f"{count} periods"
-        yield f"returns after {after} to", f"{evidence['return']:.2g}"
-    for name, (words, shape) in WORDS.items():
-        if name in evidence:
-            yield words, shape.format(evidence[name])
+    yield from in_words(summary.verdict["evidence"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Unpack
 
@@ -83,14 +83,35 @@ class Classification(HtmlRepr):
     motion: Kind
 
     def table(self) -> Sheet:
-        """The evidence."""
-        return Sheet.of([("verdict", self.kind.name.lower()), *self.evidence.items()])
+        """The evidence, in words."""
+        return Sheet.of([("verdict", self.kind.name.lower()), *in_words(self.evidence)])
 
     def __str__(self) -> str:
         return f"{self.kind.value}; {self.reason}"
 
     def __repr__(self) -> str:
         return f"<{self}>"
+
+
+WORDS = {
+    "participation": ("participation ratio", "{:.4g}"),
+    "multiplier": ("largest multiplier", "{:.9g}"),
+    "rotation": ("rotation number", "{:.10f}"),
+    "rotation_error": ("its error", "{:.0e}"),
+    "exponent": ("largest Lyapunov exponent", "{:.3g}"),
+    "exponent_error": ("its error", "{:.0e}"),
+}
+
+
+def in_words(evidence: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """What a verdict rests on, for people: names and numbers."""
+    if "return" in evidence:
+        count = int(evidence["periods"])
+        after = "a period" if count == 1 else f"{count} periods"
+        yield f"returns after {after} to", f"{evidence['return']:.2g}"
+    for name, (words, shape) in WORDS.items():
+        if name in evidence:
+            yield words, shape.format(evidence[name])
 
 
 def classify(
