@@ -216,6 +216,8 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     ]
     assert words["forcing"] == b.conditions.forcing.describe()
     assert words["admissible"] in repr(b.admissibility())
+    margins = b.admissibility()
+    assert margins.table().title == f"admissible: {margins.reason}"
     assert words["stability"] == repr(b.stability()).strip("<>")
     for sites, judged in ((100, True), (101, False)):
         on_ring = b.on(cb.Ring(sites))._repr_html_()

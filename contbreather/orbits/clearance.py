@@ -78,12 +78,13 @@ class Admissibility(HtmlRepr):
         return self.ok
 
     def table(self) -> Sheet:
-        """How far sites keep from their walls, and where they are closest."""
+        """The verdict; how far sites keep from their walls, and where they are closest."""
+        title = f"{'admissible' if self.ok else 'not admissible'}: {self.reason}"
         names, margins = list(self.places), [float(getattr(self, name)) for name in self.places]
         sites = ["far field" if site is None else str(site) for site, _ in self.places.values()]
         times = [time for _, time in self.places.values()]
         headings: dict[str, Any] = {"margin": names, "distance": margins, "site": sites, "t": times}
-        return Sheet([Column(heading, cells) for heading, cells in headings.items()])
+        return Sheet([Column(heading, cells) for heading, cells in headings.items()], title)
 
     def __repr__(self) -> str:
         verdict = "ok" if self.ok else "not ok"
