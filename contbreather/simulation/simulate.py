@@ -232,10 +232,10 @@ def simulate(
 
     Parameters
     ----------
-    state : pair of array_like, shape (N,), or Orbit
+    state : pair of array_like, shape (N,), or Orbit, or Point
         Displacements and velocities of all sites at t0; N = 1 is a single oscillator. An orbit of
-        a finite lattice is taken at t0, with its own lattice, walls, forcing and parameters, but
-        for those that are given.
+        a finite lattice, or a point of a branch of such, is taken at t0, with its own lattice,
+        walls, forcing and parameters, but for those that are given.
     periods : float
         Length of the run in periods 2 pi of the forcing; a fraction is allowed at the end.
     t0 : float

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contbreather.checks import brief, number, state_rows
+from contbreather.continuation.point import Point
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.conditions import Conditions, Walls
@@ -183,15 +184,18 @@ def conditions_of(
 def start_of(
     state: Any, m: float | None = None, t0: float = 0.0, /, **on: Any
 ) -> tuple[State, Any]:
-    """A state, and what it moves under. An orbit of a finite lattice brings both; what is given
-    besides takes the place of its own."""
+    """A state, and what it moves under. An orbit of a finite lattice brings both, and a point of a
+    branch of such; what is given besides takes the place of its own."""
+    if isinstance(state, Point):
+        state = state.solution
     if isinstance(state, Orbit):
         own = dict(vars(state.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
         if "lam" in on:  # says what k does
             del own["k"]
-        state, on = state.state(t=t0), {**own, **on}
+        time = number("t0", t0, -1e300, 1e300, "a time")
+        state, on = state.state(t=time), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from contbreather.continuation import trace
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.lattice.finite import OpenChain
@@ -60,6 +61,11 @@ def test_an_orbit_brings_its_state_and_its_parameters_but_for_those_that_are_giv
         alike = simulate(orbit.state(t=t0), periods=2.5, t0=t0, **{**on, **other})
         assert run.conditions == alike.conditions
         np.testing.assert_array_equal(run.final.u, alike.final.u)
+    point = trace(orbit, "a", within={"a": (0.6, 0.61)}, events=())[-1]
+    after, wanted = (simulate(start, periods=1.5).final.v for start in (point, point.solution))
+    np.testing.assert_array_equal(after, wanted)
+    with pytest.raises(BadInput, match=r"^t0 = nan: a time"):
+        simulate(orbit, periods=1, t0=math.nan)
     with pytest.raises(BadInput, match=r"no end: .* orbit\.on\(Ring\(N\)\)"):
         simulate(symmetric(0.5, 0.04, 0.8), periods=1)
 
