@@ -161,7 +161,8 @@ def named_state(
     start: Mapping[str, float], params: Mapping[str, float]
 ) -> tuple[Array, dict[str, float]]:
     """A state and parameters as numbers, their names seen to be no one else's."""
-    check_kind(start, Mapping, "a dict with the name and value of each state, or samples (t, x),")
+    wanted = "a dict with the name and value of each state, {'x': 1.0} for instance,"
+    check_kind(start, Mapping, f"{wanted} or for a cycle samples (t, x),")
     check_kind(params, Mapping, "a dict of parameters")
     names = [*start, *params]
     taken = sorted({"orbit", "mesh", "period", "durations", "phase"} & {*names})
