@@ -175,10 +175,8 @@ class Point(HtmlRepr):
         base = self.base_point
         interpret = base.curve.problem.interpret
         if interpret is None:
-            name = base.curve.problem.names[0]
-            raise BadInput(
-                f"this problem says no more of a point than its values, point[{name!r}] for instance"
-            )
+            said = f"point[{base.curve.problem.names[0]!r}] for instance"
+            raise BadInput(f"this problem says no more of a point than its values, {said}")
         return base.curve.cached("solution", base.z, lambda z: interpret(base))
 
     def __getattr__(self, name: str) -> Any:
