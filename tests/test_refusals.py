@@ -65,6 +65,20 @@ CASES: list[tuple[Callable[[], Any], str]] = [
         lambda: problem(params={"mu": 1.0, "size": 2.0}, record={"size": lambda point: 0.0}),
         r"\['size'\] are columns of this problem: give the parameters, .* other names",
     ),
+    (lambda: problem(record={"x": float}), r"\['x'\] are columns of this problem"),
+    (lambda: problem(record={"r": 5}), r"record\['r'\] must be a function of a point, got 5"),
+    (
+        lambda: cb.trace(problem(jacobian=lambda x, p: [[1.0 / p["mu"]]]), "mu"),
+        "the derivatives have no value at the start .*: ",
+    ),
+    *(
+        (
+            lambda kind=kind: cb.Event(kind, float),
+            "the kind of an event is .*: a label was expected",
+        )
+        for kind in ("", "EP", 3)
+    ),
+    (lambda: cb.Event("XX", "x - 1"), "event XX: its test and all else must be functions of a po"),
     (lambda: problem(scales={"x": 0.0}), r"scale of 'x' must be finite and positive, got 0\.0"),
     (lambda: problem(scales={"x": -1.0}), r"scale of 'x' must be finite and positive, got -1\.0"),
     (lambda: problem(scales={"x": math.inf}), r"scale of 'x' must be finite and positive"),

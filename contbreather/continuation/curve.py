@@ -424,6 +424,12 @@ class Curve:
             for name in self.free if problem.sensitivity is not None else ():
                 derivative = problem.sensitivity(z[:n].copy(), self.params(z), name)
                 _check_shape("sensitivity", derivative, (n,))
+        except BadInput:
+            raise
+        except OUT_OF_DOMAIN as error:
+            raise BadInput(
+                f"the derivatives have no value at the start {problem.start_text()}: {error}"
+            ) from error
         except KeyError as error:
             problem.check_asked(error)
             raise

@@ -36,7 +36,6 @@ _FINE = 10.0  # the same where few are known, relative to what rounding makes of
 # Sums of eigenvalues this small against the derivative are rounding: twice what differences leave
 # where they are zero all along a branch, as in conservative systems.
 _ROUNDING = 2e-13
-_SMALL = 1e-4  # a curve this close to zero in its scales may be in other units than these
 
 
 def fold() -> Event:
@@ -123,17 +122,28 @@ def _fold_locus(point: Point) -> DefiningSystem:
     return replace(systems.null_locus(null), events=(cusp(),), meets=MEETINGS["LP"])
 
 
+def _vanish(point: Point, left: Array, by_params: Array, reach: Array) -> bool:
+    """Whether derivatives in the parameters vanish within a short way, too: where a fold is narrow
+    beside the size of its unknowns, or they are tiny, those in the unknowns alone do."""
+    curve = point.curve
+    for value, unit in zip(by_params, np.diag(curve.scales)[curve.size :], strict=True):
+        change = left @ curve.balanced(curve.along(point.z, unit))
+        if abs(value) > branch_points.GAP + np.linalg.norm(change * reach):
+            return False
+    return True
+
+
 def _examine_fold(point: Point) -> str:
     curve, z, n = point.curve, point.z, point.curve.size
     whole = branch_points.balanced(point)
     weak = systems.least_in_unknowns(curve, z)
     change = weak.left @ curve.balanced(curve.along(z, weak.right * curve.scales[:n]))
     # what vanishes within a short way along any direction vanishes here, whatever its units
-    small = branch_points.GAP * np.linalg.norm(change * (1 + abs(z) / curve.scales))
-    small += _EXACT * weak.largest
-    if abs(weak.left @ whole[:, n:]).max(initial=0.0) <= small:
-        hint = "" if curve.length(z) > _SMALL else "; of unknowns this small give the `scales`"
-        return f"a branch point, not a fold: the whole derivative loses rank{hint}"
+    reach = branch_points.GAP * (1 + abs(z) / curve.scales)
+    small = np.linalg.norm(change * reach) + _EXACT * weak.largest
+    by_params = weak.left @ whole[:, n:]
+    if abs(by_params).max(initial=0.0) <= small and _vanish(point, weak.left, by_params, reach):
+        return "a branch point, not a fold: the whole derivative loses rank"
     if weak.size > small:
         return f"the derivative in the unknowns is regular: least singular value {weak.size:.2g}"
     return ""

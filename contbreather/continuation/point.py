@@ -324,6 +324,14 @@ class Event:
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):
             raise BadInput(f"ends={self.ends!r}: '', 'branch' or 'domain' was expected")
+        if not (isinstance(self.kind, str) and self.kind) or self.kind == "EP":
+            raise BadInput(
+                f"the kind of an event is {self.kind!r}: a label was expected, 'UZ' for instance, "
+                "and not EP, which ends have"
+            )
+        functions = (self.test, self.count, self.many, self.locus, self.examine)
+        if any(not (function is None or callable(function)) for function in functions):
+            raise BadInput(f"event {self.kind}: its test and all else must be functions of a point")
         if self.test is None and self.count is None:
             raise BadInput(f"an event of kind {self.kind} needs a test, or at least a count")
 

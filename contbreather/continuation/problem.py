@@ -207,11 +207,14 @@ class Problem:
         taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
         if taken:
             raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
-        if hidden := sorted({*self.record} & {*self.params}):
+        if hidden := sorted({*self.record} & {*self.start, *self.params}):
             raise BadInput(
                 f"{hidden} are columns of this problem: give the parameters, those of a forcing "
-                "formula for instance, other names"
+                "formula for instance, or what is recorded, other names"
             )
+        for name, function in self.record.items():
+            if not callable(function):
+                raise BadInput(f"record[{name!r}] must be a function of a point, got {function!r}")
         self.check_names((*self.scales, *self.domain))
         for name, size in self.scales.items():
             if not 0 < real(size) < math.inf:

@@ -192,7 +192,7 @@ def start_of(
         own = dict(vars(state.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
-        if "lam" in on:  # says what k does
+        if m is not None and "lam" in on:  # says what k does
             del own["k"]
         time = number("t0", t0, -1e300, 1e300, "a time")
         state, on = state.state(t=time), {**own, **on}

@@ -344,15 +344,23 @@ def test_no_point_is_beyond_a_bound_that_only_the_bent_curve_crosses(largest: fl
     assert branch[-1]["x"] == pytest.approx(0.8**0.5, abs=1e-12)
 
 
-def test_a_fold_of_tiny_unknowns_is_refused_with_a_word_on_scales() -> None:
+@pytest.mark.parametrize("scales", [{}, {"scales": {"x": 1e-6, "mu": 1e-6}}])
+def test_a_fold_of_tiny_unknowns_is_found_in_any_units(scales: dict[str, Any]) -> None:
     def residual(x: Array, p: Params) -> Array:
         return np.array([p["mu"] - 1e6 * x[0] ** 2])
 
-    def walked_with(**scales: Any) -> Branch:
-        tiny = Problem(residual, {"x": 1e-6}, {"mu": 1e-6}, **scales)
-        return trace(tiny, "mu", within={"mu": (-2e-6, 2e-6)}, events=[fold()])
+    tiny = Problem(residual, {"x": 1e-6}, {"mu": 1e-6}, **scales)
+    branch = trace(tiny, "mu", within={"mu": (-2e-6, 2e-6)}, events=[fold(), cb.branch_point()])
+    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-15)
+    assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]
 
-    reasons = [str(point.detail["reason"]) for point in walked_with().doubtful]
-    assert any("of unknowns this small give the `scales`" in reason for reason in reasons)
-    found = walked_with(scales={"x": 1e-6, "mu": 1e-6})
-    assert found.first("LP")["mu"] == pytest.approx(0.0, abs=1e-15)
+
+@pytest.mark.parametrize("offset", [1e3, 1e6, -1e8])
+def test_a_fold_is_found_where_its_unknown_is_large_beside_it(offset: float) -> None:
+    def residual(x: Array, p: Params) -> Array:
+        return np.array([(x[0] - offset) ** 2 - p["mu"]])
+
+    far = Problem(residual, {"x": offset + 0.7}, {"mu": 0.49})
+    branch = trace(far, "mu", within={"mu": (-1, 1)}, events=[fold(), cb.branch_point()])
+    assert branch.first("LP")["mu"] == pytest.approx(0.0, abs=1e-9)
+    assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "LP", "EP"]
