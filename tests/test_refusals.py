@@ -65,7 +65,6 @@ CASES: list[tuple[Callable[[], Any], str]] = [
         lambda: problem(params={"mu": 1.0, "size": 2.0}, record={"size": lambda point: 0.0}),
         r"\['size'\] are columns of this problem: give the parameters, .* other names",
     ),
-    (lambda: problem(record={"x": float}), r"\['x'\] are columns of this problem"),
     (lambda: problem(record={"r": 5}), r"record\['r'\] must be a function of a point, got 5"),
     (
         lambda: cb.trace(problem(jacobian=lambda x, p: [[1.0 / p["mu"]]]), "mu"),

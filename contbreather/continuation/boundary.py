@@ -176,11 +176,12 @@ def boundary_problem(
                 f"{name} = {value:g}: there {event.kind} cannot be traced, but up to {name} = "
                 f"{end:g}; take a point there"
             )
+    kind = _named(base_point, event)
     others = [
         met
         for other in active
         if other.kind != event.kind and other.test is not None
-        for met in locus.meets.get(other.kind, (codim_two(event.kind, other),))
+        for met in locus.meets.get(other.kind, (codim_two(kind, other),))
     ]
     of_locus = locus.events
     if listed == ():  # only what the curve cannot be followed beyond
@@ -196,7 +197,7 @@ def boundary_problem(
         BoundaryProblem,
         events=(*of_locus, *others),
         record=record,
-        label=titled(f"{_named(base_point, event)} boundary", base),
+        label=titled(f"{kind} boundary", base),
         asked=listed,
         inadmissible=inadmissible,
     )

@@ -207,7 +207,7 @@ class Problem:
         taken = sorted({"arclength", "residual"} & {*self.start, *self.params, *self.record})
         if taken:
             raise BadInput(f"rename {taken} in the problem: every branch has columns of that name")
-        if hidden := sorted({*self.record} & {*self.start, *self.params}):
+        if hidden := sorted({*self.record} & {*self.params}):
             raise BadInput(
                 f"{hidden} are columns of this problem: give the parameters, those of a forcing "
                 "formula for instance, or what is recorded, other names"

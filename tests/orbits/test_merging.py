@@ -26,7 +26,7 @@ def test_a_curve_ends_where_two_impacts_of_one_wall_become_one(twice) -> None:
     """There the orbit that hits each wall once is the same, and at rest on the wall."""
     line = cb.boundary(twice.first("VI"), ("k", "a"), towards="down", within={"a": (0.1, 6.0)})
     end = line[-1]
-    assert (line.stop.name, end.kind) == ("EVENT", "GR-VI")
+    assert (line.stop.name, end.kind) == ("EVENT", "VI-VI")
     assert end.detail["impacts"] == "1 and 2, of site 0 at its wall +1, become one"
     assert not line.doubtful
     assert end["t2"] - end["t1"] == pytest.approx(1e-4)
@@ -84,3 +84,13 @@ def test_equations_of_impacts_at_one_wall_are_smooth_where_these_are_one(
         for column, aside in enumerate(step * np.eye(z.size)):
             slope = (curve.equations(z + aside) - curve.equations(z - aside)) / (2 * step)
             assert found[:, column] == pytest.approx(slope, abs=1e-7)
+
+
+def test_a_fold_on_a_curve_of_vanishing_impacts_is_named_by_both() -> None:
+    """Without an impact all sites are the forced oscillator, ``|1 - spring - i damping| = a``."""
+    on = {"lattice": cb.Ring(3), "damping": 0.03, "spring": 0.7}
+    start = cb.symmetric(0.25, 0.05, 0.8, **on)
+    branch = cb.trace(start, "a", within={"a": (0.2, 1.5)})
+    line = cb.boundary(branch.first("VI"), ("spring", "a"), within={"spring": (0.7, 0.9)})
+    assert [point.kind for point in line.special] == ["EP", "VI-LP", "EP"]
+    np.testing.assert_allclose(line["a"], np.hypot(1 - line["spring"], 0.03), atol=1e-9)
