@@ -439,7 +439,8 @@ class ContinuationIterator:
                     stop = Stop.EVENT
                     break
             if broken and stop is not Stop.EVENT:
-                reason = "the end of the meaningful region was not located"
+                names = ", ".join(event.kind for event in broken)
+                reason = f"the end of the meaningful region ({names}) was not located"
                 raise StepFailed(Stop.NO_CONVERGENCE, reason)
         near = bool(line) and abs(line[-1].arclength - step.point.arclength) <= reach
         if stop is not Stop.EVENT and not near:
