@@ -73,7 +73,7 @@ class Column:
         return "right" if right else "left"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sheet:
     """Columns with a title: a rich table no wider than its console, as far as that can be.
 
@@ -133,6 +133,9 @@ class Sheet:
         for row in zip(*(column.texts(digits) for column in kept), strict=True):
             table.add_row(*row)
         return table
+
+    def __repr__(self) -> str:
+        return str(self)  # what a prompt shows
 
     def __str__(self) -> str:
         from rich.console import Console

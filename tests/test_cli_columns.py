@@ -38,7 +38,7 @@ def test_isolated_multipliers_are_rows_on_the_infinite_chain_only(run) -> None:
     assert words in cells(run("point --a 0.2 --gamma 0.11 --k 0.8")[1])
     _, out, _ = run("point --a 1.2 --gamma 0.05 --k 0.8 --lattice open:9 --site 4 --walls -2,2")
     assert words not in cells(out)
-    assert list(cells(out)) == ["a", "gamma", "k", "p", "phi", "chi", "max |u_1|"]
+    assert list(cells(out)) == ["a", "gamma", "k", "p", "phi", "chi", "max |u| of its neighbours"]
 
 
 # --- simulate -----------------------------------------------------------------------------------
@@ -378,7 +378,7 @@ COMMANDS = {
     "switch --free a --gamma .04 --k .8": (
         f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
         f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
-        f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t')}"
+        f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t site')}"
         " arms[].label arms[].stability arms[].end arms[].image_of",
         {"--csv": "arm,a,gamma,k,asymmetry,unstable,arclength,residual,p,t1,t2,c,label"},
     ),

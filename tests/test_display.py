@@ -210,6 +210,9 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     assert numbers["Orbit"] == near({
         **ON, "p": b.p, "phi": b.phi, "chi": b.chi, "max |u_1|": b.admissibility().max_neighbour,
     })  # fmt: skip
+    corner = cb.symmetric(a=0.6, gamma=0.05, k=0.7, lattice=cb.Grid(3, 3), site=1)
+    highest = max(abs(corner.displacement(n, np.linspace(0, 7, 2000))).max() for n in (0, 2, 4))
+    assert dict(corner.table().rows)["max |u| of its neighbours"] == pytest.approx(highest, 1e-4)
     words = dict(shown["Orbit"][7:])
     assert [row[1] for row in shown["Orbit"] if row[0] == "impact of site 0"] == [
         f"wall {hit.wall:+d}, t = {hit.time:.6g}, velocity {hit.before:.6g}" for hit in b.hits
@@ -224,7 +227,7 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
         assert (">stability<" in on_ring) == judged
     own = {n: special[n] for n in (*special.curve.problem.names, *special.curve.problem.record)}
     own |= {"arclength": special.arclength, "residual": float(f"{special.residual:.1e}")}
-    own |= {name: value for name, value in special.detail.items() if isinstance(value, float)}
+    own |= {name: value for name, value in special.detail.items() if np.isscalar(value)}
     assert numbers["special Point"] == near(own)
     tree, zones, swept = values["Diagram"], values["Zones"], values["Sweep"]
     assert shown["Diagram"] == [["branch", "born at", "points", "special", "end"]] + [

@@ -163,11 +163,11 @@ def boundary_problem(
             raise BadInput(f"{name!r} is not a parameter here; it has {list(base.params)}")
     if event.locus is None:
         raise BadInput(f"{event.kind} has no locus to trace in two parameters")
-    curve = Curve(base, (pair[1], pair[0]))
+    curve, kind = Curve(base, (pair[1], pair[0])), _named(base_point, event)
     try:
         locus = event.locus(replace(base_point, curve=curve, z=curve.start, tangent=None))
     except Undefined as error:
-        raise BadInput(f"{event.kind} cannot be traced from here: {error}") from error
+        raise BadInput(f"{kind} cannot be traced from here: {error}") from error
     for name, (low, high) in locus.domain.items():
         value = base.params.get(name, low)
         end = min(max(value, low), high)
@@ -176,7 +176,6 @@ def boundary_problem(
                 f"{name} = {value:g}: there {event.kind} cannot be traced, but up to {name} = "
                 f"{end:g}; take a point there"
             )
-    kind = _named(base_point, event)
     others = [
         met
         for other in active
@@ -242,7 +241,10 @@ def _traceable(point: Point) -> Event:
             f"{point!r} was loaded without its equations; load(path, problem=...) attaches them"
         )
     if event is None:
-        raise BadInput(f"{point!r} is not a special point: nothing to trace as a boundary")
+        raise BadInput(
+            f"{point!r} is no bifurcation: nothing to trace as a boundary; give one of the other "
+            "labelled points of the branch, branch.first('LP') for instance"
+        )
     return event
 
 

@@ -442,7 +442,8 @@ class Branch(Columns, HtmlRepr):
             head = f"{title} in ({', '.join(free)})" + (f" at {fixed}" if fixed else "")
         else:
             head = f"{title} in {self.free}" + (f" ({fixed})" if fixed else "")
-        end = _ended(self.stop, self.reason)
+        last = self.points[-1].label if self.stop is Stop.EVENT else ""
+        end = f"ended at {last}" if last else _ended(self.stop, self.reason)
         if self.began is not None and self.began.failed:
             end += f"; the other way: {_ended(self.began, self.began_reason)}"
         distance = self.start_correction

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..checks import whole
 from ..errors import BadInput
+from ..tables import HtmlRepr, Sheet
 from . import defining_systems as systems
 from . import multiplier_events
 from .branch_points import crossing_event
@@ -167,8 +168,8 @@ class Iterate:
         return product - np.eye(x.size)
 
 
-@dataclass(frozen=True)
-class MapCycle:
+@dataclass(frozen=True, repr=False)
+class MapCycle(HtmlRepr):
     """A fixed point or cycle: its points, and its multipliers over one period."""
 
     points: Array  # (period, n)
@@ -189,6 +190,15 @@ class MapCycle:
     def unstable(self) -> int:
         """Multipliers outside the unit circle."""
         return int((abs(self.multipliers) > 1).sum())
+
+    def table(self) -> Sheet:
+        """Its period, its multipliers, and how many are outside the unit circle."""
+        rows = [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), start=1)]
+        return Sheet.of([("period", self.period), *rows, ("unstable", self.unstable)])
+
+    def __repr__(self) -> str:
+        kind = "fixed point" if self.period == 1 else f"cycle of period {self.period}"
+        return f"<{kind} of a map, {self.unstable} unstable>"
 
 
 def multiplier_matrix(point: Point) -> Array:

@@ -323,7 +323,8 @@ def _reason(orbit: SiteMotion, worst: Clearance) -> str:
     if worst.margin > 0.0:
         return f"every site keeps off its walls; closest to the limit: {reach}."
     # far away c + a f is all there is; (B3) is of sites between their impacts, (15) of the others
-    rule = "|a f| <= 1" if worst.site is None else "(B3)" if worst.flight >= 0 else "(15)"
+    number = "(B3)" if worst.flight >= 0 else "(15)"
+    rule = "|a f| <= 1" if worst.site is None else f"condition {number}"
     return f"no breather: {reach}; {rule} is broken."
 
 

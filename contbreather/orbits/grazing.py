@@ -91,7 +91,7 @@ def _margins(points: Points) -> Many | None:
 
 def _locus(point: Point) -> DefiningSystem:
     orbit = point.solution
-    if _vanishing(point):  # with it may be others, that move alike
+    if orbit.vanishing is not None:  # with it may be others, that move alike
         return shallow_impact(orbit)
     worst = closest(orbit.motion)
     # without coupling all idle sites climb alike, and the one is meant that does highest with it
@@ -131,14 +131,17 @@ def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
     return abs(sum(displacements)) < SAME
 
 
-def _vanishing(point: Point) -> dict[str, Any]:
+def _examine(point: Point) -> dict[str, Any]:
+    """Which site touches its wall, and whether it does so in an impact of its own."""
     orbit = point.solution
     j = orbit.vanishing
-    return {} if j is None else {"kind": "VI", "site": orbit.impacts[j].site}
+    if j is None:
+        return {"site": closest(orbit.motion).site}
+    return {"kind": "VI", "site": orbit.impacts[j].site}
 
 
 # GR, and VI where an impact itself loses its velocity
-GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_vanishing)
+GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, examine=_examine)
 
 
 @dataclass(frozen=True)

@@ -315,7 +315,10 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
         rows = {n: v for n, v in self.conditions.params.items() if v or n not in OPTIONAL}
         if self.symmetric and self.section.count == 1:  # p and phi of (11), |u_1| of (15)
             rows |= {"p": self.p, "phi": self.phi, "chi": self.chi}
-            rows["max |u_1|"] = self.admissibility().max_neighbour
+            # on chain and ring those to either side of site 0 move alike
+            alike = isinstance(self.lattice, InfiniteChain | Ring) and self.section.hit == (0,)
+            beside = "max |u_1|" if alike else "max |u| of its neighbours"
+            rows[beside] = self.admissibility().max_neighbour
         else:
             for i, impact in enumerate(self.impacts, start=1):
                 rows |= {f"t{i}": impact.time, f"impulse {i}": impact.impulse}

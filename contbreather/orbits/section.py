@@ -197,7 +197,10 @@ class Section:
         return self if impacts == self.impacts else replace(self, impacts=impacts)
 
     def on(self, lattice: Any) -> Section:
-        """On another lattice: sites go around a ring, elsewhere they stay what they are."""
+        """On another lattice: sites go around a ring, a single one is 0 on the infinite chain, and
+        elsewhere they stay what they are."""
+        if lattice.sites is None and len(self.hit) == 1:
+            return replace(self, impacts=tuple((0, wall) for _, wall in self.impacts))
         return self.around(lattice.sites) if isinstance(lattice, Ring) else self.placed(lattice)
 
     def to_dict(self) -> dict[str, Any]:
@@ -260,7 +263,7 @@ def check_walls(section: Section, on: Conditions) -> None:
         raise BadInput(
             "the walls are not symmetric, so no orbit is its own mirror image half a period "
             "later: there is no half section and no pitchfork; shoot the whole period, "
-            "symmetric=False."
+            "shooting(..., symmetric=False)."
         )
 
 

@@ -6,6 +6,7 @@ A row's result depends on its starts alone, so the picture is the same whoever c
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -18,12 +19,14 @@ from contbreather.checks import MOST, check_kind, number, one_of, row, whole
 from contbreather.columns import Columns
 from contbreather.errors import BadInput, Interrupted
 from contbreather.lattice.conditions import Conditions
+from contbreather.orbits.orbit import Orbit
 from contbreather.simulation.integrator import RunStop, check_sites
 from contbreather.simulation.measures import localised
 from contbreather.simulation.simulate import completed, let_go
 from contbreather.simulation.states import (
     ModelParameters,
     State,
+    orbit_given,
     start_of,
     wall_rows,
     within,
@@ -140,7 +143,7 @@ def attraction(
     y: Axis,
     *,
     periods: int = 500,
-    site: int = 0,
+    site: int | None = None,
     t0: float = 0.0,
     tolerance: float = 1e-3,
     executor: Executor | int | None = None,
@@ -160,8 +163,8 @@ def attraction(
         As in `simulate`.
     periods : int
         After which the outcome is read off; the slowest multiplier decides how many are needed.
-    site : int
-        Where the breather is.
+    site : int, optional
+        Where the breather is: 0 unless given, or where an orbit impacts.
     tolerance : float
         How close to the reference counts as returned.
     executor : concurrent.futures.Executor or int, optional
@@ -190,6 +193,11 @@ def attraction(
     (3, 2)
     """
     state, conditions = start_of(reference, None, t0, **on)
+    orbit = orbit_given(reference)
+    if orbit is not None:
+        _check_alone(orbit, on, periods)
+    if site is None:
+        site = 0 if orbit is None else orbit.section.hit[0]
     for axis in (x, y):
         check_kind(axis, Axis, "an Axis")
     site = whole("site", site, -MOST)
@@ -217,6 +225,20 @@ def attraction(
     for j in done:
         outcome[j], distance[j] = rows[j]
     return Basin(x, y, outcome, distance, len(done) == shape[0])
+
+
+def _check_alone(orbit: Orbit, on: Mapping[str, Any], periods: int) -> None:
+    """Refuse what an orbit is no motion of, or what ends within its period."""
+    if on:
+        raise BadInput(
+            f"{', '.join(on)} beside an orbit: starts are seen to come back to it, and under other "
+            "conditions it is no motion; give the state of periodic(orbit, ...) there"
+        )
+    if isinstance(periods, int) and periods % orbit.section.turns:
+        raise BadInput(
+            f"periods = {periods}: the orbit repeats after {orbit.section.turns}, so a multiple of "
+            "that was expected"
+        )
 
 
 def _row(x: Axis, y: Axis, ends: Any, j: int) -> tuple[NDArray[np.int8], Array]:

@@ -37,6 +37,7 @@ from contbreather.simulation.states import (
     ModelParameters,
     SmoothConditions,
     State,
+    orbit_given,
     start_of,
     within_period,
 )
@@ -217,7 +218,7 @@ def _by_size(matrix: Array) -> Array:
 def periodic(
     state: Any,
     *,
-    periods: int = 1,
+    periods: int | None = None,
     symmetric: bool = False,
     m: float | None = None,
     t0: float = 0.0,
@@ -229,8 +230,8 @@ def periodic(
     ----------
     state, t0, on
         As in `simulate`. t0 must not be the time of an impact of the motion looked for.
-    periods : int
-        n, for a period of 2 pi n.
+    periods : int, optional
+        n, for a period of 2 pi n: 1 unless given, or that of an orbit.
     symmetric : bool
         Look for u(t + pi) = -u(t): half the work, and its own multipliers tell a pitchfork from
         a fold. With ``periods=1`` only.
@@ -264,6 +265,9 @@ def periodic(
     0.0863
     """
     start, conditions = start_of(state, m, t0, **on)
+    if periods is None:
+        orbit = orbit_given(state)
+        periods = 1 if orbit is None else orbit.section.turns
     return closing(start, conditions, periods=periods, symmetric=symmetric, t0=t0)
 
 

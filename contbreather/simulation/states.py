@@ -186,18 +186,23 @@ def start_of(
 ) -> tuple[State, Any]:
     """A state, and what it moves under. An orbit of a finite lattice brings both, and a point of a
     branch of such; what is given besides takes the place of its own."""
-    if isinstance(state, Point):
-        state = state.solution
-    if isinstance(state, Orbit):
-        own = dict(vars(state.conditions))
+    orbit = orbit_given(state)
+    if orbit is not None:
+        own = dict(vars(orbit.conditions))
         if m is not None and own["walls"] == Walls():  # where smooth ones are, too
             del own["walls"]
         if m is not None and "lam" in on:  # says what k does
             del own["k"]
         time = number("t0", t0, -1e300, 1e300, "a time")
-        state, on = state.state(t=time), {**own, **on}
+        state, on = orbit.state(t=time), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
+
+
+def orbit_given(state: Any) -> Orbit | None:
+    """The orbit that a state was given by, if it was."""
+    orbit = state.solution if isinstance(state, Point) else state
+    return orbit if isinstance(orbit, Orbit) else None
 
 
 def ranged(on: C) -> C:

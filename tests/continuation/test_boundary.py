@@ -273,8 +273,8 @@ def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: Branch) -> Non
     bp = trace_case(PITCHFORK).first("BP")
     point, both = planar.first("LP"), ("b2", "b1")
     for given, pair, sentence in (
-        (planar[3], both, "is not a special point: nothing to trace as a boundary"),
-        (planar.first("EP"), both, "is not a special point"),
+        (planar[3], both, "is no bifurcation: nothing to trace as a boundary; give"),
+        (planar.first("EP"), both, "is no bifurcation"),
         (crossing, both, "XY has no locus to trace in two parameters"),
         (bp, ("mu", "mu"), "needs two different parameters"),
         (point, ("b2", "b2"), r"needs two different parameters, got \('b2', 'b2'\)"),

@@ -696,3 +696,14 @@ def test_the_boundary_of_an_arm_where_it_comes_back_is_one_of_pitchforks(tmp_pat
     assert line.problem.label == "PF boundary"
     cb.save(tmp_path / "line.nc", line)
     assert cb.load(tmp_path / "line.nc").problem.label == "PF boundary"
+
+
+@pytest.mark.parametrize(
+    ("lattice", "site"), [(cb.Ring(9), 4), (cb.OpenChain(21), 10), (cb.Ring(21), 20)]
+)
+def test_a_breather_of_any_site_is_site_0_of_the_infinite_chain(lattice, site) -> None:
+    far = cb.symmetric(a=0.5, gamma=0.05, k=0.8, lattice=lattice, site=site)
+    there, wanted = far.on(cb.InfiniteChain()), cb.symmetric(a=0.5, gamma=0.05, k=0.8)
+    assert there.section == wanted.section
+    assert there.p == pytest.approx(wanted.p, abs=1e-14)
+    assert far.p == pytest.approx(wanted.p, abs=1e-8)

@@ -11,12 +11,21 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from contbreather.continuation import trace
+from contbreather import switch, trace
 from contbreather.errors import BadInput
 from contbreather.lattice import Fourier, Harmonic, Ring
 from contbreather.lattice.finite import OpenChain
 from contbreather.orbits import symmetric
-from contbreather.simulation import RunStop, Sample, simulate, simulate_smooth, variation
+from contbreather.simulation import (
+    Axis,
+    RunStop,
+    Sample,
+    attraction,
+    periodic,
+    simulate,
+    simulate_smooth,
+    variation,
+)
 from tests.orbits.field import dense
 
 PI = math.pi
@@ -78,6 +87,26 @@ def test_an_orbit_is_let_go_between_smooth_walls():
         np.testing.assert_array_equal(simulate_smooth(orbit, **other, **how).final.u, alike.final.u)
     with pytest.raises(BadInput, match="smooth walls are at -1 and 1"):
         simulate_smooth(symmetric(0.5, 0.04, 0.8, lattice=Ring(8), walls=(-2, 2)), **how)
+
+
+def test_an_orbit_brings_its_site_and_its_period():
+    orbit = symmetric(0.4, 0.03, 0.6, lattice=OpenChain(5), damping=0.03, site=2)
+    plane = Axis("u", 2, [-0.5, 0.5]), Axis("v", 2, [-1.0, 1.0])
+    found = attraction(orbit, *plane, periods=60)
+    own = {"a": 0.4, "gamma": 0.03, "k": 0.6, "lattice": OpenChain(5), "damping": 0.03}
+    wanted = attraction(orbit.state(), *plane, periods=60, site=2, **own)
+    np.testing.assert_array_equal(found.outcome, wanted.outcome)
+    with pytest.raises(BadInput, match=r"^a beside an orbit: .* it is no motion"):
+        attraction(orbit, *plane, a=0.45)
+    single = symmetric(0.6, 0.0, 0.8, lattice=Ring(1))
+    fork = trace(single, "a", within={"a": (0.6, 0.99)}).first("PF")
+    (doubled,) = switch(
+        switch(fork, within={"a": (0.6, 1.0)})[0].first("PD"), within={"a": (0.6, 0.96)}
+    )
+    motion = periodic(doubled[-1])
+    assert (motion.periods, motion.largest < 0.5) == (2, True)
+    with pytest.raises(BadInput, match="periods = 301: the orbit repeats after 2, so a multiple"):
+        attraction(doubled[-1], Axis("u", 0, [0.0]), Axis("v", 0, [0.0]), periods=301)
 
 
 def test_impacts_are_those_of_the_closure_to_rounding():
