@@ -104,8 +104,8 @@ def test_the_coupling_has_one_limit() -> None:
 WHOSE = {
     "simulation.classify": {"settle": 4000, "periods": 4096},
     "simulation.lyapunov": {"settle": 0, "count": 2, "seed": 0},
-    "simulation.attraction": {"periods": 500, "tolerance": 1e-3, "site": 0},
-    "simulation.periodic": {"periods": 1, "symmetric": False},
+    "simulation.attraction": {"periods": 500, "tolerance": 1e-3, "site": None},
+    "simulation.periodic": {"periods": None, "symmetric": False},
     "diagram": {"depth": 2, "most": 100},
     "multibreathers": {"most": 3},
     "FixedPoint": {"period": 1},
