@@ -85,9 +85,10 @@ def asymmetric(
     branch = walked(start, events=[pitchfork()], within=reach)
     tried = []
     for point in (p for p in branch.special if p.kind == "PF"):
-        # (t2 - t1 - pi)^2 = curvature (a - a_PF) to leading order: its sign is the side of the arms
-        curvature = pitchfork_form(point.solution).coefficient
-        up = curvature > 0.0
+        # (t2 - t1 - pi)^2 = coefficient (a - a_PF) to leading order: its sign has the side of the
+        # arms
+        coefficient = pitchfork_form(point.solution).coefficient
+        up = coefficient > 0.0
         tried.append(f"{point['a']:.6g} ({'upwards' if up else 'downwards'})")
         if (a > point["a"]) != up:
             continue
@@ -96,7 +97,7 @@ def asymmetric(
         seed = started_on_arm(lifted, arm * OFF)
         if not window["a"][0] <= seed.params["a"] <= window["a"][1]:
             # between the pitchfork and the usual start: set out on the parabola, at this a
-            seed = started_on_arm(lifted, arm * math.sqrt((a - point["a"]) * curvature))
+            seed = started_on_arm(lifted, arm * math.sqrt((a - point["a"]) * coefficient))
             return _solved(seed.at(a=a), inadmissible)
         side = "up" if up else "down"
         last = walked(seed, events=(), within=window, towards=side)[-1]

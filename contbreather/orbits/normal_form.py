@@ -144,8 +144,8 @@ def _curvature(curve: Curve, matrix: FloatArray, v: FloatArray, w: FloatArray) -
     n = v.size
     change, cubic = _turned(curve, matrix, v, w)
     whole, right = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
-    # G_x       w  G_a        h        -G_xx v v/2
-    # v         0  0        ( 0    ) = 0
+    # G_x       w  G_a        h             -G_xx v v/2
+    # v         0  0        ( 0         ) = 0
     # w G_xx v  0  w G_xa v   curvature     -w G_xxx v v v/6
     whole[:n, :n], whole[:n, n], whole[:n, -1] = matrix[:, :-1], w, matrix[:, -1]
     whole[n, :n] = v  # h has no share of v
