@@ -29,14 +29,13 @@ Table = Annotated[NDArray[np.int64], "i8", 2]
 Signs = Annotated[NDArray[np.int8], "i1", 1]
 
 TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
-    "contbreather.continuation.step",
     "contbreather.lattice.forcing",
     "contbreather.lattice.periodic_green",
     "contbreather.lattice.modal_flow",
     "contbreather.stability.band_pairs",
     "contbreather.stability.bordered",
-    "contbreather.orbits.closure_kernels",
     "contbreather.orbits.margins",
+    "contbreather.orbits.site_motion",
     "contbreather.simulation.event_loop",
     "contbreather.simulation.smooth_flow",
 )

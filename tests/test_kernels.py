@@ -18,9 +18,10 @@ import pytest
 
 import contbreather as cb
 from contbreather import compiler, kernels, machine_code
-from contbreather.continuation import step
 from contbreather.files import alone
 from contbreather.kernels import Counts, Kernel, Matrix, Vector
+from contbreather.lattice.forcing import series_motions
+from contbreather.lattice.modal_flow import propagators
 from contbreather.machine_code import NotCompiled
 
 ROOT = Path(__file__).parents[1]
@@ -188,7 +189,7 @@ def test_nothing_is_taken_from_a_folder_that_others_may_write_to(
     machine_code.at_hand.cache_clear()
     assert not machine_code.at_hand().files
     with pytest.raises(NotCompiled, match=f"others may write to {place}; chmod go-w it"):
-        kernels.address(step.steps, "")
+        kernels.address(propagators, "")
 
 
 # --- what is not there ----------------------------------------------------------------------------
@@ -198,15 +199,15 @@ def test_what_is_missing_starts_one_compiler_and_the_session_stays_as_it_is(
     nothing_at_hand: list[Any], tmp_path: Path
 ) -> None:
     pytest.importorskip("numba")
-    for function in (step.steps, step.corrected):
+    for function in (propagators, series_motions):
         with pytest.raises(NotCompiled, match=r"no machine code for this .* is being compiled"):
             kernels.address(function, "")
     [line] = nothing_at_hand
     assert line == [*machine_code.COMPILER, str(tmp_path / "contbreather"), "--behind"]
-    name = kernels.kernel_of(step.steps, "").file
+    name = kernels.kernel_of(propagators, "").file
     compiler._keep(tmp_path / "contbreather" / name, b"it is there now")
     with pytest.raises(NotCompiled, match="no machine code"):
-        kernels.address(step.steps, "")
+        kernels.address(propagators, "")
 
 
 def test_one_compiler_works_at_a_time(nothing_at_hand: list[Any], tmp_path: Path) -> None:
@@ -245,10 +246,10 @@ def test_what_the_compiler_refused_is_not_tried_again(
 ) -> None:
     place = tmp_path / "contbreather"
     place.mkdir()
-    name = kernels.kernel_of(step.steps, "").file
+    name = kernels.kernel_of(propagators, "").file
     place.joinpath(f"{name}.failed").write_text("it was too long")
     with pytest.raises(NotCompiled, match="the compiler failed: it was too long; remove"):
-        kernels.address(step.steps, "")
+        kernels.address(propagators, "")
     assert not nothing_at_hand
 
 

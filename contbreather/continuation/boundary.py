@@ -201,7 +201,7 @@ def boundary_problem(
         inadmissible=inadmissible,
     )
     longer = extended(curve, locus, event, make)
-    if base.loops is None or locus.loops is None:  # those of this package are held to differences
+    if base.derivatives is None:  # those of this package are held to differences
         _check_derivative(longer, locus, pair[0])  # by its tests
     return longer
 

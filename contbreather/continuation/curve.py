@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from . import derivatives
-from .compiled_steps import CompiledCurve, Loops, compiled_equations
 from .linear_algebra import least_singular, sense
 from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, chord, rounding
 from .sparse import (
@@ -31,7 +30,6 @@ from .sparse import (
     row_sizes,
     scaled,
 )
-from .step import WIDEST
 
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
@@ -126,8 +124,7 @@ class Curve:
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        kept = {name: value for name, value in self.__dict__.items() if name != "compiled"}
-        return {**kept, "_known": defaultdict(dict)}
+        return {**self.__dict__, "_known": defaultdict(dict)}
 
     def length(self, z: Array) -> float:
         return math.sqrt(z.dot(self.metric * z))
@@ -227,22 +224,6 @@ class Curve:
         roughly = partial(self.equations, function=self.problem.roughly)
         factors = self.factors(near, row)
         return chord(self, roughly, factors, guess, row, tolerance)
-
-    @cached_property
-    def compiled(self) -> CompiledCurve | None:
-        """Who takes steps and solves for single points, where the equations can be compiled."""
-        loops = self.loops() if self.start.size <= WIDEST else None
-        return None if loops is None else CompiledCurve(loops, self.metric)
-
-    def loops(self, params: Params | None = None) -> Loops | None:
-        """The equations as functions that can be compiled, where they can; `params` are the other
-        parameters, unless they are those of the curve."""
-        problem, params = self.problem, self.fixed if params is None else params
-        if problem.loops is not None:
-            return problem.loops(self.free, params)
-        if not problem.compiled or self.start.size > WIDEST:
-            return None
-        return compiled_equations(self, params)
 
     @property
     def finer(self) -> Any:
@@ -441,7 +422,7 @@ class Curve:
     def misfit(self, z: Array) -> str:
         """What is wrong with derivatives that were given, seen at z: empty if nothing is."""
         problem = self.problem
-        if problem.loops is not None and problem.beneath is None:
+        if problem.derivatives is not None and problem.beneath is None:
             return ""  # those of this package: its tests hold them to differences
         if problem.beneath is not None:
             curve, place = problem.beneath(z[: self.size], self.params(z), self.free)

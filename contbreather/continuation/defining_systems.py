@@ -21,9 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..kernels import bound
-from . import derivatives, null_vectors
-from .compiled_steps import Loops
+from . import derivatives
 from .curve import Curve, Params
 from .linear_algebra import Bordered, LeastSingular, inverses_between, least_singular, sense
 from .newton import Undefined
@@ -144,7 +142,7 @@ def null_vector(matrix: Array, scales: Array) -> Array:
 #     | 0          2 v^T      0     |
 def null_locus(null: Array) -> DefiningSystem:
     """``F_x v = 0, |v| = 1``."""
-    return DefiningSystem({"null": null}, _turned, _slopes_of_turned, loops=_null_loops)
+    return DefiningSystem({"null": null}, _turned, _slopes_of_turned)
 
 
 def _turned(curve: Curve, z: Array, v: Array) -> Array:
@@ -159,14 +157,6 @@ def _slopes_of_turned(curve: Curve, z: Array, v: Array) -> Array:
     rows[:n, z.size :] = curve.jacobian(z)[:, :n]
     rows[n, z.size :] = 2 * v
     return rows
-
-
-def _null_loops(plain: Loops, n: int) -> Loops:
-    """The equations and these conditions, from the equations alone."""
-    names = {"evaluate": plain.evaluate, "derive": plain.derive, "N": n}
-    conditions = bound(null_vectors.conditions, **names)
-    slopes = bound(null_vectors.null_slopes, **names)
-    return Loops(conditions, slopes, plain.data, plain.at_once)
 
 
 def least_in_unknowns(curve: Curve, z: Array) -> LeastSingular:
@@ -378,11 +368,6 @@ class ExtendedProblem(Problem):
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
         return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
-    def loops(self, free: tuple[str, ...], params: Params) -> Loops | None:
-        both, longer = self.residual, self.residual.locus.loops
-        shorter = longer and Curve(both.problem, (both.released, *free)).loops(params)
-        return longer(shorter, both.n) if longer and shorter else None
-
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
 
@@ -432,7 +417,6 @@ def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSy
         conditions=above.conditions,
         derivative=above.derivative if locus.derivative else None,
         events=(),
-        loops=None,
     )
 
 

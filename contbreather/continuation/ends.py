@@ -297,7 +297,6 @@ ENDLESS = 3.0  # z has grown when it is so many times as long, relative to 1 + |
 STILL = 1e-6  # what moves less meanwhile, relative to its largest, stays; what is less has vanished
 SMALL = 1e-3  # if it was no more than this all the while
 POWER = 50.0  # power of |z| with which nothing vanishes: e^-x falls as x^-33 where a curve ends
-MANY = 8  # places from which on to look at all at once is quicker
 SHARE = 0.1  # the power of |z| from which on something grows with it
 STRAIGHT = 0.9  # cosine between z and the tangent where a curve leads away from the origin
 
@@ -341,18 +340,6 @@ class Tendency:
         falls = 0.0 < -slope * math.copysign(size, value) < POWER * abs(value)
         return self.reaches and less and falls
 
-    def moves_on(self, values: Array, sizes: Array) -> bool:
-        """Take several values at once, if each is another than the one before and none is small."""
-        largest = max(self.largest, float(abs(values).max()))
-        if not (abs(values) > SMALL * largest).all():
-            return False
-        self.largest, self.small = largest, math.inf
-        unit = self.largest if self.reaches else abs(values)
-        if not (abs(np.diff(values, prepend=self.moved)) > STILL * unit).all():
-            return False
-        self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
-        return True
-
 
 def unlike_scales(curve: Curve, z: Array) -> str:
     """What to say of unknowns and parameters far from 1 in size without `scales`, where a walk
@@ -378,28 +365,19 @@ class Growth:
             reaches = all(b.low <= 0.0 <= b.high for b in bounds if b.name == name)
             self.tendencies.append(Tendency(name, slot, abs(float(start[slot])), reaches))
 
-    def end(self, rows: Array, tangents: Array) -> tuple[int, str] | None:
-        """The first of several places beyond which nothing is to come, and what it tends to."""
-        sizes = np.sqrt(rows**2 @ self.curve.metric)
-        many = len(rows) >= MANY
-        if many and all(param.moves_on(rows[:, param.slot], sizes) for param in self.tendencies):
-            return None
-        for i, size in enumerate(sizes.tolist()):
-            gone, since = [], 0.0
-            for param in self.tendencies:
-                value, slope = float(rows[i, param.slot]), float(tangents[i, param.slot])
-                if param.passes(value, slope, size):
-                    gone.append(
-                        f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}"
-                    )
-                since = max(since, param.since)
-            if (gone or size > ENDLESS * since) and not self._bounded(rows[i], tangents[i], size):
-                limits = [
-                    f"{param.name} tends to {rows[i, param.slot]:.6g}" for param in self.tendencies
-                ]
-                grows = self._growing(rows[i]) or "the solution"
-                return i, f"{grows} grows without bound while {', '.join(gone or limits)}"
-        return None
+    def end(self, z: Array, tangent: Array) -> str:
+        """What z tends to where nothing is to come beyond; empty where it does not."""
+        size, gone, since = self.curve.length(z), [], 0.0
+        for param in self.tendencies:
+            value = float(z[param.slot])
+            if param.passes(value, float(tangent[param.slot]), size):
+                gone.append(f"{param.name} vanishes, {value:.3g} of at most {param.largest:.3g}")
+            since = max(since, param.since)
+        if not (gone or size > ENDLESS * since) or self._bounded(z, tangent, size):
+            return ""
+        limits = [f"{param.name} tends to {z[param.slot]:.6g}" for param in self.tendencies]
+        grows = self._growing(z) or "the solution"
+        return f"{grows} grows without bound while {', '.join(gone or limits)}"
 
     def towards(self, z: Array, tangent: Array) -> str:
         """What there is to say of a curve that was walked as many steps as allowed, outwards."""

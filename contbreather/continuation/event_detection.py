@@ -10,9 +10,6 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
-
-import numpy as np
 
 from .branch_points import GAP
 from .defining_systems import Singular
@@ -26,7 +23,7 @@ from .event_location import (
     separated,
     special,
 )
-from .newton import Array, Undefined
+from .newton import Undefined
 from .point import Event, Point
 from .step_interpolant import (
     ASIDE,
@@ -165,36 +162,15 @@ def without_candidate(
     return clear
 
 
-def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
-    """Of numbers or arrays: whether the parabola through three values stays away from zero."""
+def _is_flat(pace: float, earlier: float, start: float, end: float) -> bool:
+    """Whether the parabola through three values stays away from zero."""
     # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
     # 1/2 is (start + end) / 2 - curvature / 4
     curvature = (end - start - (start - earlier) / pace) / (1 + pace)
     middle = (0.5 * (start + end) - 0.25 * curvature) / start  # all of them in units of the first
     last = end / start
-    return (
-        (middle > _CALM)
-        & (middle > _CALM * last)
-        & (last > _FLAT)
-        & (last * _FLAT < 1)
-        & (_FLAT * middle < 1)
-        & (_FLAT * middle < last)
-        & (earlier / start > 0)
-    )
-
-
-def clear_steps(arclength: Array, tests: Array, counts: Sequence[Array]) -> int:
-    """How many steps there are, from the second of these places on, before one on which a test may
-    have a candidate; `tests` has a row for each event, `counts` those of the events that have any.
-    """
-    steps = np.diff(arclength)
-    clear = _is_flat(steps[:-1] / steps[1:], tests[:, :-2], tests[:, 1:-1], tests[:, 2:]).all(
-        axis=0
-    )
-    for count in counts:
-        # by one the count changes at a simple zero, which leaves its change of sign
-        clear &= abs(np.diff(count)) <= 1
-    return int(clear.argmin()) if not clear.all() else clear.size
+    inside = _FLAT * max(middle, 1.0) < last < 1 / _FLAT and _FLAT * middle < 1
+    return inside and middle > _CALM * max(last, 1.0) and earlier / start > 0
 
 
 def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ContbreatherError
-from ..kernels import bound
 from . import sparse
-from . import step as rules
 from .sparse import Dense, Matrix
 
 Array = NDArray[np.float64]
@@ -24,6 +21,11 @@ Array = NDArray[np.float64]
 # ValueError. Anything else is a bug and must surface.
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
+FEW = 13  # entries of z: beyond a dozen unknowns factors are worth keeping
+_LARGE = 10.0  # size of z beyond which its entries are looked at one by one
+_REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
+_SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
+_ROUNDED = 4 * 2.0**-52  # sums of terms that round once each were never seen to be off by more
 _SHORTEST = 1e-6  # damping at which an approach gives up
 _NEAR = 1e-3  # length of a step, relative to 1 + |z|, at which it has arrived
 _THERE = 1e-10  # and one at which rounding may decide whether the next is shorter
@@ -67,22 +69,51 @@ def newton(
 ) -> Solution:
     """Solve ``H(z) = 0`` together with ``row . (z - z_start) = 0``.
 
-    Without `row` there are as many equations as unknowns, and one fewer with it.
-    Raises `Undefined` where the equations have no value. The rules are those of
-    `step.newton_kernel`.
+    Without `row` there are as many equations as unknowns, and one fewer with it. It ends with a
+    correction of at most ``tolerance (1 + |z|)``, and then is far more exact, being quadratic; for
+    a large z each entry has to be as exact. A correction that grows ends it, too: a solution still
+    where all that is left of the equations is rounding, as of stiff ones, or beside a branch point.
+    Raises `Undefined` where the equations have no value.
     """
-    eq = _Iteration(curve)
-    end = _NEWTON(eq, row, z, tolerance, most)
-    if end.status == rules.LOOK:
-        raise Undefined("the Newton correction is not finite")
-    solved = end.status == rules.ACCEPTED
-    if solved and not end.regular:
-        # the shortest correction may be short far from any solution: what is left of the equations
-        # decides, relative to the terms of each; one that no entry of z moves is compared with 1
-        terms = abs(eq.matrix) @ (abs(end.z) + curve.metric**-0.5)
-        terms[terms == 0] = 1.0
-        solved = bool((abs(curve.equations(end.z)) <= _ROUNDING * terms).all())
-    return Solution(end.z, solved, end.iterations, end.residual, end.moved)
+    size = 1.0 + curve.length(z)
+    bound, previous, moved, reuse = tolerance * size, math.inf, math.inf, False
+    for iteration in range(1, most + 1):
+        value = curve.equations(z)
+        if not reuse:
+            matrix = curve.jacobian(z)
+            factors = sparse.Factors(matrix) if sparse.is_large(matrix) else Dense(matrix, row)
+        step, singular = newton_step(factors, value, row)
+        moved = curve.length(step)
+        if not moved < math.inf:
+            raise Undefined("the Newton correction is not finite")
+        # |dz_k| / |dz_k-1| estimates the contraction (P. Deuflhard, Newton Methods for Nonlinear
+        # Problems, section 2.1): from 1/2 on the iteration is not in its quadratic phase
+        slow = 2.0 * moved > previous
+        if slow and moved > bound:
+            solved = bool((abs(value) <= rounding(matrix, z)).all())
+            if solved or moved > 2.0 * previous:
+                return Solution(z, solved, iteration, float(abs(value).max()), moved)
+        z = z - step
+        if moved <= bound and (
+            slow
+            or bound < _LARGE * tolerance
+            or (abs(step) <= tolerance * (abs(z) + curve.metric**-0.5)).all()
+        ):
+            value = curve.equations(z)
+            solved = not singular or _balances(matrix, value, z, curve.metric)
+            return Solution(z, solved, iteration, float(abs(value).max()), moved)
+        # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
+        reuse = z.size > FEW and moved <= min(_REUSED * size, _SHRUNK * previous)
+        previous = moved
+    return Solution(z, False, most, float(abs(curve.equations(z)).max()), moved)
+
+
+def _balances(matrix: Matrix, value: Array, z: Array, metric: Array) -> bool:
+    """Whether what is left of the equations is small against their terms: where the derivative is
+    singular the shortest correction may be short far from any solution."""
+    terms = abs(matrix) @ (abs(z) + metric**-0.5)
+    terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
+    return bool((abs(value) <= _ROUNDING * terms).all())
 
 
 def chord(
@@ -101,7 +132,7 @@ def chord(
     Iterative Methods for Linear and Nonlinear Equations, section 7.3).
     """
     size = 1.0 + curve.length(z)
-    most, before = rules.REUSED * size, math.nan
+    most, before = _REUSED * size, math.nan
     steps: list[Array] = []
     while True:
         step, singular = newton_step(factors, roughly(z), row)
@@ -124,31 +155,6 @@ def chord(
             if left <= _EXACT * tolerance * size:
                 return Solution(z, True, 1, float(abs(value).max()), left)
         most, before = _SHRINKS * moved, moved
-
-
-@dataclass
-class _Iteration:
-    """What `step.newton_kernel` asks, by any linear algebra."""
-
-    curve: Equations
-    matrix: Any = None  # the latest derivative
-    factors: Any = None
-
-    def correction(
-        self, row: Array | None, z: Array, value: Array, reuse: bool
-    ) -> tuple[Array, bool]:
-        if self.factors is None or not reuse:
-            matrix = self.matrix = self.curve.jacobian(z)
-            large = sparse.is_large(matrix)
-            self.factors = sparse.Factors(matrix) if large else Dense(matrix, row)
-        change, singular = newton_step(self.factors, value, row)
-        return change, not singular
-
-    def is_rounding(self, value: Array, z: Array) -> bool:
-        return bool((abs(value) <= rounding(self.matrix, z)).all())
-
-    def is_short(self, change: Array, z: Array, tolerance: float) -> bool:
-        return bool((abs(change) <= tolerance * (abs(z) + self.curve.metric**-0.5)).all())
 
 
 def newton_step(
@@ -216,22 +222,10 @@ def _least(matrix: Array, right: Array) -> Array:
 
 def rounding(matrix: Matrix, z: Array) -> Array:
     """What is left of equations at a solution, for their derivative there."""
-    return np.asarray(rules.ROUNDED * (abs(matrix) @ abs(z)))
+    return np.asarray(_ROUNDED * (abs(matrix) @ abs(z)))
 
 
 def _shortest(matrix: Array, right: Array) -> Array:
     if not math.isfinite(matrix.sum()):
         raise Undefined("the derivatives are not finite")
     return np.asarray(np.linalg.lstsq(matrix, right)[0])
-
-
-_NEWTON = bound(
-    rules.newton_kernel,
-    residual=lambda eq, z: (eq.curve.equations(z), True),
-    correction=_Iteration.correction,
-    is_rounding=_Iteration.is_rounding,
-    is_short=_Iteration.is_short,
-    norm=lambda eq, z: eq.curve.length(z),
-    minus=operator.sub,
-    largest=lambda eq, value: float(abs(value).max()),
-)

@@ -17,7 +17,6 @@ from ..checks import check_kind, flag, number
 from ..errors import BadInput
 from ..storage.serialise import serialised
 from ..tables import HtmlRepr, Sheet
-from .compiled_steps import Loops
 from .curve import Curve
 from .newton import Array
 from .problem import Problem
@@ -242,9 +241,6 @@ class DefiningSystem:
         ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
         problem's own equations, and its derivative. Needed where these alone are singular along
         the curve, as they are at branch points; it vanishes where the event happens.
-    loops : callable, optional
-        ``loops(loops, n) -> Loops``: its n equations and these conditions together, as functions
-        that can be compiled, from the equations alone.
     """
 
     extra: Mapping[str, Any]
@@ -254,7 +250,6 @@ class DefiningSystem:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
     unfolding: Callable[[Array], tuple[Array, Array]] | None = None
-    loops: Callable[[Loops, int], Loops | None] | None = None
 
 
 @dataclass(frozen=True)

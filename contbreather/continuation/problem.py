@@ -12,7 +12,6 @@ import numpy as np
 
 from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
-from .compiled_steps import Loops
 from .curve import Curve, Params, Residual
 from .newton import Array, Solution, Undefined, approach, newton
 from .sparse import Matrix, Pattern
@@ -37,8 +36,8 @@ class Problem:
         ``jacobian(x, params) -> (n, n) array``, the derivative in `x`, dense or from scipy.sparse.
         Or which of its entries may differ from zero, as an array, dense or from scipy.sparse: large
         problems are then differentiated with as few residuals as that allows, and solved as with a
-        sparse Jacobian. Checked once against differences, unless there are `loops`. Without it,
-        complex steps are used where they hold, differences elsewhere.
+        sparse Jacobian. Checked once against differences. Without it, complex steps are
+        used where they hold, differences elsewhere.
     events : tuple of Event, optional
         What a walk looks for by default.
     record : dict, optional
@@ -51,10 +50,6 @@ class Problem:
         and differences are measured in it.
     label : str, optional
         Shown in tables.
-    compiled : bool
-        Whether numba can compile `residual`, and `jacobian` if given: then steps are taken by
-        compiled code, up to a dozen unknowns. So they are where these functions are decorated with
-        ``numba.njit``. Parameters are asked for by names that stand there, ``params["mu"]``.
     Notes
     -----
     What else there may be to know of equations is said by methods of a class derived from this
@@ -90,7 +85,6 @@ class Problem:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
-    compiled: bool = False
 
     # --- what a derived class may know besides ---
 
@@ -112,8 +106,6 @@ class Problem:
     multipliers: ClassVar[Any] = None
     # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
     perturbed: ClassVar[Any] = None
-    # ``(names, params) -> Loops or None``: the equations, these parameters free, to be compiled
-    loops: ClassVar[Callable[..., Loops | None] | None] = None
     # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
     # by a defining system, as on a boundary, and the point on it
     beneath: ClassVar[Callable[..., tuple[Curve, Array]] | None] = None
@@ -173,10 +165,9 @@ class Problem:
 
     def __post_init__(self) -> None:
         for what in ("residual", "jacobian"):
-            plain = getattr(getattr(self, what), "py_func", None)  # of what numba.njit decorated
-            if plain is not None:
+            plain = getattr(getattr(self, what), "py_func", None)  # of what numba.njit decorated:
+            if plain is not None:  # parameters are a dict here
                 object.__setattr__(self, what, plain)
-                object.__setattr__(self, "compiled", True)
         for what in ("start", "params", "scales", "domain", "record"):
             values = getattr(self, what)
             if not isinstance(values, Mapping):

@@ -12,7 +12,6 @@ from ..checks import brief, flag, real
 from ..errors import BadInput
 from .point import Event, EventWithRule, Point
 from .problem import Problem
-from .step import longest
 
 Within = Mapping[str, tuple[float, float]]
 
@@ -66,7 +65,7 @@ class Steps:
                 raise BadInput(f"{entry.name} must be a number, got {brief(value)}")
             if entry.name != "most" and not 0 < size < math.inf:
                 raise BadInput(f"{entry.name} must be finite and positive, got {brief(value)}")
-        largest = longest(self.largest or math.nan, 0.0)
+        largest = self.longest(0.0)
         if not self.smallest <= min(self.first, largest):
             raise BadInput(
                 f"no step may be shorter than smallest = {self.smallest:g}, "
@@ -80,6 +79,10 @@ class Steps:
             )
         if not issubclass(type(self.most), Integral) or self.most < 1:
             raise BadInput(f"most must be a whole number, at least 1 step, got {self.most}")
+
+    def longest(self, size: float) -> float:
+        """How long a step may be from a z of this size."""
+        return self.largest or max(0.1, 0.01 * size)
 
 
 _USUAL = Steps()

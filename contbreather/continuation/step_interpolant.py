@@ -71,20 +71,13 @@ class StepInterpolant:
         """The point of the curve at u, solved for across the chord."""
         if u in self._known:
             return self._known[u]
-        curve, compiled, (guess, slope) = self.curve, self.curve.compiled, self.guess(u)
-        chord, how = self.last.z - self.first.z, (slope, self.tolerance)
-        answer = compiled and compiled.corrected(guess, curve.normalised(chord), *how)
-        if answer:
-            z, tangent, residual, _ = answer
-        else:
-            solution = newton(curve, guess, self._cubic[0], tolerance=self.tolerance)
-            if not solution.converged:
-                raise Undefined("Newton's iteration failed between two points of the curve")
-            z, tangent, residual = solution.z, None, solution.residual
-        self._near(guess, z)
-        if tangent is None:
-            tangent, _ = curve.tangent_at(z, slope)
-        self._known[u] = self._point(u, z, tangent, residual)
+        guess, slope = self.guess(u)
+        solution = newton(self.curve, guess, self._cubic[0], tolerance=self.tolerance)
+        if not solution.converged:
+            raise Undefined("Newton's iteration failed between two points of the curve")
+        self._near(guess, solution.z)
+        tangent, _ = self.curve.tangent_at(solution.z, slope)
+        self._known[u] = self._point(u, solution.z, tangent, solution.residual)
         return self._known[u]
 
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:

@@ -5,46 +5,34 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from .. import kernels
-from . import step as rules
-from .branch import Points, Stop
+from .branch import Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .ends import Bound, StartOnCurve
-from .newton import Array, Solution, Undefined, newton, newton_step
+from .newton import FEW, Array, Solution, Undefined, newton, newton_step
 from .point import Point
 from .settings import Steps
-from .step import (
-    ACCEPTED,
-    ITERATIONS,
-    LEFT,
-    OFF_CUBIC,
-    TINY,
-    TURNS,
-    WIDEST,
-    Rules,
-    longest,
-    next_size,
-)
 from .step_interpolant import StepInterpolant
 
 LOG = logging.getLogger(__name__)
 
+# How far the tangent may turn within a step, the turn that step sizes aim at, and how far the curve
+# may be off the cubic through both ends, as a fraction of the step. Together they leave no room for
+# a feature of the curve to hide inside a step.
+_TURN, _AIM, _CUBIC_ERROR = 0.45, 0.15, 0.003
+_TINY = 1e-4  # relative to the longest step so far
+_ITERATIONS = 8  # of Newton's method in a step
+_EASY = 4  # so many of them ask for another step of this size
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
 _ALONG = 1e-14  # how far, relative to that, rounding may leave a bound that a curve goes along
-_REASONS = {
-    LEFT: "the corrector left the neighbourhood of the step",
-    TURNS: "the curve turns too sharply",
-    OFF_CUBIC: "the curve is not smooth at the smallest step",
-}
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
-_SAME_SLOPE = 1e-5  # relative: between what a compiled derivative has for a tangent and what is one
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 
@@ -68,75 +56,21 @@ class Step:
 
 
 class Stepper:
-    """Steps from one point of a curve to the next: many in one call where they are compiled, and
-    where these end one with all that may befall it.
+    """Steps from one point of a curve to the next, with all that may befall them.
 
     Attributes
     ----------
     size, sign, curvature
         To try next; the sign of the bordered determinant, 0 where unknown; dt/ds.
-    rules
-        What many steps in one call go by; None where there are none.
     """
 
     def __init__(self, way: StartOnCurve, steps: Steps) -> None:
         self.start, self.bounds, self.steps = way.point, way.bounds, steps
-        self.largest = steps.largest or math.nan  # then the size of z says how long a step may be
         self.curve = way.point.curve
         self.crossed = way.sign == 0  # whether the start is a branch point
         self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
         self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
-        able = self.curve.compiled is not None
-        able = able and all(isinstance(bound.slot, int) for bound in self.bounds)
-        # at the level of debugging each step has a line of its own
-        self.rules = self._rules() if able and not LOG.isEnabledFor(logging.DEBUG) else None
-
-    # --- many at once ---
-
-    def many(self, point: Point, most: int) -> Points | None:
-        """As many steps from a point as come off in one call of machine code, at most so many; None
-        where the first does not."""
-        compiled = self.curve.compiled
-        if self.rules is None or compiled is None:
-            return None
-        state = np.array([point.arclength, self.size, self.sign, self.longest])
-        rows = compiled.steps(self.rules, (point.z, point.direction, self.curvature), state, most)
-        if len(rows[0]) and compiled.loops.at_once and self._strayed(rows[0][-1], rows[1][-1]):
-            self.rules = None
-            return None
-        _, self.size, sign, longest = state.tolist()
-        self.curvature = compiled.point.curvature.copy()
-        if not len(rows[0]):
-            return None
-        self.sign, self.longest, self.tiny = int(sign), longest, 0
-        return Points(self.curve, *rows)
-
-    def _strayed(self, z: Array, tangent: Array) -> bool:
-        """Whether the derivative of compiled functions, differences with the steps that suited the
-        start, is another than the curve's."""
-        try:
-            slopes = self.curve.jacobian(z)
-        except Undefined:
-            return True
-        # J t = 0: what is left of it, relative to the terms that cancel
-        off = abs(slopes @ tangent)
-        return not bool((off <= _SAME_SLOPE * (abs(slopes) @ abs(tangent))).all())
-
-    def _rules(self) -> Rules:
-        curve, steps = self.curve, self.steps
-        low = np.array([bound.low for bound in self.bounds])
-        high = np.array([bound.high for bound in self.bounds])
-        for i, bound in enumerate(self.bounds):
-            for side, end, off in bound.ends:
-                # short of a bound: it is landed on, unless the curve begins there
-                if abs(bound.value(curve.start) - end) > off:
-                    (low if side < 0 else high)[i] = end - side * off
-        slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
-        sizes = steps.tolerance, steps.smallest, self.largest, steps.growth
-        return Rules(*sizes, slots, low, high, self.across, curve.start)
-
-    # --- one by one ---
 
     def next(self, point: Point, count: int) -> Step:
         """The next step, which may close a loop."""
@@ -153,7 +87,7 @@ class Stepper:
         length = step.point.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
-        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
+        self.tiny = self.tiny + 1 if length < _TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
         if count > 2 and self._closes(point, step.point):
@@ -175,7 +109,7 @@ class Stepper:
             return False
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            return off <= _PASS and _ANGLE(self.curve, slope, start.direction) <= _PASS
+            return off <= _PASS and _angle(self.curve, slope, start.direction) <= _PASS
         # across the start only: along the curve Newton's linear condition keeps the place
         solution = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
         gap = solution.z - start.z
@@ -184,7 +118,7 @@ class Stepper:
     def _advance(self, point: Point) -> Step:
         """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
-        size = min(self.size, longest(self.largest, self.curve.length(point.z)))
+        size = min(self.size, self.steps.longest(self.curve.length(point.z)))
         while size >= self.steps.smallest:
             try:
                 return self._attempt(point, size)
@@ -214,9 +148,7 @@ class Stepper:
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
-        check = _CHECK_STEP(curve, point, size, z)
-        if check.status != ACCEPTED:
-            raise StepFailed(Stop.NO_CONVERGENCE, _REASONS[check.status])
+        check = self._examined(point, size, z)
         arclength = point.arclength + check.length
         last = Point(curve, z, check.tangent, arclength, solution.residual)
         branch_point = None
@@ -233,14 +165,14 @@ class Stepper:
             check.length, curve.free[0], last.z[-1], solution.iterations, solution.residual,
         )  # fmt: skip
         # adapt
-        self.size = size * next_size(solution.iterations, check.turn, self.steps.growth)
+        self.size = size * _next_size(solution.iterations, check.turn, self.steps.growth)
         self.sign = check.sign or sign
         self.curvature = (check.tangent - point.direction) / (arclength - point.arclength)
         return Step(last, branch_point, None if landing is None else Stop.BOUND)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance
-        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=ITERATIONS)
+        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=_ITERATIONS)
         if not solution.converged:
             raise StepFailed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
         return solution
@@ -272,17 +204,11 @@ class Stepper:
     ) -> tuple[Array, Solution]:
         """The place on a bound where a step across it ends, and the solution next to it."""
         start, end = bound.value(point.z), bound.value(predicted)
-        compiled = self.curve.compiled
         # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
         for _ in range(_LANDINGS):  # a norm is not linear: once more from the point it led to
-            row, how = bound.row(guess), (point.direction, self.steps.tolerance)
-            answer = compiled and compiled.corrected(guess, row / self.curve.metric, *how)
-            if answer:
-                solution = Solution(answer[0], True, answer[3], answer[2], 0.0)
-            else:
-                solution = self.correct(guess, row)
+            solution = self.correct(guess, bound.row(guess))
             # Newton's linear condition holds to rounding; make it exact
             z = bound.with_value(solution.z, value)
             if self.curve.length(z - solution.z) <= EXACT * (1 + self.curve.length(z)):
@@ -329,26 +255,66 @@ class Stepper:
                 return True
         return False
 
+    # --- examine ---
 
-# --- the text of `step` by numpy, LAPACK and SuperLU ----------------------------------------------
+    def _examined(self, point: Point, size: float, z: Array) -> _Checked:
+        """What the way to a solution is like: one smooth piece of curve, short against its
+        features, or the step has failed."""
+        curve = self.curve
+        length = curve.length(z - point.z)
+        # the corrector moves across the step: this far it has left for another piece of curve
+        if not 0.0 < length <= 2.0 * size:
+            raise _refused("the corrector left the neighbourhood of the step")
+        tangent, sign = curve.tangent_at(z, point.direction)
+        turn = _angle(curve, point.direction, tangent)
+        # the chord as well: between tangents that are parallel a curve may turn and turn back
+        if turn > _TURN or _angle(curve, point.direction, (z - point.z) / length) > _TURN:
+            raise _refused("the curve turns too sharply")
+        if self._off_cubic(point, z, tangent, length) > _CUBIC_ERROR * length:
+            raise _refused("the curve is not smooth at the smallest step")
+        return _Checked(tangent, sign, length, turn)
+
+    def _off_cubic(self, point: Point, z: Array, tangent: Array, length: float) -> float:
+        """How far the curve is from the Hermite cubic through both ends, a third of the way along
+        (halfway, tangents that are wrong alike would cancel), by one correction; 0 beside a branch
+        point, where the residual says nothing."""
+        curve = self.curve
+        # at u = 1/3: h00, h01, h10, h11 = (20, 7, 4, -2) / 27
+        bow = (4 * point.direction - 2 * tangent) * length
+        between = (20 * point.z + 7 * z + bow) / 27
+        row = curve.metric * point.direction
+        # H = J dz + O(dz^2): one correction is the distance to first order. Of large problems the
+        # factors at hand: no more than the size of the answer is asked for
+        value = curve.equations(between, curve.problem.roughly)
+        factors = curve.factors(z if z.size > FEW else between, row)
+        change, singular = newton_step(factors, value, row)
+        return 0.0 if singular else curve.length(change)
 
 
-def _off_curve(curve: Curve, point: Point, z: Array, end_tangent: Array, length: float) -> float:
-    bow = (4 * point.direction - 2 * end_tangent) * length
-    between = (20 * point.z + 7 * z + bow) / 27
-    row, value = curve.metric * point.direction, curve.equations(between, curve.problem.roughly)
-    # of large problems the factors at hand: no more than the size of the answer is asked for
-    factors = curve.factors(z if z.size > WIDEST else between, row)
-    change, singular = newton_step(factors, value, row)
-    return 0.0 if singular else curve.length(change)
+class _Checked(NamedTuple):
+    """What a solution says of the step to it."""
+
+    tangent: Array
+    sign: int  # of the bordered determinant
+    length: float
+    turn: float
 
 
-_DISTANCE = {"distance": lambda curve, z, other: curve.length(z - other)}
-_ANGLE = kernels.bound(rules.angle, **_DISTANCE)
-_CHECK_STEP = kernels.bound(
-    rules.check_step,
-    **_DISTANCE,
-    angle_to_chord=lambda curve, point, z, s: _ANGLE(curve, point.tangent, (z - point.z) / s),
-    tangent_at=lambda curve, along, z, point: curve.tangent_at(z, along),
-    off_curve=_off_curve,
-)
+def _refused(reason: str) -> StepFailed:
+    return StepFailed(Stop.NO_CONVERGENCE, reason)
+
+
+def _angle(curve: Curve, t: Array, other: Array) -> float:
+    """Between unit vectors, from their difference: exact for small angles too."""
+    # |t - t'| = 2 sin(angle / 2): 1 - t . t' would have lost half of the digits
+    return 2.0 * math.asin(min(1.0, 0.5 * curve.length(t - other)))
+
+
+def _next_size(iterations: int, turn: float, growth: float) -> float:
+    """The size of the next step, relative to that of one that came off: the turn of the tangent is
+    proportional to it, and more iterations than usual ask for less."""
+    # the turn is |t'| s to first order, so that s AIM / turn meets the aim; less than a half would
+    # trust that too far (E. L. Allgower and K. Georg, Introduction to Numerical Continuation
+    # Methods, section 6.1, bound the factor alike)
+    effort = 1.0 if iterations == _EASY else (0.7 if iterations > _EASY else math.inf)
+    return max(min(_AIM / max(turn, 1e-12), effort, growth), 0.5)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from operator import attrgetter
 from typing import Any, Protocol
 
@@ -19,23 +19,19 @@ from ..errors import BadInput
 from ..progress import Counter
 from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
-from .curve import PASSED
-from .defining_systems import Singular
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
-from .event_detection import Ends, StepEvents, clear_steps, find, without_candidate
+from .event_detection import Ends, StepEvents, find
 from .newton import Undefined
 from .point import Event, Point
 from .problem import Problem, problem_in
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .step_interpolant import StepInterpolant, Value, count_at, counted, measure_many, value_of_test
+from .step_interpolant import StepInterpolant, Value, counted, value_of_test
 from .stepper import EXACT, Step, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
 Piece = Sequence[Point]
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
-_MANY = 4  # steps that are worth arrays
-_TOGETHER = 32  # plain steps that are looked at before the next ones are shown
 _NOTHING = StepEvents((), (), ())  # what happens where nothing is looked for
 
 
@@ -232,10 +228,6 @@ class ContinuationIterator:
                 )
         self.growth = Growth(self.curve, way.bounds, start.z)
         self.earlier: tuple[float, Sequence[Value]] | None = None  # where the last step set out
-        self.taken: Points | None = None  # the steps of the last call of machine code
-        self.used = 0  # and how many of them are recorded
-        self.batch = 1  # so many of the next steps are looked at, as long as they are taken
-        self.latest: tuple[Point, tuple[Value, ...]] | None = None  # tests that were asked last
 
     def follow(
         self,
@@ -250,7 +242,7 @@ class ContinuationIterator:
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
             if kept:
-                kept.look(isinstance(piece, list) and any(point.kind for point in piece), so_far)
+                kept.look(any(point.kind for point in piece), so_far)
             if not unresolved(piece[-1]):
                 continue
             finer = look(piece[-1])
@@ -264,7 +256,7 @@ class ContinuationIterator:
 
     def branch(self) -> Branch:
         """What there is of it."""
-        points, end = labelled(Points.joined(self.walked)), self.end
+        points, end = labelled(Points.of(chain.from_iterable(self.walked))), self.end
         doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
         return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
 
@@ -277,27 +269,19 @@ class ContinuationIterator:
     def pieces(self) -> Iterator[Piece]:
         """The same, several points at a time."""
         stop: Stop | None = None
-        reason, limit = "", None
+        reason = ""
         while stop is None and self.count < self.steps.most:
             try:
                 with np.errstate(**QUIET):
-                    # of the steps that machine code takes many in one call, those pass at once on
-                    # which no event has a candidate
-                    clear = self._without_candidates() if self.stepper.rules else None
-                    if not clear:
-                        if self.taken is not None and self.used < len(self.taken):
-                            # and this one has a candidate
-                            step, self.used = Step(self.taken[self.used]), self.used + 1
-                        else:
-                            # predict   z + s t + s^2/2 dt/ds
-                            #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
-                            # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
-                            # adapt     s, so that the tangent turns by 0.15, in 4 iterations
-                            step = self.stepper.next(self.point, self.count)
-                        # test      at its end: a change of sign, or what may hide two of them
-                        # locate    by the defining system of the event, where it has one
-                        found = self._located(step) if self.events else _NOTHING
-                        line, stop = self._line_up(step, found)
+                    # predict   z + s t + s^2/2 dt/ds
+                    #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
+                    # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
+                    # adapt     s, so that the tangent turns by 0.15, in 4 iterations
+                    step = self.stepper.next(self.point, self.count)
+                    # test      at its end: a change of sign, or what may hide two of them
+                    # locate    by the defining system of the event, where it has one
+                    found = self._located(step) if self.events else _NOTHING
+                    line, stop = self._line_up(step, found)
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
                 if stop is Stop.NO_CONVERGENCE:
@@ -305,16 +289,10 @@ class ContinuationIterator:
                     reason = "; ".join(filter(None, (reason, advice)))
                 break
             # record
-            if clear:
-                limit = self.growth.end(clear.z, clear.tangent)
-                yield clear[: limit[0] + 1] if limit else clear
-            else:
-                self.point, self.count = line[-1] if stop else step.point, self.count + 1
-                yield line
-                if stop is None:
-                    limit = self.growth.end(self.point.z[None], self.point.direction[None])
-            if limit:
-                stop, reason = Stop.INFINITY, limit[1]
+            self.point, self.count = line[-1] if stop else step.point, self.count + 1
+            yield line
+            if stop is None and (limit := self.growth.end(self.point.z, self.point.direction)):
+                stop, reason = Stop.INFINITY, limit
         stop = stop or Stop.MOST
         reason = reason or self._edge(self.point, stop)
         if self.count == 0:
@@ -322,82 +300,6 @@ class ContinuationIterator:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield [self.point]
         self.end = End(stop, reason, tuple(self.doubtful))
-
-    # --- test ---
-
-    def _without_candidates(self) -> Points | None:
-        """The next of the steps that are taken many at once, as far as no event has anything to
-        look for on them."""
-        if self.taken is None or self.used == len(self.taken):
-            most = self.steps.most - self.count
-            self.taken, self.used = self.stepper.many(self.point, most), 0
-        points, start = self.taken, self.used
-        if points is None:
-            return None
-        most = min(start + _TOGETHER, len(points))
-        if self.count and not self.events:
-            self.used, self.point = len(points), points[-1]
-        # matrices say more of what is between two points than values do
-        elif self.earlier and not any(isinstance(event.test, Singular) for event in self.events):
-            # where there is no value, the reason is seen when the step is looked through
-            with suppress(Undefined):
-                while self.used < most:
-                    end = min(self.used + self.batch, most)
-                    few = end - self.used < _MANY
-                    if few or not self._looked_ahead(points[self.used : end]):
-                        while self.used < end and self._has_no_candidate(points[self.used]):
-                            self.used += 1
-                    if self.used < end:
-                        self.batch = 1
-                        break
-                    self.batch = min(4 * self.batch, _TOGETHER)
-        self.count += self.used - start
-        return points[start : self.used]
-
-    def _looked_ahead(self, points: Points) -> bool:
-        """Take steps up to the first of these points before which an event has a candidate, by
-        tests of all at once; whether all events say these."""
-        events, earlier, point = self.events, self.earlier, self.point
-        if earlier is None or not all(event.many for event in events):
-            return False
-        values = [value for event in events if (value := measure_many(event, points))]
-        if len(values) < len(events):
-            return False
-        places = np.concatenate([[earlier[0], point.arclength], points.arclength])
-        past, new = np.array([earlier[1], self.tests]).T, np.array([test for test, _ in values])
-        tests = np.hstack([past, new])
-        counts = [
-            np.append(count_at(event, point), count)
-            for event, (_, count) in zip(events, values, strict=True)
-            if count is not None
-        ]
-        n = clear_steps(places, tests, counts)
-        if n:
-            self.earlier = float(places[n]), tests[:, n].tolist()
-            self.tests = tuple(tests[:, n + 1].tolist())
-            for z in points.z[max(n - PASSED, 0) : n]:
-                self.curve.passes(z)
-            self.used += n
-            self.point = points[n - 1]
-        return True
-
-    def _has_no_candidate(self, last: Point) -> bool:
-        """Whether no event has anything to look for on the step to a point; it is taken then."""
-        assert self.earlier is not None
-        point, after = self.point, self._tests_at(last)
-        pace = (point.arclength - self.earlier[0]) / (last.arclength - point.arclength)
-        values = self.earlier[1], self.tests, after
-        if len(without_candidate(self.events, pace, *values, (point, last))) < len(self.events):
-            return False
-        self.curve.passes(last.z)
-        self.earlier, self.tests, self.point = (point.arclength, self.tests), after, last
-        return True
-
-    def _tests_at(self, point: Point) -> tuple[Value, ...]:
-        """All tests at a point, asked once."""
-        if self.latest is None or self.latest[0] is not point:
-            self.latest = point, tuple([value_of_test(event, point) for event in self.events])
-        return self.latest[1]
 
     # --- locate ---
 
@@ -408,7 +310,8 @@ class ContinuationIterator:
         try:
             earlier, self.earlier = self.earlier, (self.point.arclength, self.tests)
             crossing = step.crossing
-            tests = self.tests, self._tests_at(step.point)
+            after = tuple([value_of_test(event, step.point) for event in self.events])
+            tests = self.tests, after
             return find(segment, self.events, *tests, crossing=crossing, ends=ends, earlier=earlier)
         except Undefined as error:
             raise StepFailed(Stop.DOMAIN, f"while locating an event: {error}") from error

@@ -2,8 +2,7 @@
 
 Everything that can happen to it has a closed form, so each defining system has exact derivatives:
 one scalar for a fold and for a pitchfork, two equations and the unknown angle for a complex pair,
-two and the unknown time for a site that grazes. All but those with springs, and of rings, are known
-to the compiled steps besides (`contbreather.orbits.closure_kernels`).
+two and the unknown time for a site that grazes.
 """
 
 from __future__ import annotations
@@ -13,23 +12,19 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import DefiningSystem, Point
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
-from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
-from contbreather.lattice.forcing import Forcing, Fourier, Harmonic, TrigonometricSeries
-from contbreather.lattice.periodic_green import half_period_green, weights_per_impulse
-from contbreather.orbits import closure_kernels as kernels
+from contbreather.lattice.chain import InfiniteChain
+from contbreather.lattice.conditions import restitution_ratio, spring_response
+from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
 from contbreather.orbits.closure import (
     ClosureTerms,
     closure_derivative,
@@ -52,7 +47,6 @@ from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
 from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
 from contbreather.parameters import NEEDED, NUMBERS
-from contbreather.stability.arc import band_workspace
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
@@ -212,37 +206,6 @@ class SymmetricProblem(OrbitProblem):
     def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
         return self.closure.derivatives(x, params, free)
 
-    def loops(self, free: tuple[str, ...], params: Mapping[str, float]) -> Loops | None:
-        """The equations with these parameters free, as functions that can be compiled; None with
-        springs, for the coupling of a ring, and on lattices of somebody else."""
-        on, forcing = self.closure.lattice, self.closure.forcing
-        places = {name: (place, 1.0) for place, name in enumerate(("a", "gamma", "k"))}
-        if isinstance(forcing, Fourier):  # where its coefficients are, and the factor for each
-            places |= {
-                f"{letter}{m}": (kernels.COEFFICIENTS + 2 * i + side, -1.0 / m**2)
-                for i, (m, _, _) in enumerate(forcing.harmonics)
-                for side, letter in enumerate("cs")
-                if f"{letter}{m}" in forcing.params
-            }
-        ring = on.sites is not None and "gamma" in free
-        own = type(on) in (InfiniteChain, Ring) and not isinstance(forcing, SpringResponse)
-        if not own or ring or any(name not in places for name in free):
-            return None
-        f = forcing_at(forcing, params)
-        freed, factors = zip(*(places[name] for name in free), strict=True)
-        fixed = None if "gamma" in free else params["gamma"]
-        data = kernels.ClosureData(
-            np.array(freed),
-            np.array(factors),
-            np.array([params.get(name, 0.0) for name in ("a", "gamma", "k")]),
-            np.array(f.harmonics, dtype=float),
-            on.expansion("chi", fixed),
-            on.expansion("sigma", fixed),
-            on.expansion("eta", fixed),
-            0,
-        )
-        return Loops(kernels.closure_system, kernels.closure_slopes, data)
-
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""
         return ()
@@ -266,17 +229,15 @@ def defining_system(
     """A multiplier of the half map on a circle: -1 is the fold (14), 1 the pitchfork."""
     breather = point.solution.representation
     if nu is not None:
-        endless = of.map(point.solution).lattice.sites is None
-        loops = _with_pair if endless else None
         slopes = partial(_circle_slopes, of)
-        return DefiningSystem({"nu": nu}, of.conditions, slopes, loops=loops, **more)
+        return DefiningSystem({"nu": nu}, of.conditions, slopes, **more)
     if of.nu == 0.0 and "spring" in point.curve.free:
         # with the lower edge of the band, root of the spring, as an unknown: 1/tau grows in
         # proportion to that from no spring on, where the curve in the spring has no tangent
         edge = math.sqrt(breather.lattice.spring)
         return DefiningSystem({"edge": edge}, _pitchfork_at_edge, domain={"edge": (0.0, 1.0)})
     scalar = PITCHFORK if of.nu == 0.0 else FOLD
-    return DefiningSystem({}, scalar.conditions, scalar.derivative, loops=scalar.loops)
+    return DefiningSystem({}, scalar.conditions, scalar.derivative)
 
 
 # --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
@@ -289,8 +250,6 @@ class Scalar(NamedTuple):
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
     terms: Callable[[Breather], ClosureTerms]
     terms_in: Callable[[Breather, ClosureTerms, str], ClosureTerms]
-    evaluate: Any  # both in compiled steps, beside (11)
-    derive: Any
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self.value(self.terms(Point(curve, z).solution.representation))])
@@ -300,9 +259,6 @@ class Scalar(NamedTuple):
         t = self.terms(breather)
         row = [self.derivative_in(t, self.terms_in(breather, t, name)) for name in curve.slots]
         return np.array([row])
-
-    def loops(self, closure: Loops, n: int) -> Loops:
-        return replace(closure, evaluate=self.evaluate, derive=self.derive)
 
 
 def _turning(breather: Breather, edge: float | None = None) -> ClosureTerms:
@@ -337,11 +293,10 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
 
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"), kernels.fold_system, kernels.fold_slopes,
+    partial(terms_derivative, mean="chi"),
 )  # fmt: skip
 PITCHFORK = Scalar(
-    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, kernels.pitchfork_system,
-    kernels.pitchfork_slopes,
+    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative,
 )  # fmt: skip
 
 
@@ -362,19 +317,11 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([row.real, row.imag])
 
 
-def _with_pair(closure: Loops, n: int) -> Loops:
-    """The closure with both equations of a pair."""
-    work = band_workspace(0.0, get_ident())
-    data = kernels.PairData(closure.data._replace(extra=1), work, np.empty((6, 2)))
-    return Loops(kernels.pair_system, kernels.pair_slopes, data)
-
-
 # --- a site that grazes -------------------------------------------------------------------------
 
 
 def local_maximum(breather: Breather, site: int) -> GrazingSite:
-    loops = partial(_with_contact, breather.lattice, breather.lattice.distance(site))
-    return GrazingSite(site, partial(_slopes, site), loops=loops)
+    return GrazingSite(site, partial(_slopes, site))
 
 
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
@@ -382,18 +329,3 @@ def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:
     slopes = orbit.motion.slopes(site, t, curve.free)
     slopes |= {"p": -2.0 * slopes["J1"], "phi": slopes["t1"]}
     return np.array([slopes[name] for name in (*curve.slots, "t")]).T
-
-
-def _with_contact(
-    lattice: UniformLattice, distance: int, wall: float, closure: Loops, n: int
-) -> Loops | None:
-    """The closure with a contact on the infinite chain."""
-    if lattice.sites is not None:
-        return None
-    # the coefficients of a response as polynomials in 4 gamma
-    expansions = (weights_per_impulse().T * lattice.moments(distance))[:, ::-1]
-    responses = half_period_green(lattice, 0.0, (distance, distance))  # but for its table
-    responses = responses._replace(table=np.zeros(responses.table.shape))
-    on = closure.data._replace(extra=1)
-    data = kernels.ContactData(on, wall, distance, expansions.copy(), responses)
-    return Loops(kernels.contact, kernels.contact_slopes, data)

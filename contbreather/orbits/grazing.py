@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.branch import Points
-from contbreather.continuation.compiled_steps import Loops
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.newton import Undefined
 from contbreather.continuation.point import CodimensionTwo, DefiningSystem, Event, Many, Point
@@ -57,8 +56,6 @@ class GrazingSite:
     """Derivatives of displacement and velocity in all unknowns, free parameters and the time."""
     motion: Callable[[Orbit, float], Terms] | None = None
     """Of the site, unless it is that of the orbit."""
-    loops: Callable[[float, Loops, int], Loops | None] | None = None
-    """The equations of an orbit with a contact at a wall, as functions that can be compiled."""
     further: tuple[Event, ...] = ()
     """What else ends its curve besides another contact."""
     scale: Callable[[Point], float] | None = None
@@ -66,9 +63,8 @@ class GrazingSite:
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
 
     def locus(self, wall: float, t: float, **more: Any) -> DefiningSystem:
-        loops = self.loops and partial(self.loops, wall)
         conditions = partial(self._conditions, wall)
-        return DefiningSystem({"t": t}, conditions, self._derivative, loops=loops, **more)
+        return DefiningSystem({"t": t}, conditions, self._derivative, **more)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
         orbit, t = Point(curve, z).solution, float(extra[0])

@@ -11,6 +11,7 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation.newton import Undefined
+from contbreather.continuation.step_interpolant import measure_many
 from contbreather.orbits.asymmetric_breather import symmetric_again
 from contbreather.orbits.branch_switching import lift
 from contbreather.orbits.constructors import asymmetric
@@ -61,11 +62,20 @@ def test_events_say_of_many_points_what_they_say_of_each(k: float, on: dict[str,
 
 
 def test_tests_of_many_points_that_do_not_fit_are_refused() -> None:
-    breather, steps = cb.symmetric(0.5, 0.06, 0.6), cb.Steps(largest=0.02)
-    within: dict[str, Any] = {"within": {"a": (0.3, 0.8)}, "steps": steps}
+    branch = cb.trace(cb.symmetric(0.5, 0.06, 0.6), "a", within={"a": (0.3, 0.8)})
     short = cb.Event("UZ", lambda p: p["a"], many=lambda points: (points.z[1:, 2], None))
     with pytest.raises(cb.BadInput, match=r"many of UZ gave arrays of shapes \[\(\d+,\)\]"):
-        cb.trace(breather, "a", events=[short], **within)
+        measure_many(short, branch.points)
+
+
+def test_events_that_are_looked_for_change_no_point() -> None:
+    plain, seen = (
+        cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.06, 0.9)}, events=events,
+                 inadmissible=True)
+        for events in ((), [cb.user("p", 99.0)])
+    )  # fmt: skip
+    assert np.array_equal(plain["arclength"], seen["arclength"])
+    assert np.array_equal(plain["a"], seen["a"])
 
 
 @pytest.mark.parametrize(
