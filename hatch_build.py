@@ -46,12 +46,10 @@ def compile_into(root: Path, folder: Path) -> None:
     if os.environ.get("CONTBREATHER_COMPILE") == "0":
         reason = "compiled loops, by CONTBREATHER_COMPILE=0"
     else:
-        line = [sys.executable, "-m", "contbreather.compiler", str(folder.absolute())]
+        line = [sys.executable, "-m", "contbreather.compiler"]
         done = subprocess.run(line, cwd=root, capture_output=True, text=True, check=False)
         said = (done.stdout + done.stderr).strip().splitlines()
         reason = f"some compiled loops: {said[-1]}" if said else ""
     folder.mkdir(mode=0o755, exist_ok=True)
-    for left in (folder / "lock", *folder.glob("*.failed")):
-        left.unlink(missing_ok=True)
     if reason:
         (folder / "reason.txt").write_text(f"{reason}\n", encoding="utf-8")

@@ -1,22 +1,21 @@
 """Hot loops, which are compiled: functions like any other, which as they are give the same bits,
-only some hundred times slower. Where their machine code is `machine_code` knows.
+only some hundred times slower. `machine_code` finds what `compiler` has made of them.
 """
 
 from __future__ import annotations
 
 import ctypes
+import logging
 import struct
 from collections.abc import Callable, Iterable
 from functools import cache, cached_property, lru_cache
-from importlib import import_module
-from types import FunctionType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contbreather import machine_code
-from contbreather.machine_code import INLINED, Function, NotCompiled, at_hand
+from contbreather.machine_code import INLINED, Function, NotCompiled
 
 T = TypeVar("T")
 
@@ -28,21 +27,8 @@ Counts = Annotated[NDArray[np.int64], "i8", 1]
 Table = Annotated[NDArray[np.int64], "i8", 2]
 Signs = Annotated[NDArray[np.int8], "i1", 1]
 
-TEXTS = (  # the modules with kernels, each to be imported with nothing but numpy
-    "contbreather.lattice.forcing",
-    "contbreather.lattice.periodic_green",
-    "contbreather.lattice.modal_flow",
-    "contbreather.stability.band_pairs",
-    "contbreather.stability.bordered",
-    "contbreather.orbits.margins",
-    "contbreather.orbits.site_motion",
-    "contbreather.simulation.event_loop",
-    "contbreather.simulation.smooth_flow",
-)
-
-# --- functions that are compiled ------------------------------------------------------------------
-
-KERNELS: list[Kernel] = []  # all there are
+KERNELS: list[Kernel] = []  # all that were imported
+FIXED: set[Any] = set()
 
 
 class Kernel:
@@ -51,14 +37,9 @@ class Kernel:
     Parameters
     ----------
     function : callable
-        Its globals are constants, `math`, NamedTuples, `call`, and functions like it; it asks for
-        no memory, and neither it nor what it calls raises anything.
-    kinds : str, optional
-        A letter p for each argument, where all are pointers to floats, as of functions to `call`;
-        it returns an int. Unless given, arguments are those of the annotations, and it returns
-        nothing.
-    data : type, optional
-        The NamedTuple that a function to `call` takes between two pointers.
+        Its arguments are annotated as above. Its globals are constants, `math`, NamedTuples, and
+        functions like it; it returns nothing and asks for no memory, and neither it nor what it
+        calls raises anything.
     long : bool, optional
         A call takes so long that other threads have the interpreter in the meantime.
 
@@ -69,10 +50,8 @@ class Kernel:
     True
     """
 
-    def __init__(
-        self, function: Function, kinds: str = "", *, data: Any = None, long: bool = False
-    ) -> None:
-        self.function, self.kinds, self.data, self.long = function, kinds, data, long
+    def __init__(self, function: Function, *, long: bool = False) -> None:
+        self.function, self.long = function, long
         KERNELS.append(self)
 
     def __repr__(self) -> str:
@@ -80,43 +59,36 @@ class Kernel:
 
     @cached_property
     def takes(self) -> tuple[Shape, ...]:
-        """What is handed over in words: its arguments, or the parts of its data."""
-        annotated = self.data if self.kinds else self.function
-        return () if annotated is None else _shapes(annotated)
-
-    @cached_property
-    def signature(self) -> str:
-        return " ".join([self.kinds, *map(str, self.takes)])
+        """What is handed over in words: its arguments."""
+        return _shapes(self.function)
 
     @property
     def file(self) -> str:
         """The name of its object file."""
-        return machine_code.file_name(self.function, self.signature)
+        return machine_code.file_name(self.function, " ".join(map(str, self.takes)))
 
     @cached_property
     def code(self) -> Function | None:
-        """The machine code, to be called with addresses; None where there is none."""
+        """The machine code, to be called with an address; None where there is none."""
         try:
-            return callable_at(_address(self), self.kinds or FRAME, self.long)
-        except NotCompiled as reason:
+            at = machine_code.code_address(self.file)
+        except (NotCompiled, ImportError) as reason:
             _say(str(reason))
             return None
+        # most calls are too short to be worth handing the interpreter to other threads
+        kind = ctypes.CFUNCTYPE if self.long else ctypes.PYFUNCTYPE
+        return kind(ctypes.c_int64, ctypes.c_void_p)(at)
 
     def __call__(self, *values: Any) -> None:
         """By machine code, or as it is: the same bits."""
         if self.code is None:
             self.as_it_is(*values)
         else:
-            self.run(self.code, values)
+            self.code(_begin(self.framed(values)))
 
     def as_it_is(self, *values: Any) -> None:
         with np.errstate(all="ignore"):  # machine code goes on with an infinity
             self.function(*values)
-
-    def run(self, code: Function, values: Iterable[Any]) -> None:
-        """By machine code of it."""
-        frame = self.framed(values)
-        code(_begin(frame))
 
     def framed(self, values: Iterable[Any]) -> NDArray[np.float64]:
         """What it takes in words of eight bytes."""
@@ -150,22 +122,6 @@ class Kernel:
         return call_code
 
 
-EQUATIONS = "ppp"  # kinds of functions to `call`
-
-
-def listed(data: Any, *functions: Function) -> None:
-    """Have them compiled with the package: for those that are handed over, not called by name."""
-    for function in functions:
-        Kernel(inlined(function), EQUATIONS, data=data)
-
-
-def call(function: Any, z: Any, data: Any, out: Any) -> int:
-    """Call a function that was handed over, of two arrays and what it asks for besides; compiled,
-    by its address, of pointers to their beginnings and to the words of what it asks for."""
-    answer: int = function(z, data, out)
-    return answer
-
-
 def inlined(function: Function) -> Function:
     """Written out where it is called: tuples of many arrays are dear to hand over."""
     INLINED.add(function.__code__)
@@ -178,28 +134,9 @@ def fixed(kind: T) -> T:
     return kind
 
 
-FIXED: set[Any] = set()
-
-
-@lru_cache(maxsize=256)
-def bound(function: Function, **names: Any) -> Function:
-    """A function with other globals, also in what it calls in its module; the same each time."""
-    return _bound(function, tuple(names.items()), {})
-
-
-def _bound(function: Function, names: Any, done: dict[Any, Any]) -> Any:
-    if function not in done:
-        values = function.__globals__
-        text = "_".join(getattr(value, "__qualname__", str(value)) for _, value in names)
-        scope = {name: values[name] for name in function.__code__.co_names if name in values}
-        copy = FunctionType(function.__code__, scope, f"{function.__name__}_{text}")
-        copy.__module__, copy.__qualname__ = function.__module__, f"{function.__qualname__}_{text}"
-        done[function] = copy
-        for name, value in scope.items():
-            if isinstance(value, FunctionType) and value.__module__ == function.__module__:
-                scope[name] = _bound(value, names, done)
-        scope.update({name: value for name, value in names if name in scope})
-    return done[function]
+@cache
+def _say(reason: str) -> None:
+    logging.getLogger("contbreather").info("goes on without compiled code: %s", reason)
 
 
 # --- arrays and tuples as numbers -----------------------------------------------------------------
@@ -219,7 +156,6 @@ class Shape(NamedTuple):
         return f"{self.name}:{inner}{self.axes or ''}"
 
 
-FRAME = "p"  # where there are words that are i8, f8, and addresses of f8, i8 and i1
 _PLAIN = {float: "f8", int: "i8", bool: "b1"}
 
 
@@ -302,83 +238,3 @@ def _of_fixed(value: Any, shape: Shape) -> list[Any]:
 
 
 _reader_of = lru_cache(maxsize=64)(_reader)
-
-
-# --- their machine code ---------------------------------------------------------------------------
-
-
-def address(function: Function, kinds: str) -> int:
-    """Where the machine code of a function begins, by the kinds of its arguments.
-
-    Raises
-    ------
-    NotCompiled
-        If there is none, with the reason.
-    """
-    return _address(kernel_of(function, kinds))
-
-
-def callable_at(address: int, kinds: str, long: bool = False) -> Callable[..., int]:
-    """Machine code, to be called with addresses."""
-    pointers = len(kinds) * [ctypes.c_void_p]
-    # most calls are too short to be worth handing the interpreter to other threads
-    kind = ctypes.CFUNCTYPE if long else ctypes.PYFUNCTYPE
-    return kind(ctypes.c_int64, *pointers)(address)
-
-
-def kernel_of(function: Function, kinds: str) -> Kernel:
-    for kernel in KERNELS:
-        if kernel.function is function and kernel.kinds == kinds:
-            return kernel
-    unlisted = object.__new__(Kernel)
-    unlisted.function, unlisted.kinds, unlisted.data = function, kinds, None
-    return unlisted
-
-
-def _address(kernel: Kernel) -> int:
-    try:
-        name = kernel.file
-    except ImportError as error:
-        raise NotCompiled(f"{error}; pip install numba") from error
-    if kernel not in KERNELS and name not in at_hand().files:
-        told = f"{kernel.function.__name__} is not among what is compiled with the package"
-        raise NotCompiled(told)
-    return machine_code.code_address(name)
-
-
-def is_foreign(function: Function) -> bool:
-    """Whether it was decorated with `numba.njit`, or calls what was."""
-    if hasattr(function, "py_func"):
-        return True
-    names = (
-        (part, name) for part in machine_code.called(function) for name in part.__code__.co_names
-    )
-    return any(hasattr(part.__globals__.get(name), "py_func") for part, name in names)
-
-
-@cache
-def _say(reason: str) -> None:
-    import logging  # dear to import
-
-    logging.getLogger("contbreather").info("goes on without compiled code: %s", reason)
-
-
-def status() -> str:
-    """Whether all of it is compiled, where it is, and why not."""
-    for text in TEXTS:
-        import_module(text)
-    try:
-        names = [kernel.file for kernel in KERNELS]
-    except ImportError as error:
-        return f"nothing is compiled: {error}; pip install numba"
-    files = at_hand().files
-    found = {name: machine_code.unusable(files[name]) for name in names if name in files}
-    have = [files[name] for name, reason in found.items() if not reason]
-    folders = ", ".join(sorted({str(path.parent) for path in have}))
-    head = f"{len(have)} of {len(names)} loops are compiled" + (f", in {folders}" if have else "")
-    lines = [head, *filter(None, found.values())]
-    if len(found) < len(names):
-        note = machine_code.OBJECTS / "reason.txt"  # which the installation left
-        lines += [f"when it was installed: {note.read_text().strip()}"] if note.exists() else []
-        lines.append(machine_code.why_missing(next(name for name in names if name not in files)))
-    return "; ".join(lines)

@@ -48,12 +48,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    place = machine_code.cache_directory()
-    if os.environ.get(machine_code.ASKED) != "0" and place is not None and find_spec("numba"):
-        os.environ[machine_code.ASKED] = "0"  # of other processes, those of xdist among them
-        subprocess.run(
-            [*machine_code.COMPILER, place.absolute()], cwd=machine_code.HOME, check=True
-        )
+    if find_spec("numba") and "PYTEST_XDIST_WORKER" not in os.environ:
+        subprocess.run(machine_code.COMPILE.replace("python", sys.executable).split(), check=True)
 
 
 @pytest.hookimpl(wrapper=True)

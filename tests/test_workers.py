@@ -21,7 +21,6 @@ import pytest
 
 import contbreather as cb
 from contbreather import workers
-from contbreather.machine_code import workers_process
 from contbreather.workers import Failed, processes
 
 from .apart import begun, ended, until
@@ -287,12 +286,6 @@ def test_what_a_script_defines_is_sent_as_it_is_and_needs_no_guard(tmp_path: Pat
     )
     found = ended(script)
     assert (found.stderr, found.stdout) == ("", "0.8 2.0\n1.907878403 4.0\n")
-
-
-def test_who_works_for_another_process_knows() -> None:
-    with processes(1) as pool:
-        assert pool.submit(workers_process).result() is True
-    assert workers_process() is False
 
 
 # --- what an executor raises ----------------------------------------------------------------------

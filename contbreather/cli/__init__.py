@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _about() -> int:
     """The version, and whether its loops are compiled."""
-    from contbreather.kernels import status
+    from contbreather.compiler import status
 
     print(f"{__version__}\n{status()}")
     return DONE

@@ -99,9 +99,9 @@ def rows() -> list[Row]:
 
 def compiled() -> None:
     """All that can be compiled is, and loaded."""
-    from contbreather import kernels
+    from contbreather import compiler, kernels
 
-    assert all(one.code for one in kernels.KERNELS), kernels.status()
+    assert all(one.code for one in kernels.KERNELS), compiler.status()
 
 
 def branch_row(sites: int, aim: float) -> Row:
