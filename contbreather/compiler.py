@@ -24,6 +24,7 @@ from contbreather.machine_code import INLINED, NEVER, OBJECTS, Function, NotComp
 TEXTS = (  # the modules with kernels, those with most code first; each imports but numpy
     "contbreather.simulation.event_loop",
     "contbreather.orbits.margins",
+    "contbreather.orbits.closure_kernels",
     "contbreather.stability.bordered",
     "contbreather.stability.band_pairs",
     "contbreather.orbits.site_motion",

@@ -75,6 +75,14 @@ class Points(Sequence[Point]):
         return Points(curve, np.stack(z), tangent, *numbers, marked)
 
     @staticmethod
+    def one(point: Point) -> Points:
+        """A plain point of a walk as a piece of its own."""
+        numbers = np.array([point.arclength]), np.array([point.residual])
+        points = Points(point.curve, point.z[None], point.direction[None], *numbers)
+        points._points[0] = point
+        return points
+
+    @staticmethod
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         """Several pieces as one."""
         parts, marked, start = list[Points](), dict[int, Point](), 0

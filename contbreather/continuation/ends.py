@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BadInput, NotConverged
+from .branch import Points
 from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .linear_algebra import least_singular, sense
@@ -33,7 +34,7 @@ from .point import Point
 from .problem import Problem
 from .settings import Within, windows
 from .sparse import is_sparse, scaled
-from .step_interpolant import closest_tangent
+from .step_interpolant import MANY, closest_tangent
 
 QUIET: Any = dict.fromkeys(("over", "invalid", "divide"), "ignore")  # the branch ends, with why
 _MOVED = 1e-3  # how far, relative to 1 + |z|, a start may be moved without a word
@@ -340,6 +341,17 @@ class Tendency:
         falls = 0.0 < -slope * math.copysign(size, value) < POWER * abs(value)
         return self.reaches and less and falls
 
+    def moves_on(self, values: Array, sizes: Array) -> bool:
+        """Take several values at once, if each is another than the one before and none is small."""
+        largest = max(self.largest, float(abs(values).max()))
+        unit = largest if self.reaches else abs(values)
+        moves = abs(np.diff(values, prepend=self.moved)) > STILL * unit
+        if not (moves & (abs(values) > SMALL * largest)).all():
+            return False
+        self.largest, self.small = largest, math.inf
+        self.moved, self.since = float(values[-1]), 1.0 + float(sizes[-1])
+        return True
+
 
 def unlike_scales(curve: Curve, z: Array) -> str:
     """What to say of unknowns and parameters far from 1 in size without `scales`, where a walk
@@ -365,7 +377,18 @@ class Growth:
             reaches = all(b.low <= 0.0 <= b.high for b in bounds if b.name == name)
             self.tendencies.append(Tendency(name, slot, abs(float(start[slot])), reaches))
 
-    def end(self, z: Array, tangent: Array) -> str:
+    def end(self, points: Points) -> tuple[int, str] | None:
+        """The first of several points beyond which nothing is to come, and what z tends to."""
+        if len(points) >= MANY:
+            sizes = np.sqrt(points.z**2 @ self.curve.metric)
+            if all(param.moves_on(points.z[:, param.slot], sizes) for param in self.tendencies):
+                return None
+        for i, at in enumerate(zip(points.z, points.tangent, strict=True)):
+            if limit := self._tends_to(*at):
+                return i, limit
+        return None
+
+    def _tends_to(self, z: Array, tangent: Array) -> str:
         """What z tends to where nothing is to come beyond; empty where it does not."""
         size, gone, since = self.curve.length(z), [], 0.0
         for param in self.tendencies:

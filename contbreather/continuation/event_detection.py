@@ -10,6 +10,10 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .branch_points import GAP
 from .defining_systems import Singular
@@ -30,6 +34,7 @@ from .step_interpolant import (
     StepInterpolant,
     StepSamples,
     Value,
+    count_at,
     counts_apart,
     value_of_test,
 )
@@ -74,23 +79,20 @@ def find(
     *,
     crossing: Point | None,
     ends: Ends,
-    earlier: tuple[float, Sequence[Value]] | None = None,
+    quiet: Sequence[Any] | None = None,
 ) -> StepEvents:
     """All events on one step of a walk.
 
-    `before` and `after` are the tests at its ends, `earlier` arclength and tests a step before it,
-    `crossing` a branch point known to lie on it.
+    `before` and `after` are the tests at its ends, `crossing` a branch point known to lie on it;
+    `quiet` says of each test whether it has no candidate by its values (`quiet_steps`).
     """
     curve = segment.curve
     curve.passes(segment.last.z)
-    quiet = set[int]()
-    if earlier is not None and crossing is None and not (ends.first or ends.closed):
-        pace = (segment.first.arclength - earlier[0]) / segment.length
-        values = earlier[1], before, after
-        quiet = without_candidate(events, pace, *values, (segment.first, segment.last))
+    if quiet is None or crossing is not None or ends.first or ends.closed:
+        quiet = len(events) * [False]
     tests = [
-        StepSamples(segment, event, {0.0: before[i], 1.0: after[i]}, clear=i in quiet)
-        for i, event in enumerate(events)
+        StepSamples(segment, *row[:1], {0.0: row[1], 1.0: row[2]}, clear=bool(row[3]))
+        for row in zip(events, before, after, quiet, strict=True)
     ]
     for samples in tests:
         # those with a matrix say more of what is between than their values do
@@ -136,41 +138,45 @@ def _in_order(points: Sequence[Point], events: Sequence[Event]) -> list[Point]:
     return [p for place in places for p in sorted(place, key=lambda p: order.get(id(p.event), -1))]
 
 
-def without_candidate(
+def quiet_steps(
     events: Sequence[Event],
-    pace: float,
-    earlier: Sequence[Value],
-    before: Sequence[Value],
-    after: Sequence[Value],
-    ends: tuple[Point, Point],
-) -> set[int]:
+    places: Sequence[float],
+    tests: Sequence[Sequence[Value]],
+    counts: Sequence[Any],
+    first: Point,
+    points: Sequence[Point],
+) -> NDArray[np.bool_]:
     """Which tests are so far from zero, by the parabola through their last three values, and change
-    so little that nothing is to be looked for within the step between two points; `pace` is the
-    length of the step before, relative to this one."""
-    clear = set[int]()
-    for i, (event, past, start, end) in enumerate(zip(events, earlier, before, after, strict=True)):
+    so little that nothing is to be looked for within a step; in rows, on each step but the first
+    between these places. `tests` has a row for each event, and `counts` for those that are known;
+    the others are asked at `first`, the second place, and the points that follow."""
+    values, steps = np.array(tests, dtype=float), np.diff(places)
+    start, end = values[:, 1:-1], values[:, 2:]
+    blank = np.isnan(start) & np.isnan(end)  # what is between has nothing to change from
+    quiet: NDArray[np.bool_] = blank | _is_flat(steps[:-1] / steps[1:], values[:, :-2], start, end)
+    for i, (event, count) in enumerate(zip(events, counts, strict=True)):
         if event.test is None:
-            quiet = start == end
-        elif math.isnan(start) and math.isnan(end):  # what is between has nothing to change from
-            quiet = not counts_apart(event, *ends)
-        elif (isinstance(start, int) and isinstance(end, int)) or not start * end > 0:
-            quiet = False
-        else:
-            quiet = _is_flat(pace, past, start, end) and not counts_apart(event, *ends)
-        if quiet:
-            clear.add(i)
-    return clear
+            quiet[i] = start[i] == end[i]
+        elif any(isinstance(value, int) for value in tests[i]):
+            quiet[i] = blank[i]
+        elif count is not None:
+            known = np.append(count_at(event, first), count)
+            quiet[i] &= ~(abs(np.diff(known)) > 1)
+        elif event.count is not None:
+            for j in np.flatnonzero(quiet[i]).tolist():
+                quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
+    return quiet
 
 
-def _is_flat(pace: float, earlier: float, start: float, end: float) -> bool:
+def _is_flat(pace: Any, earlier: Any, start: Any, end: Any) -> Any:
     """Whether the parabola through three values stays away from zero."""
     # start + b u + curvature u^2 through (-pace, earlier), (0, start) and (1, end): its value at
     # 1/2 is (start + end) / 2 - curvature / 4
     curvature = (end - start - (start - earlier) / pace) / (1 + pace)
     middle = (0.5 * (start + end) - 0.25 * curvature) / start  # all of them in units of the first
     last = end / start
-    inside = _FLAT * max(middle, 1.0) < last < 1 / _FLAT and _FLAT * middle < 1
-    return inside and middle > _CALM * max(last, 1.0) and earlier / start > 0
+    inside = (last > _FLAT * np.maximum(middle, 1.0)) & (last < 1 / _FLAT) & (_FLAT * middle < 1)
+    return inside & (middle > _CALM * np.maximum(last, 1.0)) & (earlier / start > 0)
 
 
 def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:

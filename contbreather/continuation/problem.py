@@ -95,6 +95,9 @@ class Problem:
     sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # ``(names, params) -> (kernel, data) or None``: with these parameters free, what takes many
+    # steps at once (`walk_kernel.walker`) and what it asks for
+    walker: ClassVar[Callable[..., Any] | None] = None
     # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
     # last point are tried first, the residual to the accuracy that such an iteration needs
     roughly: ClassVar[Callable[[Array, Params], Array] | None] = None

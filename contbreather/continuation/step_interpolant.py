@@ -20,6 +20,7 @@ from .point import Event, Many, Point
 
 Value = float | int
 
+MANY = 8  # points from which on to ask about all at once is quicker
 _BESIDE = 0.1  # how far off the cubic a point between may lie, relative to the step
 _NOTHING = 1e-8  # neighbours closer than this, relative to 1 + |z|, have nothing between them
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
@@ -146,6 +147,17 @@ def counted(event: Event, value: Any) -> Value:
             f"the test of {event.kind} gave {value!r}; one real number was expected, or NaN where "
             "it has no value"
         ) from error
+
+
+def values_of_test(event: Event, points: Points) -> tuple[list[Value], Array | None]:
+    """The tests of an event on a piece of a walk; its counts as far as they are known with them."""
+    try:
+        answer = measure_many(event, points) if len(points) >= MANY else None
+    except OUT_OF_DOMAIN:
+        answer = None
+    if answer is None:
+        return [value_of_test(event, point) for point in points], None
+    return answer[0].tolist(), answer[1]
 
 
 def measure_many(event: Event, points: Points) -> Many | None:

@@ -1,4 +1,8 @@
-"""One step along a curve: the next point that is certainly on it, with nothing hidden between."""
+"""Steps along a curve: the next points that are certainly on it, with nothing hidden between.
+
+What is said here of one step holds for all. `walk_kernel` has the same in machine code, many at
+once, for problems that bring their equations so; what is more than a plain step is taken here.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .branch import Stop
+from .branch import Points, Stop
 from .branch_points import crossing
 from .curve import LEVEL, Curve
 from .ends import Bound, StartOnCurve
@@ -17,6 +21,7 @@ from .newton import FEW, Array, Solution, Undefined, newton, newton_step
 from .point import Point
 from .settings import Steps
 from .step_interpolant import StepInterpolant
+from .walk_kernel import Pieces, Rules
 
 LOG = logging.getLogger(__name__)
 
@@ -34,6 +39,7 @@ _ALONG = 1e-14  # how far, relative to that, rounding may leave a bound that a c
 _FINE = 1e-7  # relative distance at which a curve has come back to its start
 _PASS = 0.03  # at a branch point: distance, relative to the step, and angle at which it has
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
+_FIRST, _MOST = 8, 256  # steps at once: at first, and at most
 _GAP = 1e-6  # steps shorter than this, relative to 1 + |z|, cannot tell two curves apart
 
 
@@ -47,11 +53,11 @@ class StepFailed(Exception):
 
 
 @dataclass(frozen=True)
-class Step:
-    """One accepted step: its end, and whether the walk ends here."""
+class Piece:
+    """Steps that were accepted, one or more: their ends, and whether the walk ends with the last."""
 
-    point: Point
-    crossing: Point | None = None  # the branch point on it, where the determinant changes sign
+    points: Points
+    crossing: Point | None = None  # branch point on the only one: the determinant changes sign
     stop: Stop | None = None
 
 
@@ -71,9 +77,12 @@ class Stepper:
         self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
         self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
+        self.pieces, self.together = self._pieces(), _FIRST
 
-    def next(self, point: Point, count: int) -> Step:
-        """The next step, which may close a loop."""
+    def next(self, point: Point, count: int) -> Piece:
+        """The next steps: many at once, or one, which may close a loop."""
+        if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
+            return Piece(points)
         try:
             step = self._advance(point)
         except StepFailed as failed:
@@ -84,16 +93,56 @@ class Stepper:
             if wrong:
                 raise StepFailed(failed.stop, wrong) from failed
             step = self._advance(point)
-        length = step.point.arclength - point.arclength
+        last = step.points[0]
+        length = last.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
         self.tiny = self.tiny + 1 if length < _TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
-        if count > 2 and self._closes(point, step.point):
+        if count > 2 and self._closes(point, last):
             length = point.arclength + self.curve.length(self.start.z - point.z)
-            step = replace(step, point=replace(self.start, arclength=length), stop=Stop.CLOSED)
+            end = Points.of([replace(self.start, arclength=length)])
+            step = replace(step, points=end, stop=Stop.CLOSED)
         return step
+
+    # --- many at once ---
+
+    def _pieces(self) -> Pieces | None:
+        """Who takes many steps at once; None where there is no machine code, or each is to have a
+        line of its own among the messages."""
+        curve, steps, walker = self.curve, self.steps, self.curve.problem.walker
+        plain = all(isinstance(bound.slot, int) for bound in self.bounds)
+        if walker is None or not plain or LOG.isEnabledFor(logging.DEBUG):
+            return None
+        known = walker(curve.free, curve.fixed)
+        if known is None or known[0].code is None:
+            return None
+        low = np.array([bound.low for bound in self.bounds])
+        high = np.array([bound.high for bound in self.bounds])
+        for i, bound in enumerate(self.bounds):
+            for side, end, off in bound.ends:
+                # short of a bound: it is landed on, unless the curve begins there
+                if abs(bound.value(curve.start) - end) > off:
+                    (low if side < 0 else high)[i] = end - side * off
+        slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
+        sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
+        rules = Rules(*sizes, slots, low, high, curve.metric, self.across, curve.start)
+        return Pieces(*known, rules)
+
+    def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
+        """As many steps as come off at once; None where the first is more than a plain one."""
+        state = point.arclength, self.size, self.sign, self.longest
+        start = point.z, point.direction, self.curvature
+        rows = pieces.steps(start, state, min(self.together, most))
+        if not len(rows[0]):
+            return None
+        _, self.size, sign, self.longest = pieces.state.tolist()
+        self.sign, self.tiny, self.curvature = int(sign), 0, pieces.room.curvature.copy()
+        self.together = min(2 * self.together, _MOST)
+        return Points(self.curve, *rows)
+
+    # --- one by one ---
 
     def _closes(self, point: Point, last: Point) -> bool:
         """Whether the step passes the start, in the direction in which the curve left it."""
@@ -115,7 +164,7 @@ class Stepper:
         gap = solution.z - start.z
         return self.curve.length(gap) <= _FINE * (1 + self.curve.length(solution.z))
 
-    def _advance(self, point: Point) -> Step:
+    def _advance(self, point: Point) -> Piece:
         """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
@@ -132,7 +181,7 @@ class Stepper:
             size /= 2
         raise failed or StepFailed(Stop.NO_CONVERGENCE)
 
-    def _attempt(self, point: Point, size: float) -> Step:
+    def _attempt(self, point: Point, size: float) -> Piece:
         curve, curvature, sign = self.curve, self.curvature, self.sign
         # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
@@ -168,7 +217,7 @@ class Stepper:
         self.size = size * _next_size(solution.iterations, check.turn, self.steps.growth)
         self.sign = check.sign or sign
         self.curvature = (check.tangent - point.direction) / (arclength - point.arclength)
-        return Step(last, branch_point, None if landing is None else Stop.BOUND)
+        return Piece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from operator import attrgetter
 from typing import Any, Protocol
 
@@ -19,17 +18,18 @@ from ..errors import BadInput
 from ..progress import Counter
 from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
+from .curve import PASSED
+from .defining_systems import Singular
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve, unlike_scales
-from .event_detection import Ends, StepEvents, find
-from .newton import Undefined
+from .event_detection import Ends, StepEvents, find, quiet_steps
+from .newton import Array, Undefined
 from .point import Event, Point
 from .problem import Problem, problem_in
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
-from .step_interpolant import StepInterpolant, Value, counted, value_of_test
-from .stepper import EXACT, Step, StepFailed, Stepper
+from .step_interpolant import StepInterpolant, Value, counted, values_of_test
+from .stepper import EXACT, Piece, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
-Piece = Sequence[Point]
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
 
 _NOTHING = StepEvents((), (), ())  # what happens where nothing is looked for
@@ -202,6 +202,35 @@ def iterate(
     return ContinuationIterator(way, wanted, chosen).run()
 
 
+@dataclass
+class Ahead:
+    """Steps that were made and are to be looked through.
+
+    Attributes
+    ----------
+    piece : Piece
+    tests, counts : list
+        A row for each event, with its tests at all points; its counts, or None.
+    """
+
+    piece: Piece
+    tests: list[list[Value]]
+    counts: list[Array | None]
+
+    @classmethod
+    def of(cls, piece: Piece, events: Sequence[Event]) -> Ahead:
+        asked = [values_of_test(event, piece.points) for event in events]
+        return cls(piece, [tests for tests, _ in asked], [counts for _, counts in asked])
+
+    def beyond(self, n: int) -> Ahead | None:
+        """Those that are left of them after so many."""
+        if n == len(self.piece.points):
+            return None
+        counts = [None if row is None else row[n:] for row in self.counts]
+        points = self.piece.points[n:]
+        return Ahead(replace(self.piece, points=points), [row[n:] for row in self.tests], counts)
+
+
 class ContinuationIterator:
     """One curve in one direction, from its start to where it ends."""
 
@@ -210,7 +239,7 @@ class ContinuationIterator:
         self.curve, start = way.point.curve, way.point
         self.stepper = Stepper(way, steps)
         self.point, self.count = start, 0  # where it is, after how many steps
-        self.walked: list[Piece] = []
+        self.walked: list[Sequence[Point]] = []
         self.doubtful: list[Point] = []
         self.unresolved: tuple[Point, ...] = ()  # the first point that its unknowns do not resolve
         self.end = End(Stop.INTERRUPTED)
@@ -242,7 +271,7 @@ class ContinuationIterator:
             self.walked.append(piece)
             shown.advance(piece[-1], len(piece))
             if kept:
-                kept.look(any(point.kind for point in piece), so_far)
+                kept.look(isinstance(piece, list) and any(point.kind for point in piece), so_far)
             if not unresolved(piece[-1]):
                 continue
             finer = look(piece[-1])
@@ -256,7 +285,7 @@ class ContinuationIterator:
 
     def branch(self) -> Branch:
         """What there is of it."""
-        points, end = labelled(Points.of(chain.from_iterable(self.walked))), self.end
+        points, end = labelled(Points.joined(self.walked)), self.end
         doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
         return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
 
@@ -266,10 +295,10 @@ class ContinuationIterator:
             yield from piece
         return self.end
 
-    def pieces(self) -> Iterator[Piece]:
+    def pieces(self) -> Iterator[Sequence[Point]]:
         """The same, several points at a time."""
         stop: Stop | None = None
-        reason = ""
+        reason, ahead = "", None
         while stop is None and self.count < self.steps.most:
             try:
                 with np.errstate(**QUIET):
@@ -277,11 +306,14 @@ class ContinuationIterator:
                     #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
                     # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
                     # adapt     s, so that the tangent turns by 0.15, in 4 iterations
-                    step = self.stepper.next(self.point, self.count)
-                    # test      at its end: a change of sign, or what may hide two of them
-                    # locate    by the defining system of the event, where it has one
-                    found = self._located(step) if self.events else _NOTHING
-                    line, stop = self._line_up(step, found)
+                    if ahead is None:
+                        ahead = Ahead.of(self.stepper.next(self.point, self.count), self.events)
+                    # test      at the end of each: a change of sign, or what may hide two of them
+                    line, quiet = self._without_candidates(ahead)
+                    if not len(line):
+                        # locate    by the defining system of the event, where it has one
+                        found = self._located(ahead, quiet) if self.events else _NOTHING
+                        line, stop = self._line_up(ahead, found)
             except StepFailed as failed:
                 stop, reason = failed.stop, failed.reason
                 if stop is Stop.NO_CONVERGENCE:
@@ -289,10 +321,15 @@ class ContinuationIterator:
                     reason = "; ".join(filter(None, (reason, advice)))
                 break
             # record
-            self.point, self.count = line[-1] if stop else step.point, self.count + 1
+            passed = line if isinstance(line, Points) else ahead.piece.points[:1]
+            limit = self.growth.end(passed) if stop is None else None
+            self.point, self.count = (line if stop else passed)[-1], self.count + len(passed)
+            ahead = ahead.beyond(len(passed))
+            if limit:
+                stop, reason = Stop.INFINITY, limit[1]
+                line = line[: limit[0] + 1] if line is passed else line
+                self.point = line[-1]
             yield line
-            if stop is None and (limit := self.growth.end(self.point.z, self.point.direction)):
-                stop, reason = Stop.INFINITY, limit
         stop = stop or Stop.MOST
         reason = reason or self._edge(self.point, stop)
         if self.count == 0:
@@ -301,25 +338,47 @@ class ContinuationIterator:
             yield [self.point]
         self.end = End(stop, reason, tuple(self.doubtful))
 
+    # --- test ---
+
+    def _without_candidates(self, ahead: Ahead) -> tuple[Sequence[Point], Sequence[Any] | None]:
+        """The first of the steps ahead, as far as no event has anything to look for on them; and
+        for which events that is so on the next, None where it is not known."""
+        points, more = ahead.piece.points, ahead.piece.crossing or ahead.piece.stop
+        if self.earlier is None:
+            return () if self.events or more or not self.count else points, None
+        places = [self.earlier[0], self.point.arclength, *points.arclength.tolist()]
+        rows = zip(self.earlier[1], self.tests, ahead.tests, strict=True)
+        tests = [[past, now, *row] for past, now, row in rows]
+        quiet = quiet_steps(self.events, places, tests, ahead.counts, self.point, points)
+        # matrices say more of what is between two points than values do
+        if more or any(isinstance(event.test, Singular) for event in self.events):
+            return (), quiet[:, 0]
+        n = int(np.append(quiet.all(axis=0), False).argmin())
+        if n:
+            self.earlier = places[n], [row[n] for row in tests]
+            self.tests = tuple([row[n + 1] for row in tests])
+            for z in points.z[max(n - PASSED, 0) : n]:
+                self.curve.passes(z)
+        return points[:n], quiet[:, 0]
+
     # --- locate ---
 
-    def _located(self, step: Step) -> StepEvents:
-        """What happens on this step."""
-        segment = StepInterpolant(self.point, step.point, self.steps.tolerance)
-        ends = Ends(self.count == 0, step.stop is Stop.BOUND, step.stop is Stop.CLOSED)
+    def _located(self, ahead: Ahead, quiet: Sequence[Any] | None) -> StepEvents:
+        """What happens on the first of the steps ahead."""
+        segment = StepInterpolant(self.point, ahead.piece.points[0], self.steps.tolerance)
+        stop, crossing = ahead.piece.stop, ahead.piece.crossing
+        ends = Ends(self.count == 0, stop is Stop.BOUND, stop is Stop.CLOSED)
         try:
-            earlier, self.earlier = self.earlier, (self.point.arclength, self.tests)
-            crossing = step.crossing
-            after = tuple([value_of_test(event, step.point) for event in self.events])
-            tests = self.tests, after
-            return find(segment, self.events, *tests, crossing=crossing, ends=ends, earlier=earlier)
+            self.earlier = self.point.arclength, self.tests
+            tests = self.tests, tuple([row[0] for row in ahead.tests])
+            return find(segment, self.events, *tests, crossing=crossing, ends=ends, quiet=quiet)
         except Undefined as error:
             raise StepFailed(Stop.DOMAIN, f"while locating an event: {error}") from error
 
-    def _line_up(self, step: Step, located: StepEvents) -> tuple[list[Point], Stop | None]:
+    def _line_up(self, ahead: Ahead, located: StepEvents) -> tuple[list[Point], Stop | None]:
         """The points of this step, in order, and whether the walk ends with it."""
-        point, begins = self.point, self.count == 0
-        reach = 1e-8 * (step.point.arclength - point.arclength)
+        point, begins, last = self.point, self.count == 0, ahead.piece.points[0]
+        reach = 1e-8 * (last.arclength - point.arclength)
         before, self.tests = self.tests, located.after
         starts, line = list[Point](), list[Point]()
         if begins:  # later, what the step before ended short of is found
@@ -331,7 +390,7 @@ class ContinuationIterator:
         ended = {id(special.event) for special in starts}
         if begins:  # what is negative there is rounding: more of it is refused
             ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
-        stop = step.stop
+        stop = ahead.piece.stop
         if any(id(event) in ended for event in broken):
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:
@@ -345,13 +404,13 @@ class ContinuationIterator:
                 names = ", ".join(event.kind for event in broken)
                 reason = f"the end of the meaningful region ({names}) was not located"
                 raise StepFailed(Stop.NO_CONVERGENCE, reason)
-        near = bool(line) and abs(line[-1].arclength - step.point.arclength) <= reach
+        near = bool(line) and abs(line[-1].arclength - last.arclength) <= reach
         if stop is not Stop.EVENT and not near:
-            line.append(step.point)
+            line.append(last)
         # what is singular where an event ends the curve needs no other name: at R1 of a curve of NS
         # its equations are those of a fold, too
-        last = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
-        self.doubtful += [p for p in located.doubtful if p.arclength < last]
+        end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
+        self.doubtful += [p for p in located.doubtful if p.arclength < end]
         return line, stop
 
     # --- end ---

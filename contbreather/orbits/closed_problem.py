@@ -22,8 +22,8 @@ from contbreather.continuation.point import DefiningSystem, Point
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
-from contbreather.lattice.chain import InfiniteChain
-from contbreather.lattice.conditions import restitution_ratio, spring_response
+from contbreather.lattice.chain import InfiniteChain, Ring
+from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
 from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
 from contbreather.orbits.closure import (
     ClosureTerms,
@@ -42,6 +42,7 @@ from contbreather.orbits.closure import (
     terms_at,
     terms_derivative,
 )
+from contbreather.orbits.closure_kernels import WALK, closure_data
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
@@ -205,6 +206,14 @@ class SymmetricProblem(OrbitProblem):
 
     def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
         return self.closure.derivatives(x, params, free)
+
+    def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
+        """None with springs, for the coupling of a ring, and on lattices of somebody else."""
+        on, forcing = self.closure.lattice, self.closure.forcing
+        if type(on) not in (InfiniteChain, Ring) or isinstance(forcing, SpringResponse):
+            return None
+        data = closure_data(on, forcing_at(forcing, params), free, params)
+        return None if data is None else (WALK, data)
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""

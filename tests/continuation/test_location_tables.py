@@ -19,7 +19,7 @@ from contbreather.continuation import (
     user,
 )
 from contbreather.continuation.duplicates import lies_on, placed
-from contbreather.continuation.event_detection import without_candidate
+from contbreather.continuation.event_detection import quiet_steps
 from contbreather.errors import BadInput, NotConverged
 
 from .zoo import ALL, BRUSSELATOR, CUSP, LINE, PITCHFORK, TAKENS, TRANSCRITICAL, trace_case
@@ -39,9 +39,8 @@ def test_a_test_is_clear_where_its_parabola_stays_far_from_zero() -> None:
             (values > 0).all() | (values < 0).all()
             and middle > 0.6 * high and low > 0.35 * max(high, middle)
         )  # fmt: skip
-        assert without_candidate([event], pace, *values[:, None], ends) == (
-            {0} if wanted else set()
-        )
+        quiet = quiet_steps([event], [-pace, 0, 1], [values], [None], ends[0], ends[1:])
+        assert quiet.tolist() == [[wanted]]
         seen.add(wanted)
     assert seen == {True, False}
     tally = Event("N", None, count=lambda point: 0)
@@ -53,9 +52,11 @@ def test_a_test_is_clear_where_its_parabola_stays_far_from_zero() -> None:
         (counted[0], 1.0, 1.0, True), (counted[1], 1.0, 1.0, True), (counted[2], 1.0, 1.0, False),
         (counted[2], nan, nan, False), (counted[1], nan, nan, True),
     ):  # fmt: skip
-        assert without_candidate([one], 1.0, [start], [start], [end], ends) == (
-            {0} if quiet else set()
-        )
+        for count in (None, np.array([one.count(ends[1])]) if one.count else None):
+            rows = [[start, start, end]], [count]
+            with np.errstate(all="ignore"):
+                seen = quiet_steps([one], [-1, 0, 1], *rows, ends[0], ends[1:])
+            assert seen.tolist() == [[quiet]]
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
