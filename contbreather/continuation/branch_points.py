@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NotConverged
+from .branch import Points
 from .curve import Curve
-from .defining_systems import Singular, signed_smallest
+from .defining_systems import Singular, signed_smallest, signed_smallest_of
 from .linear_algebra import Bordered, LeastSingular, least_singular, sense, solved
 from .newton import Solution, Undefined
-from .point import DefiningSystem, Event, Point
+from .point import DefiningSystem, Event, Many, Point
 from .sparse import Dense, Factors, Matrix, above, beside, is_large, is_sparse
 
 Array = NDArray[np.float64]
@@ -120,6 +121,7 @@ def crossing_event(meets: Mapping[str, tuple[Event, ...]]) -> Event:
     return Event(
         "BP",
         Singular(bordered_matrix),
+        many=_tests,
         count=_unstable,
         locus=Crossings(meets),
         examine=_examine,
@@ -150,6 +152,23 @@ def bordered_matrix(point: Point) -> Matrix:
     whole[:-1], whole[-1] = matrix, row
     whole *= curve.scales
     return whole
+
+
+def bordered_matrices(points: Points) -> Array | None:
+    """The same at several points of a small problem."""
+    curve = points.curve
+    matrices = curve.jacobians(points.z)
+    if matrices is None:
+        return None
+    rows = (curve.metric * points.tangent)[:, None, :]
+    return np.asarray(np.concatenate([matrices, rows], axis=1) * curve.scales)
+
+
+def _tests(points: Points) -> Many | None:
+    matrices, values = bordered_matrices(points), points.curve.spectra(points.z)
+    if matrices is None or values is None:
+        return None
+    return signed_smallest_of(matrices), np.count_nonzero(values.real > 0, axis=1)
 
 
 def _examine(point: Point) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from . import derivatives
 from .linear_algebra import least_singular, sense
-from .newton import OUT_OF_DOMAIN, Array, Solution, Undefined, chord, rounding
+from .newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined, chord, rounding
 from .sparse import (
     Dense,
     Factors,
@@ -37,6 +37,7 @@ Residual = Callable[[Array, Params], Array]
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 PASSED = 9  # latest places of a walk that say how large its equations are
 _LATEST = 4  # places of which is known what was made of them
+_FEW_LATEST = 64  # the same with few unknowns
 _VANISHED = 1e-9  # relative size of a row of the derivative that says nothing of its equation
 _MANY, _THIN = 500, 0.05  # unknowns, and the share of entries that are not zero: worth a pattern
 _ASIDE = 1e-3  # and how far off, relative to 1 + |z|, it does
@@ -237,7 +238,9 @@ class Curve:
         value = recent.get(key)
         if value is None:
             value = recent[key] = make(z)
-            for oldest in [*recent][:-_LATEST]:  # another thread may be at it as well
+            for oldest in [*recent][
+                : -_LATEST if self.size >= FEW else -_FEW_LATEST
+            ]:  # another thread may be at it as well
                 recent.pop(oldest, None)
         return value
 
@@ -308,6 +311,23 @@ class Curve:
 
         values: NDArray[np.complex128] = self.cached("spectrum", z, eigenvalues)
         return values
+
+    def jacobians(self, rows: Array) -> Array | None:
+        """The derivatives at several z; None of large ones, and of those on boundaries."""
+        if rows.shape[1] > FEW or self.problem.beneath is not None:
+            return None
+        matrices = [self.jacobian(z) for z in rows]
+        return None if is_sparse(matrices[0]) else np.array(matrices)
+
+    def spectra(self, rows: Array) -> NDArray[np.complex128] | None:
+        """Eigenvalues of the derivative in the unknowns at several z, where `jacobians` are."""
+
+        def eigenvalues(rows: Array) -> Any:
+            matrices = self.jacobians(rows)
+            return matrices is not None and np.linalg.eigvals(matrices[:, :, : self.size])
+
+        values = self.cached("spectra", rows, eigenvalues)
+        return None if values is False else values.astype(complex)
 
     def _derivatives(self, z: Array, width: int | None = None) -> Matrix:
         """The first columns of the derivative, or all of them."""

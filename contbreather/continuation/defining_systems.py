@@ -57,6 +57,21 @@ class Singular:
         return signed_smallest(self.matrix(point)) if self.size is None else self.size(point)
 
 
+def regular_between(first: Matrix, stack: Array) -> NDArray[np.bool_]:
+    """On which steps between neighbours of several small matrices no interpolation is singular, by
+    the norms of powers alone (`_inverses`)."""
+    stack = np.concatenate([[first], stack])
+    try:
+        power = np.linalg.solve(stack[:-1], stack[:-1] - stack[1:])
+    except np.linalg.LinAlgError:
+        return np.zeros(len(stack) - 1, dtype=bool)
+    regular = np.zeros(len(power), dtype=bool)
+    for _ in range(_SQUARES):
+        regular |= (power * power).sum(axis=(1, 2)) < (1.0 - _EDGE) ** 2**_SQUARES
+        power = power @ power
+    return regular
+
+
 def singular_between(first: Matrix, *others: Matrix) -> Array:
     """Where from the first of several matrices, 0, to the last, 1, they are singular, in order, by
     linear interpolation of two or quadratic of three.
@@ -111,6 +126,12 @@ def signed_smallest(matrix: Matrix) -> float:
         return matrix.signed_least()
     weak = least_singular(matrix)
     return weak.sign * weak.size
+
+
+def signed_smallest_of(stack: Array) -> Array:
+    """The same of several small matrices."""
+    sizes = np.linalg.svd(stack, compute_uv=False)[:, -1]
+    return np.asarray(np.copysign(sizes, np.linalg.slogdet(stack)[0]))
 
 
 def oriented_overlap(matrix: Matrix) -> float:
@@ -201,7 +222,7 @@ def without(values: NDArray[np.complex128], *everywhere: complex) -> NDArray[np.
 
 def pairs(values: Values) -> tuple[Values, Values]:
     """The first and the second eigenvalues of all pairs of them."""
-    first, second = _each_with_later(values.size)
+    first, second = _each_with_later(len(values))
     return values[first], values[second]
 
 

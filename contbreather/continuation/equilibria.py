@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from . import branch_points, normal_forms, spectrum
 from . import defining_systems as systems
 from .boundary import codim_two
+from .branch import Points
 from .linear_algebra import least_singular
 from .newton import OUT_OF_DOMAIN
-from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
+from .point import CodimensionTwo, DefiningSystem, Event, Examined, Many, Point, UnstableDimension
 from .problem import Problem
 from .sparse import Matrix, is_sparse
 
@@ -205,6 +206,28 @@ def _examine_cusp(point: Point) -> Examined:
 def _hopf_test(point: Point) -> float:
     rounding = 0.0 if _large(point) else _rounding(point)
     return _off_axis(point, _eigenvalues(point), rounding)
+
+
+def _hopf_tests(points: Points) -> Many | None:
+    """The same, with the counts, at several points of a small problem."""
+    curve = points.curve
+    matrices, values = curve.jacobians(points.z), curve.spectra(points.z)
+    if matrices is None or values is None:
+        return None
+    scales = curve.scales[: curve.size]
+    flows = matrices[:, :, : curve.size] / scales[:, None] * scales
+    rounding = _ROUNDING * np.linalg.norm(flows, axis=(1, 2))
+    counts = np.count_nonzero(values.real > rounding[:, None], axis=1) // 2
+    first, second = systems.pairs(values.T)
+    sums = (first + second).T
+    if not sums.size:
+        return np.full(len(points), math.nan), counts
+    sizes = abs(sums)
+    if (sizes > rounding[:, None]).all():
+        sides = np.prod(sums / sizes, axis=1).real
+        return np.copysign(sizes.min(axis=1), sides), counts
+    pairs = zip(sums, rounding, strict=True)
+    return np.array([systems.least_with_sign(*pair) for pair in pairs]), counts
 
 
 def _off_axis(point: Point, values: Values, rounding: float = 0.0) -> float:
@@ -442,8 +465,21 @@ def _examine_second_pair(point: Point) -> str:
 
 # --- the events -------------------------------------------------------------------------------
 
-_FOLD = Event("LP", _fold_test, locus=_fold_locus, examine=_examine_fold)
-_HOPF = _OfFlow("HB", _hopf_test, count=_unstable_pairs, locus=_hopf_locus, examine=_examine_hopf)
+_FOLD = Event(
+    "LP",
+    _fold_test,
+    many=lambda points: (points.tangent[:, -1], None),
+    locus=_fold_locus,
+    examine=_examine_fold,
+)
+_HOPF = _OfFlow(
+    "HB",
+    _hopf_test,
+    many=_hopf_tests,
+    count=_unstable_pairs,
+    locus=_hopf_locus,
+    examine=_examine_hopf,
+)
 _GENERALISED = Event("GH", _lyapunov_on_hopf, examine=_examine_generalised)
 _DOUBLE_HOPF = Event("HH", _second_pair, examine=_examine_second_pair)
 # Beyond it omega^2 is negative: a neutral saddle, no Hopf point any more.

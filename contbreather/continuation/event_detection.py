@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .branch_points import GAP
-from .defining_systems import Singular
+from .branch import Points
+from .branch_points import GAP, bordered_matrices, bordered_matrix
+from .defining_systems import Singular, regular_between
 from .event_location import (
     at_end,
     first_jump,
@@ -144,7 +145,7 @@ def quiet_steps(
     tests: Sequence[Sequence[Value]],
     counts: Sequence[Any],
     first: Point,
-    points: Sequence[Point],
+    points: Points,
 ) -> NDArray[np.bool_]:
     """Which tests are so far from zero, by the parabola through their last three values, and change
     so little that nothing is to be looked for within a step; in rows, on each step but the first
@@ -165,6 +166,12 @@ def quiet_steps(
         elif event.count is not None:
             for j in np.flatnonzero(quiet[i]).tolist():
                 quiet[i, j] = not counts_apart(event, points[j - 1] if j else first, points[j])
+        if isinstance(event.test, Singular) and len(points) > 1:
+            # matrices say more of what is between two points than values do
+            matrices = bordered_matrices(points) if event.test.matrix is bordered_matrix else None
+            if matrices is None:
+                return np.zeros_like(quiet)
+            quiet[i] &= regular_between(bordered_matrix(first), matrices)
     return quiet
 
 

@@ -54,10 +54,10 @@ class StepFailed(Exception):
 
 @dataclass(frozen=True)
 class Piece:
-    """Steps that were accepted, one or more: their ends, and whether the walk ends with the last."""
+    """Accepted steps, one or more: their ends, and whether the walk ends with the last."""
 
     points: Points
-    crossing: Point | None = None  # branch point on the only one: the determinant changes sign
+    crossing: Point | None = None  # branch point on the last: the determinant changes sign
     stop: Stop | None = None
 
 
@@ -77,12 +77,26 @@ class Stepper:
         self.across = self.curve.metric * self.start.direction  # the plane that loops come back to
         self.sign, self.size, self.curvature = way.sign, steps.first, np.zeros_like(way.point.z)
         self.longest, self.tiny = 0.0, 0
-        self.pieces, self.together = self._pieces(), _FIRST
+        self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
 
     def next(self, point: Point, count: int) -> Piece:
-        """The next steps: many at once, or one, which may close a loop."""
+        """The next steps: many at once; or one, or a few of small problems, as many as come off."""
         if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
             return Piece(points)
+        step = self._one(point, count)
+        ends, most = [step.points[0]], min(self.few, self.steps.most - count)
+        while len(ends) < most and not (step.crossing or step.stop):
+            try:
+                step = self._one(ends[-1], count + len(ends))
+            except StepFailed:  # it will again, the first of its piece
+                break
+            ends.append(step.points[0])
+        if not self.pieces and point.z.size <= FEW:
+            self.few = min(2 * self.few, _FIRST)
+        return step if len(ends) == 1 else replace(step, points=Points.of(ends))
+
+    def _one(self, point: Point, count: int) -> Piece:
+        """The next step, which may close a loop."""
         try:
             step = self._advance(point)
         except StepFailed as failed:

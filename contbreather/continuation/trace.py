@@ -217,6 +217,12 @@ class Ahead:
     tests: list[list[Value]]
     counts: list[Array | None]
 
+    @property
+    def next(self) -> Piece:
+        """The first of them alone; what befell the last one is not its own."""
+        points = self.piece.points
+        return self.piece if len(points) == 1 else Piece(points[:1])
+
     @classmethod
     def of(cls, piece: Piece, events: Sequence[Event]) -> Ahead:
         asked = [values_of_test(event, piece.points) for event in events]
@@ -345,15 +351,17 @@ class ContinuationIterator:
         for which events that is so on the next, None where it is not known."""
         points, more = ahead.piece.points, ahead.piece.crossing or ahead.piece.stop
         if self.earlier is None:
-            return () if self.events or more or not self.count else points, None
+            if self.events or not self.count:
+                return (), None
+            return points[: len(points) - 1] if more else points, None
         places = [self.earlier[0], self.point.arclength, *points.arclength.tolist()]
         rows = zip(self.earlier[1], self.tests, ahead.tests, strict=True)
         tests = [[past, now, *row] for past, now, row in rows]
         quiet = quiet_steps(self.events, places, tests, ahead.counts, self.point, points)
-        # matrices say more of what is between two points than values do
-        if more or any(isinstance(event.test, Singular) for event in self.events):
-            return (), quiet[:, 0]
-        n = int(np.append(quiet.all(axis=0), False).argmin())
+        matrices = any(isinstance(event.test, Singular) for event in self.events)
+        clear = quiet.all(axis=0)
+        clear[-1] &= not (more or (matrices and len(points) == 1))
+        n = int(np.append(clear, False).argmin())
         if n:
             self.earlier = places[n], [row[n] for row in tests]
             self.tests = tuple([row[n + 1] for row in tests])
@@ -365,8 +373,9 @@ class ContinuationIterator:
 
     def _located(self, ahead: Ahead, quiet: Sequence[Any] | None) -> StepEvents:
         """What happens on the first of the steps ahead."""
-        segment = StepInterpolant(self.point, ahead.piece.points[0], self.steps.tolerance)
-        stop, crossing = ahead.piece.stop, ahead.piece.crossing
+        step = ahead.next
+        segment = StepInterpolant(self.point, step.points[0], self.steps.tolerance)
+        stop, crossing = step.stop, step.crossing
         ends = Ends(self.count == 0, stop is Stop.BOUND, stop is Stop.CLOSED)
         try:
             self.earlier = self.point.arclength, self.tests
@@ -390,7 +399,7 @@ class ContinuationIterator:
         ended = {id(special.event) for special in starts}
         if begins:  # what is negative there is rounding: more of it is refused
             ended |= {id(e) for e, value in zip(self.events, before, strict=True) if value <= 0}
-        stop = ahead.piece.stop
+        stop = ahead.next.stop
         if any(id(event) in ended for event in broken):
             stop = Stop.EVENT  # it leads out of the meaningful region at once
         else:

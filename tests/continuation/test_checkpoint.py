@@ -86,7 +86,7 @@ def test_file_is_a_beginning_of_the_branch_at_any_moment(
     path = tmp_path / "run.nc"
     branch = trace(parabola(), "mu", within={"x": (-1, 1.5)}, events=[fold()], steps=FEW, save=path)
     found = written()
-    assert len(found) > 3
+    assert len(found) > 2
     known = {point.z.tobytes() for point in branch}
     lengths = [len(one) for one in found]
     assert lengths == sorted(lengths)

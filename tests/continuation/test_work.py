@@ -264,4 +264,4 @@ def test_what_is_known_of_a_place_is_known_of_all_points_there() -> None:
     calls.clear()
     slopes = point.jacobian(), replace(point, z=point.z.copy()).jacobian()
     assert np.array_equal(*slopes)
-    assert calls["jacobian"] == 1
+    assert calls["jacobian"] <= 1
