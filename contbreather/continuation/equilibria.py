@@ -106,6 +106,11 @@ def branch_point() -> Event:
 # --- folds ------------------------------------------------------------------------------------
 
 
+def _fold_tests(points: Points) -> tuple[Array, None]:
+    """Test of LP at many points: dp/ds."""
+    return points.tangent[:, -1], None
+
+
 def _fold_test(point: Point) -> float:
     if point.tangent is not None:
         # dp/ds: zero where the parameter turns back
@@ -468,7 +473,7 @@ def _examine_second_pair(point: Point) -> str:
 _FOLD = Event(
     "LP",
     _fold_test,
-    many=lambda points: (points.tangent[:, -1], None),
+    many=_fold_tests,
     locus=_fold_locus,
     examine=_examine_fold,
 )

@@ -53,7 +53,7 @@ class StepFailed(Exception):
 
 
 @dataclass(frozen=True)
-class Piece:
+class BranchPiece:
     """Accepted steps, one or more: their ends, and whether the walk ends with the last."""
 
     points: Points
@@ -79,10 +79,10 @@ class Stepper:
         self.longest, self.tiny = 0.0, 0
         self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
 
-    def next(self, point: Point, count: int) -> Piece:
+    def next(self, point: Point, count: int) -> BranchPiece:
         """The next steps: many at once; or one, or a few of small problems, as many as come off."""
         if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
-            return Piece(points)
+            return BranchPiece(points)
         step = self._one(point, count)
         ends, most = [step.points[0]], min(self.few, self.steps.most - count)
         while len(ends) < most and not (step.crossing or step.stop):
@@ -95,7 +95,7 @@ class Stepper:
             self.few = min(2 * self.few, _FIRST)
         return step if len(ends) == 1 else replace(step, points=Points.of(ends))
 
-    def _one(self, point: Point, count: int) -> Piece:
+    def _one(self, point: Point, count: int) -> BranchPiece:
         """The next step, which may close a loop."""
         try:
             step = self._advance(point)
@@ -178,7 +178,7 @@ class Stepper:
         gap = solution.z - start.z
         return self.curve.length(gap) <= _FINE * (1 + self.curve.length(solution.z))
 
-    def _advance(self, point: Point) -> Piece:
+    def _advance(self, point: Point) -> BranchPiece:
         """The next point, with as many halvings of the step as it takes."""
         failed: StepFailed | None = None
         size = min(self.size, self.steps.longest(self.curve.length(point.z)))
@@ -195,7 +195,7 @@ class Stepper:
             size /= 2
         raise failed or StepFailed(Stop.NO_CONVERGENCE)
 
-    def _attempt(self, point: Point, size: float) -> Piece:
+    def _attempt(self, point: Point, size: float) -> BranchPiece:
         curve, curvature, sign = self.curve, self.curvature, self.sign
         # predict: z + s t + s^2/2 dt/ds
         predicted = point.z + size * point.direction + (0.5 * size * size) * curvature
@@ -231,7 +231,7 @@ class Stepper:
         self.size = size * _next_size(solution.iterations, check.turn, self.steps.growth)
         self.sign = check.sign or sign
         self.curvature = (check.tangent - point.direction) / (arclength - point.arclength)
-        return Piece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
+        return BranchPiece(Points.one(last), branch_point, None if landing is None else Stop.BOUND)
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance

@@ -27,7 +27,7 @@ from .point import Event, Point
 from .problem import Problem, problem_in
 from .settings import Settings, Steps, Within, active_events, all_of, having, steps_of, windows
 from .step_interpolant import StepInterpolant, Value, counted, values_of_test
-from .stepper import EXACT, Piece, StepFailed, Stepper
+from .stepper import EXACT, BranchPiece, StepFailed, Stepper
 
 LOG = logging.getLogger(__name__)
 Finer = tuple[Problem, Any]  # a problem in more unknowns, and a direction to set out in or None
@@ -208,23 +208,23 @@ class Ahead:
 
     Attributes
     ----------
-    piece : Piece
+    piece : BranchPiece
     tests, counts : list
         A row for each event, with its tests at all points; its counts, or None.
     """
 
-    piece: Piece
+    piece: BranchPiece
     tests: list[list[Value]]
     counts: list[Array | None]
 
     @property
-    def next(self) -> Piece:
+    def next(self) -> BranchPiece:
         """The first of them alone; what befell the last one is not its own."""
         points = self.piece.points
-        return self.piece if len(points) == 1 else Piece(points[:1])
+        return self.piece if len(points) == 1 else BranchPiece(points[:1])
 
     @classmethod
-    def of(cls, piece: Piece, events: Sequence[Event]) -> Ahead:
+    def of(cls, piece: BranchPiece, events: Sequence[Event]) -> Ahead:
         asked = [values_of_test(event, piece.points) for event in events]
         return cls(piece, [tests for tests, _ in asked], [counts for _, counts in asked])
 

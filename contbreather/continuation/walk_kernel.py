@@ -95,7 +95,7 @@ def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) ->
         end[i] = z[i] + size * t[i] + 0.5 * size * size * room.curvature[i]
     if outside(rules, end):
         return LOOK, 0.0
-    status, iterations, off = newton(data, rules, room)
+    status, iterations, off = newton_steps(data, rules, room)
     if status != ACCEPTED:
         return status, 0.0
     if outside(rules, end):
@@ -129,7 +129,7 @@ def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) ->
 
 
 @inlined
-def newton(data: Any, rules: Rules, room: Room) -> tuple[int, int, float]:
+def newton_steps(data: Any, rules: Rules, room: Room) -> tuple[int, int, float]:
     """Newton's iteration from the predicted end on, across the tangent; how it ended, after how
     many iterations, and the residual."""
     z, value, step = room.end, room.value, room.right
