@@ -30,6 +30,7 @@ from .sparse import (
     row_sizes,
     scaled,
 )
+from .walk_kernel import Pieces, Rules, at_a_place
 
 Params = Mapping[str, float]
 Residual = Callable[[Array, Params], Array]
@@ -119,13 +120,14 @@ class Curve:
         self._scheme: derivatives.Scheme | None = None
         self._row_scales: Array | None = None
         self._passed: list[Array] = []
+        self._places: dict[float, Pieces | None] = {}
         self.asked: tuple[Any, ...] | None = None
         self.performance_warning = ""  # what would make all of this cheaper
         self._known = defaultdict[str, dict[bytes, Any]](dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was made of the latest points: quickly made again, and large."""
-        return {**self.__dict__, "_known": defaultdict(dict)}
+        return {**self.__dict__, "_known": defaultdict(dict), "_places": {}}
 
     def length(self, z: Array) -> float:
         return math.sqrt(z.dot(self.metric * z))
@@ -225,6 +227,25 @@ class Curve:
         roughly = partial(self.equations, function=self.problem.roughly)
         factors = self.factors(near, row)
         return chord(self, roughly, factors, guess, row, tolerance)
+
+    def pieces(self, rules: Rules) -> Pieces | None:
+        """Steps along it by machine code; None where its problem has none."""
+        walker = self.problem.walker
+        known = None if walker is None else walker(self.free, self.fixed)
+        if known is None or known[0].walk.code is None:
+            return None
+        kernels, data = known
+        return Pieces(kernels, data, rules)
+
+    def corrected(
+        self, guess: Array, row: Array, tolerance: float
+    ) -> tuple[Array, Array, float] | None:
+        """The solution next to a guess in the plane across a row, its tangent and the residual, by
+        machine code; None where there is none, or where plain iteration does not do."""
+        if tolerance not in self._places:
+            self._places[tolerance] = self.pieces(at_a_place(tolerance, self.metric))
+        pieces = self._places[tolerance]
+        return None if pieces is None else pieces.corrected(guess, row / self.metric)
 
     @property
     def finer(self) -> Any:

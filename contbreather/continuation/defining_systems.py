@@ -389,6 +389,10 @@ class ExtendedProblem(Problem):
         below = np.hstack([rows[:, :n], rows[:, z.size :], rows[:, n : z.size]])
         return above(beside(beside(matrix[:, :n], middle), matrix[:, n:]), below)
 
+    def walker(self, free: tuple[str, ...], params: Params) -> Any:
+        both = self.residual
+        return both.locus.walker and both.locus.walker(both.problem, (both.released, *free), params)
+
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
 
@@ -438,6 +442,7 @@ def lifted(locus: DefiningSystem, together: Extended, suffix: str) -> DefiningSy
         conditions=above.conditions,
         derivative=above.derivative if locus.derivative else None,
         events=(),
+        walker=None,
     )
 
 

@@ -241,6 +241,10 @@ class DefiningSystem:
         ``unfolding(extra) -> (value, slope)``, shapes (n,) and (n, m): what is added to the
         problem's own equations, and its derivative. Needed where these alone are singular along
         the curve, as they are at branch points; it vanishes where the event happens.
+    walker : callable, optional
+        ``walker(problem, names, params) -> (Walker, data) or None``: the kernels for the problem's
+        equations with these conditions (`walk_kernel.walker`), in z the unknowns of the problem,
+        the extra ones, and the parameters of these names.
     """
 
     extra: Mapping[str, Any]
@@ -250,6 +254,7 @@ class DefiningSystem:
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     meets: Mapping[str, tuple[Event, ...]] = field(default_factory=dict)
     unfolding: Callable[[Array], tuple[Array, Array]] | None = None
+    walker: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -95,8 +95,8 @@ class Problem:
     sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
-    # ``(names, params) -> (kernel, data) or None``: with these parameters free, what takes many
-    # steps at once (`walk_kernel.walker`) and what it asks for
+    # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of
+    # `walk_kernel.walker` and what they ask for
     walker: ClassVar[Callable[..., Any] | None] = None
     # ``(x, params) -> array``: of equations whose derivatives cost so much more that those at the
     # last point are tried first, the residual to the accuracy that such an iteration needs

@@ -73,12 +73,16 @@ class StepInterpolant:
         if u in self._known:
             return self._known[u]
         guess, slope = self.guess(u)
-        solution = newton(self.curve, guess, self._cubic[0], tolerance=self.tolerance)
-        if not solution.converged:
-            raise Undefined("Newton's iteration failed between two points of the curve")
-        self._near(guess, solution.z)
-        tangent, _ = self.curve.tangent_at(solution.z, slope)
-        self._known[u] = self._point(u, solution.z, tangent, solution.residual)
+        row = self._cubic[0]
+        solved = self.curve.corrected(guess, row, self.tolerance)
+        if solved is None:
+            solution = newton(self.curve, guess, row, tolerance=self.tolerance)
+            if not solution.converged:
+                raise Undefined("Newton's iteration failed between two points of the curve")
+            tangent, _ = self.curve.tangent_at(solution.z, slope)
+            solved = solution.z, tangent, solution.residual
+        self._near(guess, solved[0])
+        self._known[u] = self._point(u, *solved)
         return self._known[u]
 
     def corrected(self, solution: Solution, tangents: Sequence[Array]) -> tuple[float, Point]:

@@ -125,12 +125,9 @@ class Stepper:
     def _pieces(self) -> Pieces | None:
         """Who takes many steps at once; None where there is no machine code, or each is to have a
         line of its own among the messages."""
-        curve, steps, walker = self.curve, self.steps, self.curve.problem.walker
+        curve, steps = self.curve, self.steps
         plain = all(isinstance(bound.slot, int) for bound in self.bounds)
-        if walker is None or not plain or LOG.isEnabledFor(logging.DEBUG):
-            return None
-        known = walker(curve.free, curve.fixed)
-        if known is None or known[0].code is None:
+        if not plain or LOG.isEnabledFor(logging.DEBUG):
             return None
         low = np.array([bound.low for bound in self.bounds])
         high = np.array([bound.high for bound in self.bounds])
@@ -141,8 +138,7 @@ class Stepper:
                     (low if side < 0 else high)[i] = end - side * off
         slots = np.array([bound.slot for bound in self.bounds], dtype=np.int64)
         sizes = steps.tolerance, steps.smallest, steps.largest or math.nan, steps.growth
-        rules = Rules(*sizes, slots, low, high, curve.metric, self.across, curve.start)
-        return Pieces(*known, rules)
+        return curve.pieces(Rules(*sizes, slots, low, high, curve.metric, self.across, curve.start))
 
     def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
         """As many steps as come off at once; None where the first is more than a plain one."""

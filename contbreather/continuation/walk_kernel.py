@@ -87,6 +87,14 @@ def walk(data: Data, rules: Rules, room: Room, state: Vector, out: Matrix, count
         count[0] = row + 1
 
 
+def correct(data: Data, rules: Rules, room: Room, answer: Vector) -> None:
+    """Solve for the place in the plane across `room.tangent` where `room.end` is a guess, and for
+    the tangent there; whether that came off, and the residual."""
+    status, _, off = newton_steps(data, rules, room)
+    accepted = status == ACCEPTED and tangent_at_end(data, rules, room) != 0
+    answer[0], answer[1] = 1.0 if accepted else 0.0, off
+
+
 @inlined
 def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) -> tuple[int, float]:
     """A step of this size, which is taken if it comes off; and its residual."""
@@ -275,23 +283,37 @@ def angle(rules: Any, t: Any, other: Any) -> float:
 # --- for one problem ------------------------------------------------------------------------------
 
 
-def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: type) -> Kernel:
-    """`walk` for equations ``residual(z, data, out) -> int``, not 0 where they have no value, and
-    their derivative row by row, with `data` the NamedTuple of all else that they ask for."""
+class Walker(NamedTuple):
+    """`walk` and `correct` for the equations of one kind of problem."""
+
+    walk: Kernel
+    correct: Kernel
+
+
+def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: type) -> Walker:
+    """The kernels for equations ``residual(z, data, out) -> int``, not 0 where they have no value,
+    and their derivative row by row, with `data` the NamedTuple of all else that they ask for."""
     scope = dict(globals(), __name__=residual.__module__, Data=data)
     for name, function in globals().items():
         if isinstance(function, FunctionType) and function.__module__ == __name__:
             copy = scope[name] = FunctionType(function.__code__, scope, name)
             copy.__annotations__ = function.__annotations__
     scope.update(residual=inlined(residual), jacobian=inlined(jacobian))
-    return Kernel(scope["walk"])
+    return Walker(Kernel(scope["walk"]), Kernel(scope["correct"]))
+
+
+def at_a_place(tolerance: float, metric: Vector) -> Rules:
+    """Those of `correct`, which takes no step."""
+    none = np.empty(0)
+    slots = np.empty(0, dtype=np.int64)
+    return Rules(tolerance, 0.0, math.nan, 1.0, slots, none, none, metric, metric, metric)
 
 
 class Pieces:
-    """Who calls a kernel for a walk; `state` is as above, where the last piece ended."""
+    """Calls the kernels for one curve; `state` is as above, where the last piece ended."""
 
-    def __init__(self, kernel: Kernel, data: Any, rules: Rules) -> None:
-        self.kernel, self.data, self.rules, self.state = kernel, data, rules, np.zeros(4)
+    def __init__(self, kernels: Walker, data: Any, rules: Rules) -> None:
+        self.kernels, self.data, self.rules, self.state = kernels, data, rules, np.zeros(4)
         d = rules.metric.size
         flat = np.zeros(d * d)
         self.room = Room(*np.zeros((7, d)), np.zeros(d - 1), flat, flat.reshape(d, d))
@@ -303,6 +325,15 @@ class Pieces:
             buffer[:] = entries
         d, count = self.rules.metric.size, np.zeros(1, dtype=np.int64)
         out = np.empty((most, 2 * d + 2))
-        self.kernel(self.data, self.rules, self.room, self.state, out, count)
+        self.kernels.walk(self.data, self.rules, self.room, self.state, out, count)
         rows = out[: count[0]].copy()
         return rows[:, :d], rows[:, d : 2 * d], rows[:, -2], rows[:, -1]
+
+    def corrected(self, guess: Any, across: Any) -> tuple[Any, Any, float] | None:
+        """The place of the curve in the plane across a vector, the tangent there, on the side of
+        that, and the residual; None where Newton's iteration is more than a plain one."""
+        self.room.end[:], self.room.tangent[:] = guess, across
+        self.kernels.correct(self.data, self.rules, self.room, self.state)
+        if not self.state[0]:
+            return None
+        return self.room.end.copy(), self.room.end_tangent.copy(), float(self.state[1])

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
+from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +21,14 @@ from numpy.typing import NDArray
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.point import DefiningSystem, Point
 from contbreather.continuation.problem import Problem
+from contbreather.continuation.walk_kernel import Walker
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice, check_gamma
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.conditions import SpringResponse, restitution_ratio, spring_response
 from contbreather.lattice.forcing import Forcing, Harmonic, TrigonometricSeries
+from contbreather.lattice.periodic_green import half_period_green, weights_per_impulse
+from contbreather.orbits import closure_kernels as kernels
 from contbreather.orbits.closure import (
     ClosureTerms,
     closure_derivative,
@@ -42,12 +46,12 @@ from contbreather.orbits.closure import (
     terms_at,
     terms_derivative,
 )
-from contbreather.orbits.closure_kernels import WALK, closure_data
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
 from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
 from contbreather.parameters import NEEDED, NUMBERS
+from contbreather.stability.arc import band_workspace
 from contbreather.stability.verdict import THRESHOLD
 
 Array = NDArray[np.float64]
@@ -208,12 +212,17 @@ class SymmetricProblem(OrbitProblem):
         return self.closure.derivatives(x, params, free)
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
+        data = self.kernel_data(free, params)
+        return data and (kernels.CLOSURE, data)
+
+    def kernel_data(
+        self, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
+    ) -> Any:
         """None with springs, for the coupling of a ring, and on lattices of somebody else."""
         on, forcing = self.closure.lattice, self.closure.forcing
         if type(on) not in (InfiniteChain, Ring) or isinstance(forcing, SpringResponse):
             return None
-        data = closure_data(on, forcing_at(forcing, params), free, params)
-        return None if data is None else (WALK, data)
+        return kernels.closure_data(on, forcing_at(forcing, params), free, params, extra)
 
     def images(self, x: Any, params: Mapping[str, float]) -> tuple[Any, ...]:
         """None: half a symmetric orbit is its own."""
@@ -239,14 +248,15 @@ def defining_system(
     breather = point.solution.representation
     if nu is not None:
         slopes = partial(_circle_slopes, of)
-        return DefiningSystem({"nu": nu}, of.conditions, slopes, **more)
+        walker = _pair_walker if of.map(point.solution).lattice.sites is None else None
+        return DefiningSystem({"nu": nu}, of.conditions, slopes, walker=walker, **more)
     if of.nu == 0.0 and "spring" in point.curve.free:
         # with the lower edge of the band, root of the spring, as an unknown: 1/tau grows in
         # proportion to that from no spring on, where the curve in the spring has no tangent
         edge = math.sqrt(breather.lattice.spring)
         return DefiningSystem({"edge": edge}, _pitchfork_at_edge, domain={"edge": (0.0, 1.0)})
     scalar = PITCHFORK if of.nu == 0.0 else FOLD
-    return DefiningSystem({}, scalar.conditions, scalar.derivative)
+    return DefiningSystem({}, scalar.conditions, scalar.derivative, walker=scalar.walker)
 
 
 # --- fold and pitchfork: one scalar, nothing unknown --------------------------------------------
@@ -259,6 +269,11 @@ class Scalar(NamedTuple):
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
     terms: Callable[[Breather], ClosureTerms]
     terms_in: Callable[[Breather, ClosureTerms, str], ClosureTerms]
+    kernels: Walker
+
+    def walker(self, problem: Any, free: tuple[str, ...], params: Mapping[str, float]) -> Any:
+        data = problem.kernel_data(free, params)
+        return data and (self.kernels, data)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self.value(self.terms(Point(curve, z).solution.representation))])
@@ -302,10 +317,10 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
 
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"),
+    partial(terms_derivative, mean="chi"), kernels.FOLD,
 )  # fmt: skip
 PITCHFORK = Scalar(
-    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative,
+    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, kernels.PITCHFORK,
 )  # fmt: skip
 
 
@@ -326,11 +341,32 @@ def _circle_slopes(of: OnCircle, curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([row.real, row.imag])
 
 
+def _pair_walker(problem: Any, free: tuple[str, ...], params: Mapping[str, float]) -> Any:
+    data = problem.kernel_data(free, params, extra=1)
+    work = band_workspace(0.0, get_ident())
+    return data and (kernels.PAIR, kernels.PairData(data, work, np.empty((6, 2))))
+
+
 # --- a site that grazes -------------------------------------------------------------------------
 
 
 def local_maximum(breather: Breather, site: int) -> GrazingSite:
-    return GrazingSite(site, partial(_slopes, site))
+    distance = breather.lattice.distance(site)
+    return GrazingSite(site, partial(_slopes, site), walker=partial(_contact_walker, distance))
+
+
+def _contact_walker(
+    distance: int, wall: float, problem: Any, free: tuple[str, ...], params: Mapping[str, float]
+) -> Any:
+    """On the infinite chain alone."""
+    lattice, data = problem.closure.lattice, problem.kernel_data(free, params, extra=1)
+    if data is None or lattice.sites is not None:
+        return None
+    # the coefficients of a response as polynomials in 4 gamma
+    expansions = (weights_per_impulse().T * lattice.moments(distance))[:, ::-1]
+    responses = half_period_green(lattice, 0.0, (distance, distance))  # but for its table
+    responses = responses._replace(table=np.zeros(responses.table.shape))
+    return kernels.CONTACT, kernels.ContactData(data, wall, distance, expansions.copy(), responses)
 
 
 def _slopes(site: int, curve: Curve, orbit: Any, t: float) -> Array:

@@ -1,11 +1,13 @@
-"""Equations (11) of the symmetric breather as text that can be compiled, for pieces of many steps.
+"""Equations (11) of the symmetric breather and those of its events, as text that can be compiled.
 
-z holds p, phi and the freed parameters; what else there is to know is in `ClosureData`, into which
-these are put. Each function fills in `out` and returns 0, or 1 outside of the domain.
+z holds p, phi, any unknown of an event (the angle of a pair, the time of a contact) and the freed
+parameters; what else there is to know is in `ClosureData`, into which these are put. Each function
+fills in `out` and returns 0, or 1 outside of the domain.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -19,9 +21,31 @@ from contbreather.lattice.band_averages import (
     average_slope,
     excess,
     excess_slope,
+    polynomial,
 )
 from contbreather.lattice.forcing import harmonic, series_motion
-from contbreather.orbits.closure import ClosureTerms, closure_derivative, closure_equations
+from contbreather.lattice.periodic_green import POWERS, Responses, response_since
+from contbreather.orbits.closure import (
+    ClosureTerms,
+    closure_derivative,
+    closure_equations,
+    fold_derivative,
+    fold_scalar,
+    pitchfork_derivative,
+    pitchfork_scalar,
+    saltation_derivative,
+    saltation_of,
+)
+from contbreather.stability.band_pairs import (
+    BY_B,
+    BY_GAMMA,
+    BY_K,
+    BY_NU,
+    VALUE,
+    BandWorkspace,
+    ChainWithImpacts,
+    pair_equations,
+)
 
 A, GAMMA, K, COEFFICIENTS = range(4)  # places of parameters; then A and B of each harmonic of f
 
@@ -36,13 +60,34 @@ class ClosureData(NamedTuple):
     params: Vector  # a, gamma, k
     harmonics: Matrix  # m, A and B of each, in rows
     chi: BandAverage  # of the lattice, at the coupling if that is not free
+    sigma: BandAverage
+    eta: BandAverage
+    extra: int  # unknowns of an event between phi and the freed parameters
+
+
+class PairData(NamedTuple):
+    """A breather of the infinite chain, and two multipliers on the circle."""
+
+    closure: ClosureData
+    work: BandWorkspace
+    F: Matrix  # both parts of F in rows, as `pair_equations` have them
+
+
+class ContactData(NamedTuple):
+    """A breather of the infinite chain, and a site on a wall."""
+
+    closure: ClosureData
+    wall: float
+    distance: int  # from the impacting site
+    expansions: Matrix  # coefficients of a response, as polynomials in 4 gamma
+    responses: Responses  # to impacts, with a row for the slope in gamma
 
 
 @inlined
 def unpack(z: Any, on: ClosureData) -> int:
     """Put the freed parameters in their places; 1 if one of them is outside of the domain."""
     for i in range(on.freed.size):
-        place, value = on.freed[i], on.factors[i] * z[2 + i]
+        place, value = on.freed[i], on.factors[i] * z[2 + on.extra + i]
         if place < COEFFICIENTS:
             on.params[place] = value
         else:
@@ -73,7 +118,7 @@ def terms(z: Any, on: ClosureData, mean: BandAverage, f: Four) -> ClosureTerms:
 @inlined
 def terms_slope(z: Any, on: ClosureData, mean: BandAverage, f: Four, column: int) -> ClosureTerms:
     """Their derivatives in one entry of z."""
-    i, a, by_mean, u, v, w = column - 2, on.params[A], 0.0, 0.0, 0.0, 0.0
+    i, a, by_mean, u, v, w = column - 2 - on.extra, on.params[A], 0.0, 0.0, 0.0, 0.0
     place = on.freed[i] if i >= 0 else -1
     if column == 1:
         u, v, w = a * f[1], a * f[2], a * f[3]
@@ -100,18 +145,157 @@ def closure_slopes(z: Any, on: ClosureData, out: Any) -> int:
     """Their derivatives, row by row."""
     if unpack(z, on) != 0:
         return 1
-    f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
+    f, width = series_motion(on.harmonics, z[1]), 2 + on.extra + on.freed.size
     t = terms(z, on, on.chi, f)
     for i in range(width):
         out[i], out[width + i] = closure_derivative(t, terms_slope(z, on, on.chi, f, i))
     return 0
 
 
-WALK = walker(closure_system, closure_slopes, ClosureData)
+def fold_system(z: Any, on: ClosureData, out: Any) -> int:
+    """(11) and the determinant of its derivatives, eq. (14)."""
+    if closure_system(z, on, out) != 0:
+        return 1
+    out[2] = fold_scalar(terms(z, on, on.chi, series_motion(on.harmonics, z[1])))
+    return 0
+
+
+def fold_slopes(z: Any, on: ClosureData, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if closure_slopes(z, on, out) != 0:
+        return 1
+    f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
+    t = terms(z, on, on.chi, f)
+    for i in range(width):
+        out[2 * width + i] = fold_derivative(t, terms_slope(z, on, on.chi, f, i))
+    return 0
+
+
+def pitchfork_system(z: Any, on: ClosureData, out: Any) -> int:
+    """(11) and ``a f'' - 2 p sigma``."""
+    if closure_system(z, on, out) != 0:
+        return 1
+    out[2] = pitchfork_scalar(terms(z, on, on.sigma, series_motion(on.harmonics, z[1])))
+    return 0
+
+
+def pitchfork_slopes(z: Any, on: ClosureData, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if closure_slopes(z, on, out) != 0:
+        return 1
+    f, width = series_motion(on.harmonics, z[1]), 2 + on.freed.size
+    t = terms(z, on, on.sigma, f)
+    for i in range(width):
+        out[2 * width + i] = pitchfork_derivative(t, terms_slope(z, on, on.sigma, f, i))
+    return 0
+
+
+# --- a pair on the circle -----------------------------------------------------------------------
+
+
+def pair_system(z: Any, on: PairData, out: Any) -> int:
+    """(11) and both parts of F, eqs. of `arc`."""
+    if closure_system(z, on.closure, out) != 0:
+        return 1
+    t = terms(z, on.closure, on.closure.eta, series_motion(on.closure.harmonics, z[1]))
+    if find_F(z, on, saltation_of(t)) != 0:
+        return 1
+    out[2], out[3] = on.F[VALUE, 0], on.F[VALUE, 1]
+    return 0
+
+
+@inlined
+def find_F(z: Any, on: PairData, b: float) -> int:
+    """F at this b and angle; 1 off the band."""
+    gamma, k, nu = on.closure.params[GAMMA], on.closure.params[K], z[2]
+    if not 0.0 < nu * nu < 4.0 * gamma:
+        return 1
+    pair_equations(ChainWithImpacts(gamma, k, 0.0), on.work, b, nu, on.F)
+    return 0
+
+
+def pair_slopes(z: Any, on: PairData, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if closure_slopes(z, on.closure, out) != 0:
+        return 1
+    f = series_motion(on.closure.harmonics, z[1])
+    t = terms(z, on.closure, on.closure.eta, f)
+    if find_F(z, on, saltation_of(t)) != 0:
+        return 1
+    for i in range(5):
+        by_b = saltation_derivative(t, terms_slope(z, on.closure, on.closure.eta, f, i))
+        place = on.closure.freed[i - 3] if i > 2 else -1
+        # F itself changes with the angle, the coupling and k
+        own = BY_NU if i == 2 else BY_GAMMA if place == GAMMA else BY_K if place == K else VALUE
+        for part in range(2):
+            direct = on.F[own, part] if own != VALUE else 0.0
+            out[10 + 5 * part + i] = on.F[BY_B, part] * by_b + direct
+    return 0
+
+
+# --- a site that touches a wall -------------------------------------------------------------
+
+
+@inlined
+def find_responses(on: ContactData) -> None:
+    """Of the site to impacts, and their slopes in gamma: the coefficients of `periodic_green`."""
+    x, n, table = 4.0 * on.closure.params[GAMMA], on.distance, on.responses.table
+    for i in range(POWERS):
+        value, slope = polynomial(on.expansions[i], x)
+        table[0, i], table[1, i] = value, 4.0 * slope
+    r = math.sqrt(1.0 - x)
+    rho = x / ((1.0 + r) * (1.0 + r))
+    below = power = 1.0  # rho^(n - 1), rho^n
+    for _ in range(n):
+        below = power
+        power = power * rho
+    sign = -2.0 / math.pi if n % 2 else 2.0 / math.pi
+    ahead = n * below / (r * (1.0 + r) * r * (1.0 + r)) if n > 0 else 0.0
+    table[0, POWERS] = sign * power / r
+    table[1, POWERS] = sign * 4.0 * (ahead + power / (2.0 * r * r * r))
+
+
+def contact(z: Any, on: ContactData, out: Any) -> int:
+    """(11), and that a site is on a wall at a time, without velocity."""
+    if closure_system(z, on.closure, out) != 0:
+        return 1
+    find_responses(on)
+    a, J, t = on.closure.params[A], -2.0 * z[0], z[2]
+    f, df, _, _ = series_motion(on.closure.harmonics, t)
+    h, dh, _, _ = response_since(on.responses, 0, t - z[1])
+    out[2], out[3] = a * f + J * h - on.wall, a * df + J * dh
+    return 0
+
+
+def contact_slopes(z: Any, on: ContactData, out: Any) -> int:
+    """Their derivatives, row by row."""
+    if closure_slopes(z, on.closure, out) != 0:
+        return 1
+    find_responses(on)
+    a, J, t = on.closure.params[A], -2.0 * z[0], z[2]
+    f, h = series_motion(on.closure.harmonics, t), response_since(on.responses, 0, t - z[1])
+    by_gamma = response_since(on.responses, 1, t - z[1])
+    for row in range(2):
+        at = 10 + 5 * row
+        out[at], out[at + 1] = -2.0 * h[row], -J * h[row + 1]
+        out[at + 2] = a * f[row + 1] + J * h[row + 1]
+        for i in range(2):
+            of_gamma = on.closure.freed[i] == GAMMA
+            out[at + 3 + i] = (
+                J * by_gamma[row] if of_gamma else forcing_slope(on.closure, i, t, f)[row]
+            )
+    return 0
+
+
+CLOSURE = walker(closure_system, closure_slopes, ClosureData)
+FOLD = walker(fold_system, fold_slopes, ClosureData)
+PITCHFORK = walker(pitchfork_system, pitchfork_slopes, ClosureData)
+PAIR = walker(pair_system, pair_slopes, PairData)
+CONTACT = walker(contact, contact_slopes, ContactData)
 
 
 def closure_data(
-    lattice: Any, forcing: Any, free: tuple[str, ...], params: Mapping[str, float]
+    lattice: Any, forcing: Any, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
 ) -> ClosureData | None:
     """With these parameters free; None for others than a, gamma (of the chain), k and coefficients
     of a Fourier series."""
@@ -127,11 +311,15 @@ def closure_data(
     }
     if any(name not in places for name in free):
         return None
+    fixed = None if "gamma" in free else params["gamma"]
     freed, factors = zip(*(places[name] for name in free), strict=True)
     return ClosureData(
         np.array(freed),
         np.array(factors),
         np.array([params.get(name, 0.0) for name in ("a", "gamma", "k")]),
         np.array(forcing.harmonics, dtype=float),
-        lattice.expansion("chi", None if "gamma" in free else params["gamma"]),
+        lattice.expansion("chi", fixed),
+        lattice.expansion("sigma", fixed),
+        lattice.expansion("eta", fixed),
+        extra,
     )

@@ -56,6 +56,8 @@ class GrazingSite:
     """Derivatives of displacement and velocity in all unknowns, free parameters and the time."""
     motion: Callable[[Orbit, float], Terms] | None = None
     """Of the site, unless it is that of the orbit."""
+    walker: Callable[..., Any] | None = None
+    """With a wall first, as `DefiningSystem` has it."""
     further: tuple[Event, ...] = ()
     """What else ends its curve besides another contact."""
     scale: Callable[[Point], float] | None = None
@@ -64,7 +66,8 @@ class GrazingSite:
 
     def locus(self, wall: float, t: float, **more: Any) -> DefiningSystem:
         conditions = partial(self._conditions, wall)
-        return DefiningSystem({"t": t}, conditions, self._derivative, **more)
+        walker = self.walker and partial(self.walker, wall)
+        return DefiningSystem({"t": t}, conditions, self._derivative, walker=walker, **more)
 
     def _conditions(self, wall: float, curve: Curve, z: Array, extra: Array) -> Array:
         orbit, t = Point(curve, z).solution, float(extra[0])

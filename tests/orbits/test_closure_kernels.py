@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 import contbreather as cb
-from contbreather.continuation import Steps
-from contbreather.continuation.stepper import Stepper
-from contbreather.orbits.closure_kernels import WALK
+from contbreather.continuation import Steps, refined
+from contbreather.orbits.closed_problem import Closure
+from contbreather.orbits.closure_kernels import CLOSURE, CONTACT, FOLD, PAIR, PITCHFORK
 
-pytestmark = pytest.mark.skipif(WALK.code is None, reason="nothing is compiled here")
+pytestmark = pytest.mark.skipif(CLOSURE.walk.code is None, reason="nothing is compiled here")
 
 FOURIER = cb.Fourier(cos={1: 1.0, 3: 0.1}, sin={3: 0.2})
 SHORT = Steps(largest=5e-3)
+
+
+def _alike(walked: Callable[[], cb.Branch], monkeypatch: pytest.MonkeyPatch) -> None:
+    """By machine code, and as on a machine where nothing is compiled."""
+    pieces = walked()
+    for kernels in (CLOSURE, FOLD, PITCHFORK, PAIR, CONTACT):
+        monkeypatch.setattr(kernels.walk, "code", None)
+    plain = walked()
+    assert (pieces.stop, pieces.began) == (plain.stop, plain.began)
+    assert [p.kind for p in pieces] == [p.kind for p in plain]
+    for column in ("z", "tangent", "arclength"):
+        ours, theirs = getattr(pieces.points, column), getattr(plain.points, column)
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -29,19 +44,32 @@ SHORT = Steps(largest=5e-3)
     ],
 )
 def test_pieces_have_the_points_of_single_steps(monkeypatch, free, within, start, more) -> None:
-    def walked() -> cb.Branch:
-        return cb.trace(cb.symmetric(0.5, 0.12, 0.8, **start), free, within=within, **more)
+    start = cb.symmetric(0.5, 0.12, 0.8, **start)
+    _alike(lambda: cb.trace(start, free, within=within, **more), monkeypatch)
 
-    monkeypatch.setattr(Stepper, "_pieces", lambda stepper: None)
-    plain = walked()
-    monkeypatch.undo()
-    calls = []
-    together = Stepper._many
-    monkeypatch.setattr(Stepper, "_many", lambda *given: calls.append(1) or together(*given))
-    pieces = walked()
-    assert calls
-    assert (pieces.stop, pieces.began) == (plain.stop, plain.began)
-    assert [p.kind for p in pieces] == [p.kind for p in plain]
-    for column in ("z", "tangent", "arclength"):
-        ours, theirs = getattr(pieces.points, column), getattr(plain.points, column)
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)
+
+@pytest.mark.parametrize(
+    ("start", "free", "kind"),
+    [
+        ((0.5, 0.04, 0.8), "a", "LP"),
+        ((0.5, 0.04, 0.8), "a", "PF"),
+        ((0.5, 0.04, 0.8), "a", "GR"),
+        ((0.2, 0.08, 0.8), "gamma", "NS"),
+    ],
+)
+@pytest.mark.parametrize("pair", [("gamma", "a"), ("k", "gamma"), ("c3", "a")])
+def test_boundaries_and_places_filled_in_are_those_of_single_steps(
+    monkeypatch, start, free, kind, pair
+) -> None:
+    at = cb.trace(cb.symmetric(*start, forcing=FOURIER), free).first(kind)
+    window = {"a": (0.0, 1.0), "c3": (-1.0, 1.0)}
+    _alike(lambda: refined(cb.boundary(at, pair, within=window), 100), monkeypatch)
+
+
+def test_a_boundary_takes_its_steps_in_machine_code(monkeypatch) -> None:
+    """By what it costs: of the equations in Python a plain walk asks at every iteration."""
+    at, asked = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a").first("PF"), []
+    plain = Closure.residual
+    monkeypatch.setattr(Closure, "residual", lambda *given: asked.append(1) or plain(*given))
+    line = refined(cb.boundary(at, ("gamma", "a")), 200)
+    assert len(asked) < len(line) / 2
