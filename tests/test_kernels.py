@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -74,13 +75,17 @@ print("numba" in sys.modules, "llvmlite" in sys.modules and sys.modules["llvmlit
 
 
 def test_a_process_without_compiled_code_computes_the_same() -> None:
-    """Bit for bit, but for branches (`orbits.test_closure_kernels`)."""
+    """Bit for bit, but for places of curves: plain steps add up their terms in another order."""
     pytest.importorskip("numba")
     *compiled, with_code = python("-c", BITS, "code").splitlines()
     *plain, without = python("-c", BITS, "plain").splitlines()
     assert (with_code, without) == ("False True", "False False")
     assert len(plain) == 10
-    assert plain == compiled
+    for ours, theirs in zip(compiled, plain, strict=True):
+        if ours.startswith("["):
+            np.testing.assert_allclose(json.loads(ours), json.loads(theirs), rtol=0, atol=1e-12)
+        else:
+            assert ours == theirs
 
 
 def test_a_kernel_takes_arrays_as_they_are_said_to_be() -> None:
