@@ -2,8 +2,8 @@
 
 The same steps as those of `stepper`, which says why they are what they are: predict, Newton, check,
 adapt; its names are those used here. Whatever is not plain walking ends a piece: a bound, a branch
-point, a fold of what has a bound, the way back to the start, a step that fails. `stepper` takes
-that step.
+point, a turn next to a bound, the way back to the start, a step that fails. `stepper` takes that
+step.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) ->
     if not off_cubic(data, rules, room, length) <= CUBIC_ERROR * length:
         return SHORTER, 0.0
     tiny = length < TINY * state[LONGEST]
-    if tiny or sign * state[SIGN] < 0 or turns_or_returns(rules, room):
+    if tiny or sign * state[SIGN] < 0 or leaves_or_returns(rules, room, length):
         return LOOK, 0.0
     effort = 1.0 if iterations == EASY else (0.7 if iterations > EASY else math.inf)
     state[SIZE] = size * max(min(AIM / max(turn, 1e-12), effort, rules.growth), 0.5)
@@ -199,11 +199,14 @@ def outside(rules: Rules, z: Any) -> bool:
 
 
 @inlined
-def turns_or_returns(rules: Rules, room: Room) -> bool:
-    """Whether what has a bound may have turned round, or the step may pass the start: either may be
-    wrong to the safe side."""
+def leaves_or_returns(rules: Rules, room: Room, length: float) -> bool:
+    """Whether what has a bound may have turned round beyond it, or the step may pass the start:
+    either may be wrong to the safe side."""
     for i in range(rules.slots.size):
-        if room.tangent[rules.slots[i]] * room.end_tangent[rules.slots[i]] < 0.0:
+        slot = rules.slots[i]
+        start, reach = room.z[slot], length / math.sqrt(rules.metric[slot])
+        out_of_reach = rules.low[i] < start - reach and start + reach < rules.high[i]
+        if room.tangent[slot] * room.end_tangent[slot] < 0.0 and not out_of_reach:
             return True
     before = after = along = 0.0
     for i in range(room.z.size):
