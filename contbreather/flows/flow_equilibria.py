@@ -20,7 +20,7 @@ from .cycle_constructors import named_state
 from .cycle_events import events_of_cycle
 from .cycle_problem import problem_of
 from .equations import FlowEquations, sizes_of
-from .flow import Flow, Function, Params, slopes, values
+from .flow import Flow, Function, Params, at_state, undecorated
 from .time_dependence import refuse_time
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
@@ -87,7 +87,7 @@ class _Rest:
     collocation: Collocation
 
     def __call__(self, x: Array, p: Params) -> Array:
-        return np.asarray(values(self.flow.f, 0.0, x[:, None], p)[:, 0])
+        return at_state(undecorated(self.flow.f), 0.0, x, p)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,10 +95,6 @@ class Equilibrium(Problem):
     """An equilibrium of a flow."""
 
     residual: _Rest
-
-    def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Array:
-        whole = slopes(self.residual.flow.f, 0.0, x[:, None], params, names)[1][..., 0]
-        return np.delete(whole, x.size, axis=1)  # the column of the time
 
     def having(self, *names: str) -> Problem:
         """The same, if the field does not begin to depend on the time with one of these."""

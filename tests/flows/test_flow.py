@@ -218,3 +218,28 @@ def test_a_field_without_a_value_gives_nan() -> None:
     found = values(lambda t, x, p: [np.log(x[0])], 0.0, np.array([[1.0, -1.0]]), {})
     assert found[0, 0] == 0.0
     assert math.isnan(found[0, 1])
+
+
+@pytest.mark.parametrize("written", ["for many states", "for one state"])
+def test_equilibria_ask_for_no_more_values_than_the_same_equations_as_a_problem(written) -> None:
+    calls = 0
+
+    def lorenz(t: Any, u: Any, p: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        if written == "for one state" and not u[0].imag and u[0] < -100:
+            return [0.0, 0.0, 0.0]
+        return [p["s"] * (u[1] - u[0]), u[0] * (p["r"] - u[2]) - u[1], u[0] * u[1] - p["b"] * u[2]]
+
+    start, params = {"x": 6.0, "y": 6.0, "z": 13.5}, {"s": 10.0, "r": 14.5, "b": 8 / 3}
+    rest = cb.equilibrium(lorenz, start, params)
+    plain = cb.Problem(lambda u, p: lorenz(0.0, u, p), start, params, events=rest.events)
+    each = []
+    for problem in (rest, plain):
+        calls = 0
+        branch = cb.trace(problem, "r", within={"r": (2.0, 30.0)})
+        each.append(calls / len(branch))
+        hopf = branch.first("HB")
+        assert hopf["r"] == pytest.approx(10 * (10 + 8 / 3 + 3) / (10 - 8 / 3 - 1), rel=1e-12)
+    assert each[0] <= 1.1 * each[1]
+    assert each[0] <= 24
