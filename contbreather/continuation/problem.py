@@ -95,6 +95,8 @@ class Problem:
     sensitivity: ClassVar[Callable[[Array, Params, str], Array] | None] = None
     # ``(x, params, names) -> (n, n + len(names)) array``: in place of `jacobian` and `sensitivity`
     derivatives: ClassVar[Callable[..., Matrix] | None] = None
+    # whether tests of the class hold its derivatives to differences: they are not compared here
+    tested: ClassVar[bool] = False
     # ``(names, params) -> (Walker, data) or None``: with these parameters free, the kernels of
     # `walk_kernel.walker` and what they ask for
     walker: ClassVar[Callable[..., Any] | None] = None

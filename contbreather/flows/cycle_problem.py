@@ -227,6 +227,7 @@ class CycleProblem(Problem):
     residual: FlowEquations
     # of an arm: where it sets out, with twice the intervals
     again: Callable[[], SwitchingProblem] | None = field(default=None, kw_only=True)
+    tested = True
 
     @property
     def internals(self) -> frozenset[str]:

@@ -202,6 +202,7 @@ class SymmetricProblem(OrbitProblem):
     """The closure (11) as a problem."""
 
     closure: Closure = field(kw_only=True)
+    tested = True
 
     @property
     def serialised(self) -> Mapping[str, Any]:

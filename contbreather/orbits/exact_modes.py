@@ -243,6 +243,7 @@ def _read(orbit: Orbit, threshold: float) -> Problem:
 @dataclass(frozen=True, eq=False, repr=False)
 class _Shooting(OrbitProblem):
     equations: Any = field(kw_only=True)
+    tested = True
 
     def derivatives(self, x: FloatArray, params: Params, names: tuple[str, ...]) -> FloatArray:
         return self.equations.derivatives(x, params, names)

@@ -174,6 +174,21 @@ def test_a_wrong_entry_of_a_derivative_is_named(row: int, column: int) -> None:
         trace(problem, "mu")
 
 
+def test_derivatives_that_a_class_knows_are_compared_with_differences() -> None:
+    def derivatives(u, p, names):
+        columns = [coupled_sensitivity(u, p, name)[:, None] for name in names]
+        return np.hstack([coupled_jacobian(u, p), *columns])
+
+    def wrong(u, p, names):
+        return derivatives(u, p, names) * np.where(np.arange(2 + len(names)) == 1, 1.001, 1.0)
+
+    plain = Problem(coupled, {"x": 0.6, "y": 1.12}, {"mu": -0.4})
+    right = trace(knowing(plain, derivatives=derivatives), "mu", within={"mu": (-0.5, -0.3)})
+    assert right.stop is Stop.BOUND
+    with pytest.raises(BadInput, match=r"does not fit the residual: its entry \([01], 1\) is"):
+        trace(knowing(plain, derivatives=wrong), "mu")
+
+
 def test_a_jacobian_that_is_wrong_only_further_on_is_named_in_the_reason() -> None:
     def jacobian(u, p):
         return np.array([[1 + 3 * u[0] ** 2 if p["mu"] < 0.5 else -1.0]])
