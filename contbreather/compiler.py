@@ -39,10 +39,14 @@ _TWINS: dict[Any, Any] = {}
 
 
 def compile_all() -> list[str]:
-    """Compile what is not there yet, module by module over the cores; why some are not compiled."""
+    """Compile what is not there yet, module by module over the cores, and remove what is of older
+    texts; why some are not compiled."""
     OBJECTS.mkdir(exist_ok=True)
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        return [reason for failed in pool.map(compile_text, TEXTS) for reason in failed]
+        failed = [reason for reasons in pool.map(compile_text, TEXTS) for reason in reasons]
+    for path in machine_code.superseded(_names()):
+        path.unlink()
+    return failed
 
 
 def compile_text(module: str) -> list[str]:
@@ -64,12 +68,17 @@ def compile_text(module: str) -> list[str]:
 
 def status() -> str:
     """Whether all kernels are compiled, where, and why not."""
-    for text in TEXTS:
-        import_module(text)
     try:
-        return machine_code.availability([kernel.file for kernel in KERNELS])
+        return machine_code.availability(_names())
     except ImportError as error:
         return f"nothing is compiled: {error}; pip install numba"
+
+
+def _names() -> list[str]:
+    """The object files of all kernels."""
+    for text in TEXTS:
+        import_module(text)
+    return [kernel.file for kernel in KERNELS]
 
 
 # --- one kernel -----------------------------------------------------------------------------------

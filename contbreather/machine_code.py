@@ -2,7 +2,8 @@
 
 `compiler` makes one for each kernel when the package is installed; llvmlite alone loads them:
 0.4 ms each, and 0.04 s for llvmlite, where to import numba takes 0.3 s. Each is called after the
-text of its kernel, this processor and this Python, so that none is ever taken for another.
+text of its kernel, this processor and this Python, so that none is ever taken for another and
+several may share a tree.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, lru_cache
 from importlib.util import source_hash
 from pathlib import Path
@@ -90,11 +91,22 @@ def processor() -> tuple[Any, ...]:
 
 @lru_cache(maxsize=256)
 def file_name(function: Function, takes: str) -> str:
-    """Of the object file of a function as it is in memory, and of all else its code depends on."""
+    """Of the object file of a function: for which processor, and of what text as it is in memory,
+    with all else its code depends on."""
     contents = [_content(part) for part in called(function)]
-    text = repr((_FORMAT, contents, takes, processor()))
+    text = _hashed((_FORMAT, contents, takes))
+    return f"{function.__name__}-{_hashed(processor())}-{text}.o"
+
+
+def superseded(names: Iterable[str]) -> list[Path]:
+    """Object files for this processor that have none of these names: those of older texts."""
+    ours = OBJECTS.glob(f"*-{_hashed(processor())}-*.o")
+    return sorted(path for path in ours if path.name not in names)
+
+
+def _hashed(content: Any) -> str:
     # as .pyc files have it: hashlib loads all of OpenSSL, a thirtieth of a first breather
-    return f"{function.__name__}-{source_hash(text.encode()).hex()}.o"
+    return source_hash(repr(content).encode()).hex()
 
 
 def _content(function: Function) -> tuple[Any, ...]:

@@ -199,6 +199,26 @@ def greedy(x: Vector) -> None:
     x[0] = np.empty(3)[0]
 
 
+def test_the_compiler_removes_what_is_of_an_older_text_and_leaves_what_others_made(
+    scratch: Path, tmp_path: Path
+) -> None:
+    tree = tmp_path / "tree"
+    shutil.copytree(scratch, tree)
+    beside = tree / "contbreather" / "_objects"
+    shutil.rmtree(beside, ignore_errors=True)
+    line = "-m", "contbreather.compiler"
+    python(*line, PYTHONPATH=str(tree))
+    (made,) = beside.glob("propagators-*.o")
+    name, processor, text = made.stem.split("-")
+    older = made.with_name(f"{name}-{processor}-{text[::-1]}.o")
+    gone = made.with_name(f"removed-{processor}-{text}.o")
+    elsewhere = made.with_name(f"{name}-{processor[::-1]}-{text}.o")
+    for one in (older, gone, elsewhere):
+        one.touch()
+    python(*line, PYTHONPATH=str(tree))
+    assert sorted(beside.iterdir()) == sorted([made, elsewhere])
+
+
 def test_a_kernel_is_compiled_from_what_its_annotations_say(
     own: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -279,6 +299,20 @@ def test_the_version_says_more_if_it_is_asked(run: Any) -> None:
     assert status == 0
     assert out.startswith(f"{cb.__version__}\n")
     assert re.search(r"\d+ of \d+ loops are compiled|nothing is compiled", out)
+
+
+def test_on_another_processor_the_version_says_what_to_do(
+    run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    llvm = pytest.importorskip("llvmlite.binding")
+    monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "i386")
+    caches = machine_code.processor, machine_code.file_name
+    for one in caches:
+        one.cache_clear()
+    _, out, _ = run("--version --verbose")
+    for one in caches:
+        one.cache_clear()
+    assert re.search(r"\n0 of \d+ loops are compiled; python -m contbreather\.compiler ", out)
 
 
 def test_status_says_why_something_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
