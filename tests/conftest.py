@@ -33,6 +33,7 @@ settings.load_profile("tests")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--as-a-user", action="store_true", help="no number of threads is set")
     parser.addoption("--here", action="store_true", help="tests marked `apart` in this process")
 
 
@@ -40,10 +41,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """A shell that starts the tests in the background has them ignore Ctrl-C, children included.
 
     Loops that were edited since the installation are compiled before the first test, and nothing
-    is behind it. Each worker of xdist has a core: a second thread of its linear algebra would only
-    wait for that of another, which more than doubles what dense matrices take.
+    is behind it. Each worker of xdist has a core: a second thread of the linear algebra that tests
+    do themselves would only wait for that of another.
     """
-    for name in THREADS:
+    for name in () if config.getoption("--as-a-user") else THREADS:
         os.environ.setdefault(name, "1")
     config.addinivalue_line("markers", "apart: in a process of its own, for what it does to it")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..checks import check_kind
 from ..errors import BadInput
+from ..one_thread import one_thread
 from ..progress import Counter
 from ..storage.serialise import from_dict, to_dict
 from .branch import Branch
@@ -40,6 +41,7 @@ from .trace import trace
 _MOST = 500  # steps in each direction
 
 
+@one_thread
 def boundary(
     point: Point,
     pair: tuple[str, str],

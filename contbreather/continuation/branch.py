@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..checks import brief, check_kind
 from ..columns import Columns
 from ..errors import BadInput
+from ..one_thread import one_thread
 from ..tables import Column, HtmlRepr, Sheet
 from .curve import Curve
 from .newton import Array
@@ -103,6 +104,7 @@ class Points(Sequence[Point]):
         """Those of a kind, in order."""
         return tuple(self.made[i] for i in sorted(self.made) if self.made[i].kind)
 
+    @one_thread
     def recorded(self, *names: str) -> dict[str, NDArray[Any]]:
         """Recorded columns; those of numbers are kept. What has to be asked point by point is asked
         together: what several columns look at is made once."""

@@ -14,6 +14,7 @@ import numpy as np
 from ..checks import whole
 from ..columns import Columns, stacked
 from ..errors import ContbreatherError, NotConverged, add_partial_result, partial_result
+from ..one_thread import one_thread
 from ..progress import Counter
 from ..storage.serialise import serialised
 from ..tables import Column, HtmlRepr, Sheet
@@ -230,6 +231,7 @@ def _shown(point: Point) -> str:
 # --- growing ----------------------------------------------------------------------------------
 
 
+@one_thread
 def diagram(
     start: Problem | Startable,
     free: str,

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..checks import check_kind, kind_of, number, numbers, real
 from ..errors import BadInput, NotConverged
+from ..one_thread import one_thread
 from .curve import Curve, Params, Residual
 from .newton import Array, Solution, Undefined, approach, newton
 from .sparse import Matrix, Pattern
@@ -295,6 +296,7 @@ class Problem:
         array = np.ndim(self.start.get(inner, 0.0)) > 0
         return inner if array and name == f"norm({inner})" else None
 
+    @one_thread
     def solve(self, *, tolerance: float = 1e-9) -> tuple[Problem, Solution]:
         """The problem with its start moved onto a solution at the same parameters.
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from ..checks import check_kind, number, one_of, whole
 from ..errors import BadInput, add_partial_result
+from ..one_thread import one_thread
 from .branch import Branch, Points, Stop, labelled
 from .branch_from_dict import no_equations
 from .checkpoint import Checkpoint, Save, checkpoint, piece_of
@@ -32,6 +33,7 @@ _OVER: dict[Stop | None, str] = {
 }
 
 
+@one_thread
 def extend(
     branch: Branch,
     *,
@@ -230,6 +232,7 @@ def with_columns(branch: Branch, **columns: Callable[[Point], Any]) -> Branch:
     return replace(branch, points=points, doubtful=tuple(map(remapped, branch.doubtful)))
 
 
+@one_thread
 def refined(branch: Branch, fewest: int, *, tolerance: float = 1e-11) -> Branch:
     """The same branch with at least `fewest` points, evenly along it, as far as Newton's iteration
     finds them; what it had stays.

@@ -51,11 +51,7 @@ class Dense:
     def solve(self, right: Array, last: float = 0.0) -> Array | None:
         """The solution, `last` being the right side of the row; None where it is singular."""
         whole = right if self.row is None else np.append(right, last)
-        if not self.exact:
-            return None
-        if whole.ndim > 1:  # of several right sides OpenBLAS makes work for threads, however small
-            return np.linalg.solve(self.whole, whole)
-        return _lapack().dgetrs(self._factors, self._pivots, whole)[0]
+        return _lapack().dgetrs(self._factors, self._pivots, whole)[0] if self.exact else None
 
     def transposed(self, right: Array) -> Array:
         """The solution for the transpose."""

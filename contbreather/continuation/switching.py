@@ -16,6 +16,7 @@ import numpy as np
 
 from ..checks import kind_of
 from ..errors import BadInput, NotConverged, add_partial_result
+from ..one_thread import one_thread
 from ..progress import Counter
 from ..tables import Column, HtmlRepr, Sheet
 from .branch import Branch, Stop, labelled
@@ -215,6 +216,7 @@ class Branches(tuple[Branch, ...], HtmlRepr):
         )
 
 
+@one_thread
 def switch(
     point: Point,
     *,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import one_of
 from ..errors import BadInput
+from ..one_thread import one_thread
 from ..progress import Counter
 from .branch import Branch, Points, Stop, labelled, with_ends
 from .checkpoint import Checkpoint, Save, checkpoint
@@ -51,6 +52,7 @@ class End:
     doubtful: tuple[Point, ...] = ()
 
 
+@one_thread
 def trace(
     start: Problem | Startable,
     free: str,
@@ -194,12 +196,14 @@ def iterate(
     [0.0, 0.007]
     """
     one_of("towards", towards, ("up", "down"))
-    problem, wanted = active_events(
-        having(problem_in(start), free), events, inadmissible=inadmissible
-    )
     chosen = steps_of(steps)
-    (way,) = starts_on_curve(problem, free, within, towards, along, chosen.tolerance)
-    return ContinuationIterator(way, wanted, chosen).run()
+    with one_thread:  # not while the caller has its turn
+        problem, wanted = active_events(
+            having(problem_in(start), free), events, inadmissible=inadmissible
+        )
+        (way,) = starts_on_curve(problem, free, within, towards, along, chosen.tolerance)
+        walk = ContinuationIterator(way, wanted, chosen)
+    return walk.run()
 
 
 @dataclass
@@ -307,7 +311,7 @@ class ContinuationIterator:
         reason, ahead = "", None
         while stop is None and self.count < self.steps.most:
             try:
-                with np.errstate(**QUIET):
+                with one_thread, np.errstate(**QUIET):
                     # predict   z + s t + s^2/2 dt/ds
                     #           [  J(z) ]      [ H(z) ]        [  J(z) ]      [ 0 ]
                     # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]

@@ -17,6 +17,7 @@ from ..continuation.newton import Array, Undefined
 from ..continuation.point import Event
 from ..continuation.problem import Problem
 from ..errors import BadInput, NotConverged
+from ..one_thread import one_thread
 from .collocation import Collocation, TrajectorySegment, fitted, flown
 from .contact_events import lowest, sliding
 from .cycle_events import events_of_cycle
@@ -44,6 +45,7 @@ _FINER = 32  # so many intervals for each say where those of a mesh are to be
 _BEHIND = 1e-9  # a wall that is less than this is passed, as where a walk begins
 
 
+@one_thread
 def cycle(
     flows: Flow | Function | Sequence[Flow] | Filippov,
     start: Mapping[str, float] | tuple[Any, Any],

@@ -21,6 +21,7 @@ from ..continuation.sparse import Matrix
 from ..continuation.switching import SwitchingProblem
 from ..continuation.trace import trace
 from ..errors import BadInput, NotConverged
+from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
 from .equations import FlowEquations
@@ -124,6 +125,7 @@ class Cycle(HtmlRepr):
         return sign * max(_top(f, i, sign) for f in self.flights if i < len(f.states))
 
     @cached_property
+    @one_thread
     def _spectrum(self) -> tuple[NDArray[np.complex128], float]:
         return of_cycle(self.equations, self.x, self.params)
 

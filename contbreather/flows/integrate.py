@@ -16,6 +16,7 @@ from ..checks import MOST, brief, number, numbers, whole
 from ..columns import Columns
 from ..continuation.newton import Array
 from ..errors import BadInput, NotConverged
+from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .filippov import Filippov
 from .flow import Clock, Flow, Function, Params, at_state, place, rate_of, undecorated, values
@@ -174,6 +175,7 @@ class Trajectory(Columns, HtmlRepr):
         return f"<Trajectory over {span}: {len(self.events)} events>"
 
 
+@one_thread
 def integrate(
     flows: Flow | Function | Sequence[Flow] | Filippov,
     x0: Any,

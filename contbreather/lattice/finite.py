@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbreather.checks import flag, one_of, whole
 from contbreather.errors import BadInput
 from contbreather.kernels import inlined
+from contbreather.one_thread import one_thread
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -210,6 +211,7 @@ class Lattice:
         return f"{self.name}, {self.sites} site{'s' * (self.sites > 1)}"
 
     @cached_property
+    @one_thread
     def spectrum(self) -> tuple[FloatArray, FloatArray]:
         """Eigenvalues ``lam``, ascending, and the modes as columns, mass-orthonormal."""
         from scipy import linalg  # dear to import, and needed by finite lattices alone

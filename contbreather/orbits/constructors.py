@@ -21,6 +21,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
+from contbreather.one_thread import one_thread
 from contbreather.orbits.branch_switching import OrbitSwitching, lift
 from contbreather.orbits.clearance import LIMIT, Inadmissible
 from contbreather.orbits.closed_form import symmetric as symmetric
@@ -133,6 +134,7 @@ def _solved(problem: Problem, inadmissible: bool) -> Orbit:
     return orbit
 
 
+@one_thread
 def shooting(
     seed: Any,
     *,

@@ -28,6 +28,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Finite, finite, stiffness_of
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
+from contbreather.one_thread import one_thread
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
 from contbreather.orbits.grazing import GRAZING
@@ -47,6 +48,7 @@ TOGETHER = 9  # digits to which times are compared: impacts at once are listed b
 Single = tuple[int, Orbit]  # a site, and the orbit it has in the limit without coupling
 
 
+@one_thread
 def multibreather(
     choice: Sequence[int] | Mapping[int, Any],
     *,

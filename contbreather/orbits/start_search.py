@@ -21,6 +21,7 @@ from contbreather.errors import BadInput, NoSolution
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.finite import Lattice
 from contbreather.lattice.formula import forcing_of
+from contbreather.one_thread import one_thread
 from contbreather.orbits.closed_form import rooted, symmetric_roots
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit
@@ -32,6 +33,7 @@ REACH = 10.0  # how far a window without end is looked at
 Window = tuple[float, float]
 
 
+@one_thread
 def find_symmetric(free: str, within: Window, *, root: int | None = None, **conditions: Any) -> Any:
     """An admissible symmetric breather somewhere in the window of one parameter.
 
@@ -133,6 +135,7 @@ def problem_with(orbit: Orbit, *names: str, threshold: float = THRESHOLD) -> Pro
     return orbit.representation.problem(threshold).having(*names)
 
 
+@one_thread
 def find_event(
     kind: str,
     pair: tuple[str, str],

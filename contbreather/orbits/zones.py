@@ -17,6 +17,7 @@ from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.finite import Lattice as Finite
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
+from contbreather.one_thread import one_thread
 from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_diagram import ZoneDiagrams, Zones
 from contbreather.orbits.zone_search import ZoneSearch
@@ -61,6 +62,7 @@ def zones(
 ) -> ZoneDiagrams: ...
 
 
+@one_thread
 def zones(
     *,
     k: float | Sequence[float] | None = None,

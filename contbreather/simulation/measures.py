@@ -30,6 +30,7 @@ from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Finite, stiffness_of
 from contbreather.lattice.modal_flow import driven_modes
+from contbreather.one_thread import one_thread
 from contbreather.simulation.states import (
     PERIOD,
     LatticeParameters,
@@ -343,6 +344,7 @@ class Lyapunov(HtmlRepr):
         return Sheet(columns, title=f"Averages over {self.periods} periods")
 
 
+@one_thread
 def lyapunov(
     state: Any,
     *,

@@ -27,6 +27,7 @@ from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput, NotConverged
 from contbreather.lattice.conditions import Conditions
+from contbreather.one_thread import one_thread
 from contbreather.parameters import NUMBERS, SMOOTH
 from contbreather.simulation.integrator import RunStop, Sample
 from contbreather.simulation.simulate import SimulationRun, completed, let_go
@@ -215,6 +216,7 @@ def _by_size(matrix: Array) -> Array:
     return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
 
 
+@one_thread
 def periodic(
     state: Any,
     *,

@@ -25,6 +25,7 @@ from contbreather.lattice.modal_flow import (
     free_multipliers,
     propagator,
 )
+from contbreather.one_thread import one_thread
 from contbreather.stability.saltation import Saltation, saltation
 from contbreather.stability.zeros import (
     REAL,
@@ -158,6 +159,7 @@ class ModalMap:
         return np.asarray(self.applied(np.eye(2 * self.z.size)))
 
     @cached_property
+    @one_thread
     def coupled(self) -> ComplexArray:
         """Eigenvalues of `matrix`; kept, because events and columns ask for them in turn."""
         return np.linalg.eigvals(self.matrix).astype(complex)

@@ -1,6 +1,7 @@
 """`python -m tests.benchmarks`: one table of every promised speed, beside what it is measured by.
 
-Run from the root of the source tree. BLAS has one thread, here and in every process started.
+Run from the root of the source tree. Measured is what a user gets: no number of threads is set,
+here and in the processes started.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from .measure import ONE_THREAD, Absent, Row
+from .measure import Absent, Row
 
-os.environ.update(ONE_THREAD)  # before numpy is imported by anything below
+for name in [name for name in os.environ if name.endswith("_NUM_THREADS")]:
+    del os.environ[name]  # before numpy is imported by anything below
 
 
 def groups(long: bool, peers_python: str) -> dict[str, Callable[[], list[Row]]]:

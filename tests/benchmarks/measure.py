@@ -13,12 +13,6 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-ONE_THREAD = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
-}
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,7 @@ def process(
 ) -> tuple[float, str]:
     """Wall time and standard output of a whole process; Absent if it cannot be run."""
     # compiled files are written, as they are where a package is installed (empty: unset)
-    full = {**os.environ, **ONE_THREAD, "PYTHONDONTWRITEBYTECODE": "", **(env or {})}
+    full = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", **(env or {})}
     start = time.perf_counter()
     try:
         run = subprocess.run(

@@ -1,4 +1,4 @@
-"""Stability of a breather against the paper's route, on one BLAS thread."""
+"""Stability of a breather against the paper's route."""
 
 from __future__ import annotations
 
