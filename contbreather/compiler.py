@@ -67,7 +67,7 @@ def compile_text(module: str) -> list[str]:
 
 
 def status() -> str:
-    """Whether all kernels are compiled, where, and why not."""
+    """Say whether all kernels are compiled, where, why not, and what compiles the others."""
     try:
         return machine_code.availability(_names())
     except ImportError as error:
@@ -98,7 +98,7 @@ def object_of(kernel: Kernel) -> bytes:
 
 
 def jitted(kernel: Kernel) -> Any:
-    """What numba makes of it, in this process.
+    """Compile it by numba, in this process.
 
     Raises
     ------

@@ -91,8 +91,8 @@ def processor() -> tuple[Any, ...]:
 
 @lru_cache(maxsize=256)
 def file_name(function: Function, takes: str) -> str:
-    """Of the object file of a function: for which processor, and of what text as it is in memory,
-    with all else its code depends on."""
+    """Name of the object file of a function: for which processor, and of what text as it is in
+    memory, with all else its code depends on."""
     contents = [_content(part) for part in called(function)]
     text = _hashed((_FORMAT, contents, takes))
     return f"{function.__name__}-{_hashed(processor())}-{text}.o"

@@ -155,7 +155,7 @@ def bordered_matrix(point: Point) -> Matrix:
 
 
 def bordered_matrices(points: Points) -> Array | None:
-    """The same at several points of a small problem."""
+    """Bordered matrices at several points of a small problem."""
     curve = points.curve
     matrices = curve.jacobians(points.z)
     if matrices is None:

@@ -259,9 +259,8 @@ class Curve:
         value = recent.get(key)
         if value is None:
             value = recent[key] = make(z)
-            for oldest in [*recent][
-                : -_LATEST if self.size >= FEW else -_FEW_LATEST
-            ]:  # another thread may be at it as well
+            most = _LATEST if self.size >= FEW else _FEW_LATEST
+            for oldest in [*recent][:-most]:  # another thread may be at it as well
                 recent.pop(oldest, None)
         return value
 
@@ -334,7 +333,7 @@ class Curve:
         return values
 
     def jacobians(self, rows: Array) -> Array | None:
-        """The derivatives at several z; None of large ones, and of those on boundaries."""
+        """Derivatives at several z; None of large ones, and of those on boundaries."""
         if rows.shape[1] > FEW or self.problem.beneath is not None:
             return None
         matrices = [self.jacobian(z) for z in rows]

@@ -129,7 +129,7 @@ def signed_smallest(matrix: Matrix) -> float:
 
 
 def signed_smallest_of(stack: Array) -> Array:
-    """The same of several small matrices."""
+    """Least singular values of several small matrices, with the signs of their determinants."""
     sizes = np.linalg.svd(stack, compute_uv=False)[:, -1]
     return np.asarray(np.copysign(sizes, np.linalg.slogdet(stack)[0]))
 

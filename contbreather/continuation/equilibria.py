@@ -214,7 +214,7 @@ def _hopf_test(point: Point) -> float:
 
 
 def _hopf_tests(points: Points) -> Many | None:
-    """The same, with the counts, at several points of a small problem."""
+    """Tests and counts of HB at several points of a small problem."""
     curve = points.curve
     matrices, values = curve.jacobians(points.z), curve.spectra(points.z)
     if matrices is None or values is None:

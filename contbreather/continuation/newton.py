@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import ContbreatherError
 from . import sparse
 from .sparse import Dense, Matrix
+from .walk_kernel import LARGE
 
 Array = NDArray[np.float64]
 
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 OUT_OF_DOMAIN = (ValueError, ArithmeticError)
 
 FEW = 13  # entries of z: beyond a dozen unknowns factors are worth keeping
-_LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 _REUSED = 1e-5  # of a correction this short, relative to 1 + |z|, the square is rounding
 _SHRUNK = 1e-2  # and no curvature is in the way where it is this much shorter than the one before
 _ROUNDED = 4 * 2.0**-52  # sums of terms that round once each were never seen to be off by more
@@ -96,7 +96,7 @@ def newton(
         z = z - step
         if moved <= bound and (
             slow
-            or bound < _LARGE * tolerance
+            or bound < LARGE * tolerance
             or (abs(step) <= tolerance * (abs(z) + curve.metric**-0.5)).all()
         ):
             value = curve.equations(z)

@@ -21,17 +21,10 @@ from .newton import FEW, Array, Solution, Undefined, newton, newton_step
 from .point import Point
 from .settings import Steps
 from .step_interpolant import StepInterpolant
-from .walk_kernel import Pieces, Rules
+from .walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
 
 LOG = logging.getLogger(__name__)
 
-# How far the tangent may turn within a step, the turn that step sizes aim at, and how far the curve
-# may be off the cubic through both ends, as a fraction of the step. Together they leave no room for
-# a feature of the curve to hide inside a step.
-_TURN, _AIM, _CUBIC_ERROR = 0.45, 0.15, 0.003
-_TINY = 1e-4  # relative to the longest step so far
-_ITERATIONS = 8  # of Newton's method in a step
-_EASY = 4  # so many of them ask for another step of this size
 _OUTSIDE = 0.02  # how far beyond its ends, relative to a step, a branch point still belongs to it
 _LANDINGS = 6  # how often a step is landed on a curved bound; its error is squared each time
 EXACT = 1e-14  # a landing this close, relative to 1 + |z|, is exact
@@ -80,7 +73,7 @@ class Stepper:
         self.pieces, self.together, self.few = self._pieces(), _FIRST, 1
 
     def next(self, point: Point, count: int) -> BranchPiece:
-        """The next steps: many at once; or one, or a few of small problems, as many as come off."""
+        """Take the next steps: many at once; or one, or of small problems a few."""
         if self.pieces and (points := self._many(self.pieces, point, self.steps.most - count)):
             return BranchPiece(points)
         step = self._one(point, count)
@@ -111,7 +104,7 @@ class Stepper:
         length = last.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
-        self.tiny = self.tiny + 1 if length < _TINY * self.longest else 0
+        self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
         if count > 2 and self._closes(point, last):
@@ -123,7 +116,7 @@ class Stepper:
     # --- many at once ---
 
     def _pieces(self) -> Pieces | None:
-        """Who takes many steps at once; None where there is no machine code, or each is to have a
+        """Find who takes many steps at once; None where there is no machine code, or each is to have a
         line of its own among the messages."""
         curve, steps = self.curve, self.steps
         plain = all(isinstance(bound.slot, int) for bound in self.bounds)
@@ -141,7 +134,7 @@ class Stepper:
         return curve.pieces(Rules(*sizes, slots, low, high, curve.metric, self.across, curve.start))
 
     def _many(self, pieces: Pieces, point: Point, most: int) -> Points | None:
-        """As many steps as come off at once; None where the first is more than a plain one."""
+        """Take as many steps as come off at once; None where the first is more than a plain one."""
         state = point.arclength, self.size, self.sign, self.longest
         start = point.z, point.direction, self.curvature
         rows = pieces.steps(start, state, min(self.together, most))
@@ -231,7 +224,7 @@ class Stepper:
 
     def correct(self, predicted: Array, row: Array) -> Solution:
         tolerance = self.steps.tolerance
-        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=_ITERATIONS)
+        solution = newton(self.curve, predicted, row, tolerance=tolerance, most=ITERATIONS)
         if not solution.converged:
             raise StepFailed(Stop.NO_CONVERGENCE, f"residual {solution.residual:.2g}")
         return solution
@@ -327,9 +320,9 @@ class Stepper:
         tangent, sign = curve.tangent_at(z, point.direction)
         turn = _angle(curve, point.direction, tangent)
         # the chord as well: between tangents that are parallel a curve may turn and turn back
-        if turn > _TURN or _angle(curve, point.direction, (z - point.z) / length) > _TURN:
+        if turn > TURN or _angle(curve, point.direction, (z - point.z) / length) > TURN:
             raise _refused("the curve turns too sharply")
-        if self._off_cubic(point, z, tangent, length) > _CUBIC_ERROR * length:
+        if self._off_cubic(point, z, tangent, length) > CUBIC_ERROR * length:
             raise _refused("the curve is not smooth at the smallest step")
         return _Checked(tangent, sign, length, turn)
 
@@ -375,5 +368,5 @@ def _next_size(iterations: int, turn: float, growth: float) -> float:
     # the turn is |t'| s to first order, so that s AIM / turn meets the aim; less than a half would
     # trust that too far (E. L. Allgower and K. Georg, Introduction to Numerical Continuation
     # Methods, section 6.1, bound the factor alike)
-    effort = 1.0 if iterations == _EASY else (0.7 if iterations > _EASY else math.inf)
-    return max(min(_AIM / max(turn, 1e-12), effort, growth), 0.5)
+    effort = 1.0 if iterations == EASY else (0.7 if iterations > EASY else math.inf)
+    return max(min(AIM / max(turn, 1e-12), effort, growth), 0.5)

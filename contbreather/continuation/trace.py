@@ -208,7 +208,7 @@ def iterate(
 
 @dataclass
 class Ahead:
-    """Steps that were made and are to be looked through.
+    """Steps that were taken and are to be looked through.
 
     Attributes
     ----------
@@ -306,7 +306,7 @@ class ContinuationIterator:
         return self.end
 
     def pieces(self) -> Iterator[Sequence[Point]]:
-        """The same, several points at a time."""
+        """Walk as `run` does, several points at a time."""
         stop: Stop | None = None
         reason, ahead = "", None
         while stop is None and self.count < self.steps.most:
@@ -376,7 +376,7 @@ class ContinuationIterator:
     # --- locate ---
 
     def _located(self, ahead: Ahead, quiet: Sequence[Any] | None) -> StepEvents:
-        """What happens on the first of the steps ahead."""
+        """Find what happens on the first of the steps ahead."""
         step = ahead.next
         segment = StepInterpolant(self.point, step.points[0], self.steps.tolerance)
         stop, crossing = step.stop, step.crossing

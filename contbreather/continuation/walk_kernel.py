@@ -17,13 +17,14 @@ import numpy as np
 
 from ..kernels import Counts, Kernel, Matrix, Vector, fixed, inlined
 
-TURN = 0.45
-AIM = 0.15
-CUBIC_ERROR = 0.003
-TINY = 1e-4
-ITERATIONS = 8
-EASY = 4
-LARGE = 10.0
+# How far the tangent may turn within a step, the turn that step sizes aim at, and how far the curve
+# may be off the cubic through both ends, as a fraction of the step. Together they leave no room for
+# a feature of the curve to hide inside a step.
+TURN, AIM, CUBIC_ERROR = 0.45, 0.15, 0.003
+TINY = 1e-4  # relative to the longest step so far
+ITERATIONS = 8  # of Newton's method in a step
+EASY = 4  # so many of them ask for another step of this size
+LARGE = 10.0  # size of z beyond which its entries are looked at one by one
 
 # what `walker` puts in their places, of one problem
 Data: Any = None
@@ -36,7 +37,7 @@ ARCLENGTH, SIZE, SIGN, LONGEST = range(4)  # of the state of a walk
 
 @fixed
 class Rules(NamedTuple):
-    """What stays the same on a walk."""
+    """Rules and bounds of a walk, the same for all of its steps."""
 
     tolerance: float
     smallest: float
@@ -97,7 +98,7 @@ def correct(data: Data, rules: Rules, room: Room, answer: Vector) -> None:
 
 @inlined
 def try_step(data: Any, rules: Rules, room: Room, state: Vector, size: float) -> tuple[int, float]:
-    """A step of this size, which is taken if it comes off; and its residual."""
+    """Take a step of this size if it comes off; how that ended, and its residual."""
     z, t, end = room.z, room.tangent, room.end
     for i in range(z.size):
         end[i] = z[i] + size * t[i] + 0.5 * size * size * room.curvature[i]
@@ -200,7 +201,7 @@ def outside(rules: Rules, z: Any) -> bool:
 
 @inlined
 def leaves_or_returns(rules: Rules, room: Room, length: float) -> bool:
-    """Whether what has a bound may have turned round beyond it, or the step may pass the start:
+    """Tell whether what has a bound may have turned round beyond it, or the step passes the start:
     either may be wrong to the safe side."""
     for i in range(rules.slots.size):
         slot = rules.slots[i]
@@ -294,7 +295,7 @@ class Walker(NamedTuple):
 
 
 def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: type) -> Walker:
-    """The kernels for equations ``residual(z, data, out) -> int``, not 0 where they have no value,
+    """Make the kernels for equations ``residual(z, data, out) -> int``, not 0 where they have no value,
     and their derivative row by row, with `data` the NamedTuple of all else that they ask for."""
     scope = dict(globals(), __name__=residual.__module__, Data=data)
     for name, function in globals().items():
@@ -322,8 +323,8 @@ class Pieces:
         self.room = Room(*np.zeros((7, d)), np.zeros(d - 1), flat, flat.reshape(d, d))
 
     def steps(self, start: Any, state: Any, most: int) -> Any:
-        """As many steps as come off, at most so many, from z, tangent and curvature, and a state:
-        their z, tangents, arclengths and residuals."""
+        """Take as many steps as come off, at most so many, from z, tangent and curvature, and a
+        state: their z, tangents, arclengths and residuals."""
         for buffer, entries in zip((*self.room[:3], self.state), (*start, state), strict=True):
             buffer[:] = entries
         d, count = self.rules.metric.size, np.zeros(1, dtype=np.int64)

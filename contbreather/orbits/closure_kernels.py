@@ -110,7 +110,7 @@ def forcing_slope(on: ClosureData, i: int, t: float, f: Four) -> Four:
 
 @inlined
 def terms(z: Any, on: ClosureData, mean: BandAverage, f: Four) -> ClosureTerms:
-    """What the equations are made of, with one of the means."""
+    """Terms of the equations, with one of the means."""
     a, gamma, k = on.params[A], on.params[GAMMA], on.params[K]
     return ClosureTerms(z[0], k, average(mean, 4.0 * gamma, excess), a * f[0], a * f[1], a * f[2])
 
@@ -297,8 +297,8 @@ CONTACT = walker(contact, contact_slopes, ContactData)
 def closure_data(
     lattice: Any, forcing: Any, free: tuple[str, ...], params: Mapping[str, float], extra: int = 0
 ) -> ClosureData | None:
-    """With these parameters free; None for others than a, gamma (of the chain), k and coefficients
-    of a Fourier series."""
+    """Data of a breather with these parameters free; None for others than a, gamma (of the chain),
+    k and coefficients of a Fourier series."""
     places = {name: (place, 1.0) for place, name in enumerate(("a", "gamma", "k"))}
     if lattice.sites is not None:
         del places["gamma"]
