@@ -161,7 +161,8 @@ def in_circles(found: list[Import]) -> set[str]:
 
 def outside_the_engine(found: list[Import]) -> list[str]:
     names = "continuation checks columns compiler errors files fronts kernels machine_code "
-    own = {f"contbreather.{name}" for name in f"{names} progress storage tables workers".split()}
+    names += "one_thread progress storage tables workers"
+    own = {f"contbreather.{name}" for name in names.split()}
     broken = []
     for one in found:
         if not one.source.startswith("contbreather.continuation"):
