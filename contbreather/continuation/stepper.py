@@ -116,8 +116,8 @@ class Stepper:
     # --- many at once ---
 
     def _pieces(self) -> Pieces | None:
-        """Find who takes many steps at once; None where there is no machine code, or each is to have a
-        line of its own among the messages."""
+        """Find who takes many steps at once; None where there is no machine code, or each is to
+        have a line of its own among the messages."""
         curve, steps = self.curve, self.steps
         plain = all(isinstance(bound.slot, int) for bound in self.bounds)
         if not plain or LOG.isEnabledFor(logging.DEBUG):

@@ -350,7 +350,7 @@ class ContinuationIterator:
 
     # --- test ---
 
-    def _without_candidates(self, ahead: Ahead) -> tuple[Sequence[Point], Sequence[Any] | None]:
+    def _without_candidates(self, ahead: Ahead) -> tuple[Sequence[Point], Any]:
         """The first of the steps ahead, as far as no event has anything to look for on them; and
         for which events that is so on the next, None where it is not known."""
         points, more = ahead.piece.points, ahead.piece.crossing or ahead.piece.stop
@@ -363,7 +363,7 @@ class ContinuationIterator:
         tests = [[past, now, *row] for past, now, row in rows]
         quiet = quiet_steps(self.events, places, tests, ahead.counts, self.point, points)
         matrices = any(isinstance(event.test, Singular) for event in self.events)
-        clear = quiet.all(axis=0)
+        clear: Any = quiet.all(axis=0)
         clear[-1] &= not (more or (matrices and len(points) == 1))
         n = int(np.append(clear, False).argmin())
         if n:
@@ -375,7 +375,7 @@ class ContinuationIterator:
 
     # --- locate ---
 
-    def _located(self, ahead: Ahead, quiet: Sequence[Any] | None) -> StepEvents:
+    def _located(self, ahead: Ahead, quiet: Any) -> StepEvents:
         """Find what happens on the first of the steps ahead."""
         step = ahead.next
         segment = StepInterpolant(self.point, step.points[0], self.steps.tolerance)

@@ -320,7 +320,8 @@ class Pieces:
         self.kernels, self.data, self.rules, self.state = kernels, data, rules, np.zeros(4)
         d = rules.metric.size
         flat = np.zeros(d * d)
-        self.room = Room(*np.zeros((7, d)), np.zeros(d - 1), flat, flat.reshape(d, d))
+        buffers: list[Any] = [*np.zeros((7, d)), np.zeros(d - 1), flat, flat.reshape(d, d)]
+        self.room = Room(*buffers)
 
     def steps(self, start: Any, state: Any, most: int) -> Any:
         """Take as many steps as come off, at most so many, from z, tangent and curvature, and a
