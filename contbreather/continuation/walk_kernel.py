@@ -295,7 +295,7 @@ class Walker(NamedTuple):
 
 
 def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: type) -> Walker:
-    """Make the kernels for equations ``residual(z, data, out) -> int``, not 0 where they have no value,
+    """Make the kernels for equations ``residual(z, data, out) -> int``, not 0 where they have none,
     and their derivative row by row, with `data` the NamedTuple of all else that they ask for."""
     scope = dict(globals(), __name__=residual.__module__, Data=data)
     for name, function in globals().items():
