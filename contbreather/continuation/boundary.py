@@ -22,7 +22,15 @@ from .checkpoint import Save, checkpoint, piece_of
 from .curve import Curve
 from .defining_systems import Extended, ExtendedProblem, event_of, extended, lifted
 from .newton import Undefined
-from .point import CodimensionTwo, DefiningSystem, Event, Examined, Point, UnstableDimension
+from .point import (
+    CodimensionTwo,
+    DefiningSystem,
+    Event,
+    Examined,
+    Implied,
+    Point,
+    UnstableDimension,
+)
 from .problem import Problem
 from .settings import (
     Settings,
@@ -193,7 +201,10 @@ def boundary_problem(
         )
     record = base.record
     if event.bifurcates:  # a multiplier passes all along: rounding would decide their counts
-        record = {name: partial(_uncounted, column) for name, column in record.items()}
+        record = {
+            name: column if isinstance(column, Implied) else partial(_uncounted, column)
+            for name, column in record.items()
+        }
     make = partial(
         BoundaryProblem,
         events=(*of_locus, *others),

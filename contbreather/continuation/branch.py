@@ -20,7 +20,7 @@ from ..one_thread import one_thread
 from ..tables import Column, HtmlRepr, Sheet
 from .curve import Curve
 from .newton import Array
-from .point import Point, UnstableDimension
+from .point import Implied, Point, UnstableDimension
 from .problem import Problem
 from .settings import Settings
 
@@ -423,7 +423,9 @@ class Branch(Columns, HtmlRepr):
         start = self.points[0]
         free = self.curve.varied
         unknowns = [name for name in self.curve.slots if name not in free]
-        names = (*free, *unknowns, *self.problem.record)
+        record = self.problem.record
+        measured = [name for name in record if not isinstance(record[name], Implied)]
+        names = (*free, *unknowns, *measured)
         points = self.special
         columns = [Column("label", [p.title if p.located else f"{p.title}?" for p in points])]
         columns += [

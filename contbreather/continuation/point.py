@@ -396,6 +396,23 @@ class UnstableDimension:
         return self.of(point)
 
 
+@dataclass(frozen=True)
+class Implied:
+    """A recorded column that a symmetry of the solutions settles: drawn and kept beside branches
+    without the symmetry, and left out of tables of special points.
+
+    Parameters
+    ----------
+    of : callable
+        ``of(point)``, the number at one point.
+    """
+
+    of: Callable[[Point], float]
+
+    def __call__(self, point: Point) -> float:
+        return self.of(point)
+
+
 @dataclass(frozen=True, repr=False)
 class EventWithRule(Event):
     """An event with a rule of its own for who counts as unstable: the columns that go with it.

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 from threading import get_ident
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contbreather.continuation.curve import Curve
-from contbreather.continuation.point import DefiningSystem, Point
+from contbreather.continuation.point import DefiningSystem, Implied, Point
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.walk_kernel import Walker
 from contbreather.errors import BadInput
@@ -49,7 +50,14 @@ from contbreather.orbits.closure import (
 from contbreather.orbits.grazing import GrazingSite
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import events_without_losses, saddle_node
-from contbreather.orbits.orbit_problem import OnCircle, OrbitProblem, ring_label, unstable_by
+from contbreather.orbits.orbit_problem import (
+    OnCircle,
+    OrbitProblem,
+    of_whole_period,
+    ring_label,
+    unstable_by,
+)
+from contbreather.orbits.section import Section
 from contbreather.parameters import NEEDED, NUMBERS
 from contbreather.stability.arc import band_workspace
 from contbreather.stability.verdict import THRESHOLD
@@ -164,7 +172,7 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
 
     Columns: p, phi; a, gamma, k and the parameters of the forcing; ``unstable``, the number of
     multipliers of QS outside the circle, on a ring those over 2 pi beyond the threshold; computed
-    when asked for.
+    when asked for. Beside asymmetric breathers it is drawn by their t1, t2, c and ``asymmetry``.
     """
     motion = breather.representation
     on, forcing = breather.conditions, motion.forcing
@@ -190,11 +198,18 @@ def symmetric_problem(breather: Orbit, threshold: float = THRESHOLD) -> Problem:
         start={"p": motion.p, "phi": motion.phi},
         params={"a": on.a, "gamma": on.gamma, "k": on.k, **forcing.params},
         events=(saddle_node(), *events_without_losses(motion.section, lattice, threshold)),
-        record={"unstable": unstable_by(threshold)},
+        record={"unstable": unstable_by(threshold), **_of_arms(motion.section, forcing.params)},
         domain=domain,
         label=f"symmetric breather{ring_label(lattice, threshold)}",
         closure=closure,
     )
+
+
+def _of_arms(section: Section, params: Mapping[str, float]) -> dict[str, Implied]:
+    """Columns that asymmetric breathers have: of them the first time is an unknown."""
+    # (3): the wall +1 at phi
+    first = {} if "t1" in params else {"t1": Implied(itemgetter("phi"))}
+    return first | of_whole_period(section, ["phi"], params)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -36,6 +36,8 @@ from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblem,
     by_differences,
+    momentum,
+    of_whole_period,
     read_by,
     unstable_by,
 )
@@ -135,10 +137,11 @@ class ExactModes(SectionTrajectory):
         """The shooting equations with this orbit as their start, and all its events.
 
         Columns: ``t1, t2, ...`` and the arrays ``q, r`` of unknowns; a, gamma, k, damping, spring
-        and the parameters of the forcing; half the momenta, ``p1, p2, ...``, and ``p``, the first,
-        where one site has one impact or two; the offset ``c``; where half a symmetric orbit may do,
-        its ``asymmetry``; ``unstable``, the number of multipliers beyond the threshold over the
-        whole period, and the condition number ``condition``: computed when asked for.
+        and the parameters of the forcing; half the momenta, ``p``, that of the first impact, and
+        ``p1, p2, ...`` of several; the offset ``c``; where half a symmetric orbit does or may do,
+        the ``asymmetry``, and of half an orbit the times of the other half; ``unstable``, the
+        number of multipliers beyond the threshold over the whole period, and the condition number
+        ``condition``: computed when asked for.
         """
         section, on = self.section, self.conditions
         times = {f"t{j + 1}": float(time) for j, time in enumerate(self.t)}
@@ -155,7 +158,7 @@ class ExactModes(SectionTrajectory):
             start={**times, "q": self.q, "r": self.r},
             params=on.params,
             events=(fold(), branching(), *events_of(section, on.lattice, threshold)),
-            record=_columns(section, threshold),
+            record=_columns(section, threshold, on.params),
             domain={**bounds, "gamma": (WEAK if loose else 0.0, on.lattice.highest_gamma)},
             label=f"shooting, {on.lattice.describe()}, {section.describe()}",
             equations=self.equations,
@@ -249,25 +252,22 @@ class _Shooting(OrbitProblem):
         return self.equations.derivatives(x, params, names)
 
 
-def _columns(section: Section, threshold: float) -> dict[str, Any]:
+def _columns(section: Section, threshold: float, params: Params) -> dict[str, Any]:
     """What is recorded besides the unknowns."""
     count = section.count
-    same = count == 1 or (count == 2 and section.local and not section.symmetric)
-    names = {"p": 0} if same else {}
+    names = {"p": 0}
     if count > 1:
         names |= {f"p{j + 1}": j for j in range(count)}
-    columns: dict[str, Any] = {name: partial(_momentum, j) for name, j in names.items()}
+    columns: dict[str, Any] = {name: partial(momentum, j) for name, j in names.items()}
     if not section.symmetric:
         columns["c"] = attrgetter("solution.c")
     if section.mirrored:
         columns["asymmetry"] = attrgetter("solution.asymmetry")
     columns["unstable"] = unstable_by(threshold)
-    return {**columns, "condition": attrgetter("solution.representation.condition")}
-
-
-def _momentum(j: int, point: Point) -> float:
-    # (4): an impact transfers 2p
-    return 0.5 * abs(float(point.solution.impulses[j]))
+    columns["condition"] = attrgetter("solution.representation.condition")
+    if section.symmetric:
+        columns |= of_whole_period(section, [f"t{j + 1}" for j in range(count)], params)
+    return columns
 
 
 def _slopes_at(site: int, curve: Curve, orbit: Orbit, t: float) -> FloatArray:

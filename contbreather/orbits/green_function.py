@@ -36,6 +36,7 @@ from contbreather.orbits.orbit_problem import (
     OnCircle,
     OrbitProblemByEquations,
     by_differences,
+    momentum,
     read_by,
     unstable_by,
 )
@@ -232,15 +233,16 @@ def impact_problem(orbit: Orbit, threshold: float = THRESHOLD) -> Problem:
     """The equations of an orbit with any impacts, with the orbit as their start.
 
     Columns: t1..tm, J1..Jm and c (c1, c2, ... where several sites take impacts); a, gamma, k and
-    the parameters of the forcing; ``unstable``, the number of multipliers outside; for two impacts
-    ``p``, and ``asymmetry`` where half a symmetric orbit may do. Every branch point of the
-    equations is BP, on a branch of symmetric breathers their pitchfork, too; from an arm it is PF.
+    the parameters of the forcing; ``unstable``, the number of multipliers outside; ``p``, half the
+    momentum of the first impact, and ``asymmetry`` where half a symmetric orbit may do. Every
+    branch point of the equations is BP, on a branch of symmetric breathers their pitchfork, too;
+    from an arm it is PF.
     """
     motion, on = orbit.representation, orbit.conditions
     equations: OrbitEquations = motion.equations
-    record: dict[str, Any] = {"unstable": unstable_by(threshold)}
-    optional = {"p": orbit.section.two_impacts, "asymmetry": orbit.section.mirrored}
-    record |= {name: attrgetter(f"solution.{name}") for name, has in optional.items() if has}
+    record: dict[str, Any] = {"unstable": unstable_by(threshold), "p": partial(momentum, 0)}
+    if orbit.section.mirrored:
+        record["asymmetry"] = attrgetter("solution.asymmetry")
     return OrbitProblemByEquations.of(
         "orbit with impacts",
         partial(type(motion).of, on, orbit.section),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contbreather.continuation.branch import Points
 from contbreather.continuation.curve import Curve
 from contbreather.continuation.derivatives import RELATIVE, differences
-from contbreather.continuation.point import DefiningSystem, Point, UnstableDimension
+from contbreather.continuation.point import DefiningSystem, Implied, Point, UnstableDimension
 from contbreather.continuation.problem import Problem
 from contbreather.continuation.switching import SwitchingProblem
 from contbreather.errors import BadInput
@@ -154,6 +154,31 @@ def ring_label(lattice: Any, threshold: float) -> str:
     """The ring in a label; nothing for the infinite chain, whose counts have no threshold."""
     sites = lattice.sites
     return "" if sites is None else f" (ring of {sites}, threshold {threshold:g})"
+
+
+def momentum(j: int, point: Point) -> float:
+    """Half of what an impact transfers, by its number."""
+    # (4): an impact transfers 2p
+    return 0.5 * abs(float(point.solution.impulses[j]))
+
+
+def of_whole_period(section: Section, times: Sequence[str], params: Params) -> dict[str, Implied]:
+    """Columns that arms of a symmetric orbit have, by the names of its own times: later impacts,
+    offset and asymmetry. A parameter of a forcing keeps its name."""
+    later = {
+        f"t{section.count + j}": partial(_later, name, section.length)
+        for j, name in enumerate(times, start=1)
+    }
+    columns: dict[str, Any] = {**later, "c": _none, "asymmetry": _none}
+    return {name: Implied(column) for name, column in columns.items() if name not in params}
+
+
+def _later(name: str, by: float, point: Point) -> float:
+    return float(point[name]) + by
+
+
+def _none(point: Point) -> float:
+    return 0.0
 
 
 def unstable_by(threshold: float, lattice: Any = None) -> UnstableDimension:

@@ -26,7 +26,10 @@ def unfolded_arm() -> Problem:
 
 
 CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
-    "breather": (lambda: cb.symmetric(0.5, 0.05, 0.8).problem, {"p", "phi"}),
+    "breather": (
+        lambda: cb.symmetric(0.5, 0.05, 0.8).problem,
+        {"p", "phi", "t1", "t2", "c", "asymmetry"},
+    ),
     "arm": (lambda: asymmetric(0.8, 0.04, 0.8).problem, {"p", "t1", "t2", "c", "asymmetry"}),
     "general": (
         lambda: impact_problem(cb.symmetric(0.5, 0.05, 0.8).unfolded()),
@@ -34,7 +37,7 @@ CASES: dict[str, tuple[Callable[[], Problem], set[str]]] = {
     ),
     "shot": (
         lambda: shooting(cb.symmetric(0.5, 0.05, 0.8), sites=8),
-        {"t1", "p", "q", "r", "condition"},
+        {"t1", "t2", "p", "q", "r", "c", "asymmetry", "condition"},
     ),
     "shot, open": (
         unfolded_arm,
@@ -160,3 +163,58 @@ def test_where_damping_ends_there_is_no_count_for_the_circle_itself() -> None:
     assert loose.any()
     assert np.array_equal(np.isnan(branch["unstable"]), loose)
     assert branch["unstable"][~loose][-1] == 0
+
+
+HALVES = {
+    "closed form": cb.symmetric(0.5, 0.04, 0.8),
+    "ring": cb.symmetric(0.5, 0.04, 0.8).on(cb.Ring(12)),
+    "losses": FIXED,
+    "two sites": TWO,
+    "wall -1 first": cb.multibreather({0: "upper", 4: "lower"}, a=0.6, gamma=0.02, k=0.8,
+                                      damping=0.01, lattice=cb.Ring(9)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_a_symmetric_branch_has_the_columns_of_its_arms(name: str) -> None:
+    """Those of the whole period, of which it is half; asymmetry and offset are none."""
+    start = HALVES[name]
+    branch = cb.trace(start, "a", within={"a": (start.a - 0.01, start.a + 0.01)})
+    assert start.symmetric
+    for point in branch:
+        whole = point.solution.unfolded()
+        named = [point[f"t{i + 1}"] for i in range(whole.section.count)]
+        np.testing.assert_allclose(named, whole.times, atol=1e-13)
+        assert point["p"] == pytest.approx(0.5 * abs(whole.impulses[0]), abs=1e-13)
+    assert not {*branch["asymmetry"], *branch["c"]} - {0.0}
+    if start.section.count == 1:
+        assert branch["t2"] == pytest.approx(branch["t1"] + math.pi, abs=1e-13)
+    # a table to be read has what has been solved for
+    printed = {column.heading for column in branch.table().columns}
+    assert not {"asymmetry", "c", f"t{2 * start.section.count}"} & printed
+
+
+@pytest.mark.parametrize("start", [cb.symmetric(0.7, 0.04, 0.8), FIXED, TWO])
+def test_an_arm_sets_out_from_the_columns_of_its_branch(start) -> None:
+    within = {"a": (0.7, 0.85)}
+    fork = cb.trace(start, "a", within=within).first("PF")
+    for arm in cb.switch(fork, within=within):
+        times = [f"t{i + 1}" for i in range(2 * start.section.count)]
+        for name in (*times, "asymmetry", "p", "a"):
+            assert arm[0][name] == pytest.approx(fork[name], abs=1e-8), name
+
+
+def test_a_parameter_of_a_forcing_keeps_its_name_where_a_column_has_it() -> None:
+    class Pushed(cb.Harmonic):
+        """A forcing with a parameter c that does nothing."""
+
+        @property
+        def params(self) -> dict[str, float]:
+            return {"c": 0.25}
+
+        def at(self, /, **params: float) -> Pushed:
+            return self
+
+    branch = cb.trace(cb.symmetric(0.5, 0.05, 0.8, forcing=Pushed()), "a", within={"a": (0.5, 0.6)})
+    assert {*branch["c"]} == {0.25}
+    assert {*branch["asymmetry"]} == {0.0}
