@@ -81,7 +81,7 @@ class Columns:
         >>> branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.5, 0.6)})
         >>> path = branch.to_csv(f"{tempfile.mkdtemp()}/branch.csv")
         >>> path.read_text().splitlines()[0]
-        'label,a,gamma,k,unstable,arclength,residual,p,phi'
+        'label,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi'
         """
         table = _flat(self.tabulated())
         return write_csv(

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import contbreather as cb
-from contbreather.continuation import refined, with_columns
+from contbreather.continuation import refined
 from contbreather.plotting import new_figure, save_figure, style
 
 WITHIN = {"gamma": (0.0, 0.08), "a": (0.0, 1.0)}
@@ -32,8 +32,7 @@ def arms(folder: Path) -> Path:
         print(f"an arm ends at a = {arm[-1]['a']:.12f}: {arm[-1].admissibility().reason}")
     figure, (above, below) = new_figure(2)
     cb.plotting.plot_diagram([branch, *both], y="p", ax=above)
-    flat = with_columns(branch, asymmetry=lambda point: 0.0)
-    cb.plotting.plot_diagram([flat, *both], y="asymmetry", ax=below)
+    cb.plotting.plot_diagram([branch, *both], y="asymmetry", ax=below)
     delta = np.linspace(-0.9, 0.9, 101)
     below.plot(point["a"] + delta**2 / point["coefficient"], delta, ":", color="0.5", lw=1)
     below.set(ylabel="$t_2 - t_1 - \\pi$", xlim=above.get_xlim())

@@ -307,15 +307,15 @@ def test_picture_of_zones_has_a_panel_for_each_value(run, pictures) -> None:
     assert titles == ["(a) $k$ = 0.8", "(b) $k$ = 0.6"]
 
 
-def test_picture_of_a_diagram_shows_every_branch_by_its_first_impact(run, pictures) -> None:
+def test_picture_of_a_diagram_shows_every_branch_by_its_asymmetry(run, pictures) -> None:
     run("diagram --free a --gamma 0.04 --k 0.8 -o d.png --csv d.csv")
     (ax,) = pictures[0].axes
     assert ax.get_xlabel() == "$a$"
     rows = table("d.csv")
     assert {row["branch"] for row in rows} == {"0", "1", "2"}
     for row in rows[::9]:
-        t = float(row["t1"] or row["phi"])
-        assert np.abs(data_of(ax) - (float(row["a"]), t)).max(axis=1).min() < 0.02
+        place = float(row["a"]), float(row["asymmetry"])
+        assert np.abs(data_of(ax) - place).max(axis=1).min() < 0.02
 
 
 def test_help_calls_the_command_by_its_name(run) -> None:
@@ -328,6 +328,7 @@ def test_help_calls_the_command_by_its_name(run) -> None:
 SAID = "forcing interrupted written"
 BREATHER, ARM = "p phi a gamma k", "p t1 t2 c a gamma k"
 COUNTED = "unstable arclength residual"
+IMPLIED = "t1 t2 c asymmetry"  # of what is symmetric
 POINT = "kind label located arclength residual"
 NORMAL_FORM = "criticality coefficient"
 LEFT = "a gamma k damping m noise lattice sites periods stop final.t final.u final.v verdict.kind"
@@ -368,15 +369,16 @@ COMMANDS = {
         {},
     ),
     "branch --free gamma --a 0.2 --k .8 --window 0.09 0.1": (
-        f"free {SAID} {branch('', f'{BREATHER} {COUNTED}', f'{BREATHER} nu')}",
-        {"--csv": "a,gamma,k,unstable,arclength,residual,p,phi,label"},
+        f"free {SAID} {branch('', f'{BREATHER} {COUNTED} {IMPLIED}', f'{BREATHER} nu')}",
+        {"--csv": "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"},
     ),
     "boundary NS --k .8 --gamma .1 --window .1 .105": (
-        f"curve pair {SAID} {branch('', f'{BREATHER} nu {COUNTED}', f'{BREATHER} nu')}",
-        {"--csv": "a,gamma,k,unstable,arclength,residual,p,phi,nu,label"},
+        f"curve pair {SAID} {branch('', f'{BREATHER} nu {COUNTED} {IMPLIED}', f'{BREATHER} nu')}",
+        {"--csv": "a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,nu,label"},
     ),
     "switch --free a --gamma .04 --k .8": (
         f"free {SAID} {under('at', f'{POINT} {BREATHER} {NORMAL_FORM}')}"
+        f" {under('branch.columns', IMPLIED)}"
         f" {branch('branch.', f'{BREATHER} {COUNTED}', f'{BREATHER} {NORMAL_FORM} t site')}"
         f" {branch('arms[].', f'{ARM} asymmetry {COUNTED}', f'{ARM} parent t site')}"
         " arms[].label arms[].stability arms[].end arms[].image_of",
@@ -388,14 +390,17 @@ COMMANDS = {
         f" {under('points.*', f'{BREATHER} {ARM}')}"
         f" {branch('branches[].', f'{BREATHER} {ARM} asymmetry {COUNTED}', f'{BREATHER} {ARM}')}"
         f" {under('branches[].special[]', f'{NORMAL_FORM} parent')}",
-        {"--csv": "branch,a,gamma,k,unstable,arclength,residual,p,phi,asymmetry,t1,t2,c,label"},
+        {"--csv": "branch,a,gamma,k,unstable,t1,t2,c,asymmetry,arclength,residual,p,phi,label"},
     ),
     "zones --k 0.8 --gamma-window 0.05 0.08": (
         f"{SAID} zones[].fixed.k zones[].pair {under('zones[].curves[]', 'curve gamma a p phi t')}"
         f" zones[].curves[].labels {under('zones[].points[]', f'{BREATHER} meeting')}"
         " zones[].regions[].verdict zones[].regions[].unstable zones[].regions[].lower"
         " zones[].regions[].outline[]",
-        {"--csv": "k,curve,gamma,a,piece,label,unstable,arclength,residual,p,phi,t"},
+        {
+            "--csv": "k,curve,gamma,a,piece,label,unstable,t1,t2,c,asymmetry,"
+            "arclength,residual,p,phi,t"
+        },
     ),
     "simulate --a .2 --gamma .04 --k .8 --sites 3 --periods 3": (
         f"{SAID} {LEFT} verdict.reason verdict.evidence impacts.total impacts.by_site.0 lost_after",

@@ -113,7 +113,8 @@ def test_diagram_is_printed_as_a_tree_and_drawn(run: Run) -> None:
     assert Path("tree.png").stat().st_size > 10_000
     rows = table("tree.csv")
     assert {row["branch"] for row in rows} == {"0", "1", "2"}
-    assert {row["t1"] == "" for row in rows if row["branch"] == "0"} == {True}
+    assert {float(row["asymmetry"]) for row in rows if row["branch"] == "0"} == {0.0}
+    assert {row["phi"] == "" for row in rows if row["branch"] == "1"} == {True}
 
 
 def test_diagram_in_json_is_its_graph(run: Run) -> None:
@@ -176,12 +177,12 @@ def test_arms_that_fail_are_told_and_have_status_1(
 def test_branches_of_different_problems_share_a_figure_and_the_name_of_their_point() -> None:
     tree = cb.diagram(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.1, 0.9)})
     ax = cb.plotting.plot_diagram(tree).axes
-    assert ax.get_ylabel() == "$t_{1}$"
+    assert ax.get_ylabel() == "asymmetry"
     words = [text.get_text() for text in ax.texts]
     assert words.count("PF1") == 1
     assert words.count("GR1") == 2
-    on_arms = cb.plotting.plot_diagram(tree, y="asymmetry").axes  # breathers have no such column
-    assert [text.get_text() for text in on_arms.texts].count("PF1") == 1
+    of_breathers = cb.plotting.plot_diagram(tree, y="phi").axes  # arms have no such column
+    assert [text.get_text() for text in of_breathers.texts].count("PF1") == 1
     with pytest.raises(cb.BadInput, match="no branch has a column 'q'; there are"):
         cb.plotting.plot_diagram(tree, y="q")
     with pytest.raises(cb.BadInput, match="a function of a point, was expected, got"):

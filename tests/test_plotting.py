@@ -92,7 +92,7 @@ def test_piece_between_two_special_points_is_drawn_by_what_lies_inside() -> None
         assert drawn[point["a"]] == ("--" if verdict.unstable else "-")
 
 
-def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> None:
+def test_problem_without_a_count_of_unstable_directions_is_one_line_that_is_not_solid() -> None:
     cusp = cb.Problem(
         lambda x, p: np.array([p["h"] + p["mu"] * x[0] - x[0] ** 3]),
         start={"x": 1.5},
@@ -101,8 +101,8 @@ def test_problem_without_a_count_of_unstable_directions_is_one_solid_line() -> N
     branch = cb.trace(cusp, "h", within={"x": (-1.5, 1.5)}, events=[cb.fold()])
     ax = plot(branch).axes
     (line,) = curves(ax)
-    assert line.get_linestyle() == "-"
-    assert ax.get_legend() is None
+    assert line.get_linestyle() == "-."
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["stability not computed"]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$h$", "$x$")
 
 
@@ -287,8 +287,8 @@ def test_second_call_on_the_same_axes_takes_the_next_colour(in_a: Branch) -> Non
 @pytest.mark.parametrize("count", [8, 20])
 def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count: int) -> None:
     several = [
-        cb.trace(cb.Problem(lambda x, p: x - p["mu"] * p["c"], {"x": c}, {"mu": 1.0, "c": c}), "mu",
-                 within={"mu": (0.9, 1.1)}, events=[])
+        cb.trace(cb.Problem(lambda x, p: p["mu"] * p["c"] - x, {"x": c}, {"mu": 1.0, "c": c}), "mu",
+                 within={"mu": (0.9, 1.1)}, events=[cb.hopf()])
         for c in reversed(range(1, count + 1))
     ]  # fmt: skip
     ax = plot(*several).axes

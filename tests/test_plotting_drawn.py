@@ -417,7 +417,7 @@ def test_sweep_names_its_ways_by_what_the_parameter_did(loop: Sweep) -> None:
         ("p", "$p$"),
         ("amplitude", "speed of the centre"),
         ("participation", "participation ratio"),
-        ("tilt", r"$t_2 - t_1 - \pi$"),
+        ("tilt", "asymmetry"),
         ("centre", "site with most energy"),
         ("others", "impacts elsewhere, a period"),
     ],

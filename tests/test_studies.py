@@ -130,11 +130,11 @@ def test_another_value_in_a_list_leaves_the_results_of_the_others(done: Report) 
 
 
 def test_a_figure_that_cannot_be_drawn_leaves_the_others(done: Report) -> None:
-    text = '[figure.other]\ndraws = ["symmetric"]\ny = "asymmetry"\n\n[figure.tree]'
+    text = '[figure.other]\ndraws = ["symmetric"]\ny = "p2"\n\n[figure.tree]'
     path = done.folder.parent / "figures.toml"
     path.write_text(SMALL.replace("[figure.tree]", text))
     report = conduct(path, folder=done.folder, executor=1)
-    assert report.failed["figure other"].startswith("no column 'asymmetry'")
+    assert report.failed["figure other"].startswith("no column 'p2'")
     assert [one.name for one in report.written] == ["tree.png"]
 
 

@@ -25,7 +25,15 @@ from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import Region
-from contbreather.plotting.branches import BEYOND, STABLE, UNSTABLE, column_of, pieces, value_of
+from contbreather.plotting.branches import (
+    BEYOND,
+    STABLE,
+    UNKNOWN,
+    UNSTABLE,
+    column_of,
+    pieces,
+    value_of,
+)
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import impacts_of
 from contbreather.plotting.zones import LINES
@@ -47,7 +55,7 @@ SEEN = 2000  # pieces of a line, more than a figure has pixels
 WIDE, NARROW = 53, 40  # letters of a title in a line, of the zones and of the multipliers
 MANY = 4  # curves that are named in a title
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
-DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted"}
+DASHES = {STABLE: "solid", UNSTABLE: "dashed", BEYOND: "dotted", UNKNOWN: "dashdot"}
 LIMITS = {"LP": "solid", "GR": "dashed", "PF": "dashdot", "NS": "solid"}
 BESIDE = 10  # sites on either side of the one that impacts
 MOMENTS = 401  # of a period

@@ -1,11 +1,12 @@
-"""Branches as bifurcation diagrams: solid where stable, dashed where not, special points marked."""
+"""Branches as bifurcation diagrams: solid where stable, dashed where not, grey where nobody knows;
+special points marked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from contbreather.continuation.resume import refined, with_columns
 from contbreather.continuation.settings import MARGIN, walls_are_lifted
 from contbreather.continuation.step_interpolant import between
 from contbreather.errors import BadInput
+from contbreather.orbits.impact_sequence import ALIKE
+from contbreather.orbits.orbit_problem import OrbitProblem
 from contbreather.plotting.canvas import (
     CYCLE,
     GREY,
@@ -27,6 +30,7 @@ from contbreather.plotting.canvas import (
     drawing,
     legend_size,
     marker,
+    name_axes,
     size,
     symbol,
     text_colour,
@@ -44,9 +48,11 @@ STABILITY = "unstable"  # the column that counts unstable directions, if a probl
 STABLE: Literal["-"] = "-"
 UNSTABLE: Literal["--"] = "--"
 BEYOND: Literal[":"] = ":"
-WORDS: dict[Literal["-", "--", ":"], str] = {
+UNKNOWN: Literal["-."] = "-."
+WORDS: dict[Literal["-", "--", ":", "-."], str] = {
     STABLE: "stable",
     UNSTABLE: "unstable",
+    UNKNOWN: "stability not computed",
     BEYOND: "behind a wall (walls lifted)",
 }
 FINE = 6  # pieces of the line between two points
@@ -55,6 +61,7 @@ BRIGHTEST = 0.85  # of the colour map: its yellow is not seen on white
 MOST = 7  # values in a legend
 CROWD = 14  # words beside points; of more none is read, and the axes have no room
 ROUNDING = 1e-9  # relative; what varies by less is constant
+AS_LARGE = 1e-6  # relative; entries that differ by less, by what Newton leaves, are as large
 SMOOTH = 60  # points of a drawn branch
 ROOM = 0.08  # of the axes, around all branches: for the names of points at their ends
 
@@ -85,11 +92,11 @@ def plot_branches(
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
     x = branches[0].free if x is None else x
-    y = _ordinate(branches[0]) if y is None else y
+    y = _ordinate(branches) if y is None else y
     marked = [_marked(branch, kinds) for branch in branches]
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
     with drawing(ax) as (drawn, axes):
-        axes.set(xlabel=symbol(x), ylabel=symbol(y))
+        name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
         if ax is None:
             axes.margins(ROOM)
         groups = _groups(branches) if colours is None else []
@@ -98,12 +105,14 @@ def plot_branches(
         shades = [key[family] for family in alike] if colours is None else _given(colours, marked)
         styles: set[str] = set()
         heights = [ordinates(branch, y) for branch in branches]
+        coloured = bool(groups) or colours is not None  # then colours say what they stand for
         for branch, points, colour, names in zip(branches, marked, shades, heights, strict=True):
             looks = _styles(branch)
             styles |= {*looks.tolist()} or {STABLE}
             for name in names:
                 for style, *line in pieces(branch, x, name, looks):
-                    axes.plot(*line, style, color=colour)
+                    grey = style == UNKNOWN and not coloured
+                    axes.plot(*line, style, color=GREY if grey else colour)
                 _markers(axes, points, x, name, colour)
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(b.problem.scales.get(name, 1.0) for b in branches))
@@ -112,7 +121,10 @@ def plot_branches(
         by_value = any(group.values for group in groups)
         words = _words(paper, marked, x, tops, shades if by_value else [plain] * len(shades))
         named = len(words) <= CROWD if labels is None else labels
-        legend = {**_by_colour(key if groups else {}), **_by_style(styles, plain)}
+        legend = {
+            **_by_colour(key if groups else {}),
+            **_by_style(styles, plain, plain if coloured else GREY),
+        }
         _legend(paper, legend | ({} if named else _by_marker(marked, plain)))
         if named:
             words.sort(key=lambda word: word[0].kind == "EP")  # what is special comes first
@@ -183,12 +195,38 @@ def _is_boundary(branch: Branch) -> bool:
     return len(branch.curve.varied) > 1
 
 
-def _ordinate(branch: Branch) -> str:
-    if _is_boundary(branch):
-        return branch.curve.varied[1]
-    names = (name[len("max(") : -1] for name in branch.problem.record if name.startswith("max("))
-    swinging = (name for name in names if len(ordinates(branch, name)) > 1)
-    return next(swinging, next(iter(branch.problem.start)))
+def _ordinate(branches: Sequence[Branch]) -> str:
+    """What to draw where nothing was said."""
+    first, problems = branches[0], [branch.problem for branch in branches]
+    if _is_boundary(first):
+        return first.curve.varied[1]
+    if all(isinstance(problem, OrbitProblem) for problem in problems):
+        return _of_breathers(branches)
+    names = (name[len("max(") : -1] for name in problems[0].record if name.startswith("max("))
+    swinging = [name for name in names if len(ordinates(first, name)) > 1]
+    unknowns = [[n for n in problem.start if n not in problem.internals] for problem in problems]
+    common = [name for name in unknowns[0] if all(name in its for its in unknowns)]
+    return (swinging or common or unknowns[0])[0]
+
+
+def _of_breathers(branches: Sequence[Branch]) -> str:
+    """The size of an impact; with arms what tells them apart, for mirror images have one size."""
+    families: dict[int, list[Branch]] = {}
+    for family, branch in zip(_families(branches), branches, strict=True):
+        if any(point.parent for point in branch.special):
+            families.setdefault(family, []).append(branch)
+    for name in ("asymmetry", "t1"):
+        there = families and all(name in branch.names for branch in branches)
+        if there and all(_parted(name, arms) for arms in families.values()):
+            return name
+    return "p"
+
+
+def _parted(name: str, arms: Sequence[Branch]) -> bool:
+    """Whether a column is another one on each of the arms, and changes along them."""
+    ends = [np.array([np.nanmin(arm[name]), np.nanmax(arm[name])]) for arm in arms]
+    apart = all(abs(one - other).max() > ALIKE for one, other in combinations(ends, 2))
+    return apart and all(np.ptp(pair) > ALIKE for pair in ends)
 
 
 def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
@@ -197,31 +235,72 @@ def ordinates(branch: Branch, y: str) -> tuple[str, ...]:
     return envelope if y not in branch.names and {*envelope} <= {*branch.names} else (y,)
 
 
+def axis_title(branch: Branch, name: str) -> str:
+    """What is drawn of a column, as axes say it."""
+    array = np.ndim(branch.problem.start.get(name, 0.0)) > 0
+    return f"{symbol(name)} (entry of largest size)" if array else symbol(name)
+
+
 def column_of(branch: Branch, name: str) -> Array:
+    """A column as it is drawn: of arrays the entry of largest size, with its sign."""
     values = np.asarray(branch[name], dtype=float)
-    return values if values.ndim == 1 else values.max(axis=1)
+    return values if values.ndim == 1 else _largest(values.reshape(len(values), -1))
+
+
+def _largest(rows: Array) -> Array:
+    """The first of the largest entries: those of waves are equal but for rounding, and not of one
+    sign."""
+    sizes = abs(rows)
+    first = (sizes >= (1.0 - AS_LARGE) * sizes.max(axis=1, keepdims=True)).argmax(axis=1)
+    return np.take_along_axis(rows, first[:, None], axis=1)[:, 0]
 
 
 def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
-    """Both columns, between the points along the cubic that their tangents give."""
-    slots = [branch.curve.slots.get(name) for name in (x, y)]
+    """Both columns, also between the points; broken where one jumps."""
     columns = column_of(branch, x), column_of(branch, y)
+    jumps = _jumps(branch, x, columns[0]) | _jumps(branch, y, columns[1])
+    if jumps.any():
+        after = 1 + np.flatnonzero(jumps)
+        return np.insert(columns[0], after, np.nan), np.insert(columns[1], after, np.nan)
     along = branch["arclength"]
     # a special point may sit on top of another point
     apart = np.append(True, np.diff(along) > 1e-6 * float(np.ptp(along)))
-    if apart.sum() < 2 or not all(isinstance(slot, int) for slot in slots):
+    # times and momenta of orbits are smooth; of what else is measured nobody knows
+    orbits = isinstance(branch.problem, OrbitProblem) and np.isfinite(columns).all()
+    solved = {x, y} <= {*branch.curve.slots}
+    if apart.sum() < 2 or not (solved or orbits):
         return columns
-    from scipy.interpolate import CubicHermiteSpline
-
-    tangents = np.stack([point.direction for point in branch])[apart]
     nodes = along[apart]
     at = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(FINE) / FINE
     at = np.append(at.ravel(), nodes[-1])
     smooth = [
-        CubicHermiteSpline(nodes, column[apart], tangents[:, slot])(at)
-        for column, slot in zip(columns, slots, strict=True)
+        _cubic(branch, name, nodes, column[apart], apart)(at)
+        for name, column in zip((x, y), columns, strict=True)
     ]
     return smooth[0], smooth[1]
+
+
+def _cubic(branch: Branch, name: str, nodes: Array, column: Array, apart: Any) -> Any:
+    """That which the tangents give; of what is measured only one that keeps between its values."""
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+    slot = branch.curve.slots.get(name)
+    if not isinstance(slot, int):
+        return PchipInterpolator(nodes, column)
+    tangents = np.stack([point.direction for point in branch])[apart]
+    return CubicHermiteSpline(nodes, column, tangents[:, slot])
+
+
+def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
+    """Between which points an entry of the other sign becomes the largest of an array: the column
+    changes by more than any of its entries."""
+    values = np.asarray(branch[name], dtype=float)
+    if values.ndim == 1:
+        return np.zeros(len(values) - 1, dtype=bool)
+    rows = values.reshape(len(values), -1)
+    change = abs(np.diff(rows, axis=0)).max(axis=1)
+    small = AS_LARGE * abs(rows).max() + ROUNDING * branch.problem.scales.get(name, 1.0)
+    return np.asarray(abs(np.diff(column)) > change + small)
 
 
 def _gathered(
@@ -256,33 +335,38 @@ def _is_one(point: Point, other: Point) -> bool:
 def value_of(point: Point, name: str) -> float:
     if name in ("arclength", "residual"):
         return float(getattr(point, name))
-    return float(np.max(point[name]))
+    return float(_largest(np.reshape(point[name], (1, -1)))[0])
 
 
-def _unstable(branch: Branch) -> NDArray[np.bool_]:
-    """For each piece between two points: is the solution on it unstable?
+def _unstable(branch: Branch) -> Array:
+    """For each piece between two points how much is unstable on it, NaN where nobody counted.
 
     At a special point the count is of a multiplier on the circle, so its neighbours decide, and
     between two special points one more that lies there.
     """
-    pieces = np.zeros(max(len(branch) - 1, 0), dtype=bool)
-    if branch.problem.beneath is not None or STABILITY not in branch.names:
+    pieces = np.full(max(len(branch) - 1, 0), np.nan)
+    if STABILITY not in branch.names:
         return pieces
-    unstable = np.asarray(branch[STABILITY]) > 0
+    unstable = np.asarray(branch[STABILITY], dtype=float)
     special = np.array([bool(point.kind) for point in branch])
     for i in range(pieces.size):
         ends = [j for j in (i, i + 1) if not special[j]]
         inside = None if ends else between(branch[i], branch[i + 1])
         if inside is not None:
-            pieces[i] = inside[STABILITY] > 0
+            pieces[i] = inside[STABILITY]
         else:
-            pieces[i] = any(unstable[j] for j in ends or (i, i + 1))
+            pieces[i] = np.fmax.reduce(unstable[ends or [i, i + 1]])
     return pieces
 
 
 def _styles(branch: Branch) -> NDArray[np.str_]:
     """How to draw each stretch between two points."""
-    styles = np.where(_unstable(branch), UNSTABLE, STABLE)
+    if _is_boundary(branch):  # on boundaries rounding would decide the count
+        count = np.zeros(len(branch) - 1)
+    else:
+        count = _unstable(branch)
+    known = np.where(count > 0, UNSTABLE, STABLE)
+    styles = np.where(np.isnan(count), UNKNOWN, known)
     if walls_are_lifted(branch.problem):
         beyond = np.asarray(branch[MARGIN]) < 0.0
         styles[beyond[1:] | beyond[:-1]] = BEYOND
@@ -340,9 +424,12 @@ def _by_colour(key: dict[Group, str]) -> dict[str, dict[str, Any]]:
     return {**entries, f"and {left} more": {"linestyle": "none"}} if left else entries
 
 
-def _by_style(styles: set[str], colour: str) -> dict[str, dict[str, Any]]:
+def _by_style(styles: set[str], colour: str, unknown: str) -> dict[str, dict[str, Any]]:
     shown = [style for style in WORDS if style in styles] if styles != {STABLE} else []
-    return {WORDS[style]: {"color": colour, "linestyle": style} for style in shown}
+    return {
+        WORDS[style]: {"color": unknown if style == UNKNOWN else colour, "linestyle": style}
+        for style in shown
+    }
 
 
 def _by_marker(marked: Iterable[Iterable[Point]], colour: str) -> dict[str, dict[str, Any]]:
@@ -433,8 +520,7 @@ def plot_diagram(
         The free parameter unless given.
     y : str or callable, optional
         A column, or ``y(point)``, the number to draw. By default the first unknown that all
-        branches have; of breathers and orbits the time of the first impact. Branches without
-        the column are left out.
+        branches have; of breathers as in `plot`. Branches without the column are left out.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given.
 
@@ -464,7 +550,7 @@ def plot_diagram(
         check_kind(branch, Branch, "a diagram, or a sequence of branches,")
     if not branches:
         raise BadInput("there is no branch to draw")
-    y = _common(branches) if y is None else y
+    y = _ordinate(branches) if y is None else y
     if not callable(y):
         check_kind(y, str, "the name of a column, or a function of a point,")
     if callable(y):
@@ -477,18 +563,3 @@ def plot_diagram(
         there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
         raise BadInput(f"no branch has a column {y!r}; there are {there}")
     return plot_branches(*shown, x=x, y=y, ax=ax)
-
-
-def _common(branches: Sequence[Branch]) -> str | Callable[[Point], float]:
-    """What to draw where nothing was said."""
-    problems = [branch.problem for branch in branches]
-    unknowns = [[n for n in problem.start if n not in problem.internals] for problem in problems]
-    if all("phi" in names or "t1" in names for names in unknowns):
-        return t1
-    common = [name for name in unknowns[0] if all(name in names for names in unknowns)]
-    return (common or unknowns[0])[0]
-
-
-def t1(point: Point) -> float:
-    """When site 0 hits the wall +1: breathers and orbits all have it, arms differ in it."""
-    return float(point["t1" if "t1" in point.curve.problem.start else "phi"])

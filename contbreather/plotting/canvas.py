@@ -282,6 +282,18 @@ def symbol(name: str) -> str:
     return f"${name[0]}{index}$" if len(letter) == 1 and letter.isalpha() else name
 
 
+def name_axes(ax: Axes, x: str, y: str) -> None:
+    """Say what is drawn; axes with something of another quantity in them are refused."""
+    for axis, name in ((ax.xaxis, x), (ax.yaxis, y)):
+        there = axis.label.get_text()
+        if there not in ("", name) and ax.has_data():
+            raise BadInput(
+                f"these axes show {there} where {name} was to be drawn: draw it into axes of their "
+                "own, choose the same columns x and y, or set another label when all is drawn"
+            )
+    ax.set(xlabel=x, ylabel=y)
+
+
 def text_colour(ax: Axes) -> str:
     """The colour of words that stand out from the ground of these axes, black on white."""
     from matplotlib.colors import to_hex

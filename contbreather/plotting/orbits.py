@@ -29,6 +29,7 @@ from contbreather.plotting.canvas import (
     symbol,
     to_the_rim,
 )
+from contbreather.plotting.envelopes import LONG, ROWS, largest
 from contbreather.simulation.simulate import Record, SimulationRun, SmoothRun
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ TIME = "t"
 BESIDE = 10  # sites of the infinite chain on each side of the first that hits
 MOMENTS = 200  # of a period of the forcing, in a picture over time
 COLOURS = "RdBu_r"  # white where a site is at rest
+SIZES = "Blues"  # as well
 UNLIKE = 10.0  # how much more than the swing of a state an axis reaches, if it has one of its own
 HIGH, LOW = 6.5, 3.0  # cm: a figure with one row of states, and what each further one adds
 FINE = 12  # lines in an interval of a mesh, or in a step of the integrator
@@ -251,7 +253,8 @@ def plot_space_time(
     ----------
     motion : Orbit, Point, simulation.SimulationRun, SmoothRun or Record
         An orbit is shown over its period; a run as its sites were recorded densely, or else once a
-        period.
+        period, which the scale says. Of more than 20 recorded periods, or 300 of the others, it is
+        the largest size of each site in a period, or in several.
     sites : sequence of int, optional
         As for `plot_profile`; all that were recorded of a run. Of a `Grid` one row unless given:
         that of the site that hits, of a run that of the site that moves most, if all
@@ -268,15 +271,26 @@ def plot_space_time(
     """
     row, title = _row_of_grid(motion) if sites is None else (None, "")
     times, there, u = _field(motion, sites if row is None else row)
+    words, signed = "$u_n$", True
+    if not isinstance(motion, Orbit | Point):
+        once = getattr(motion, "record", motion) is None  # a record is one itself
+        long = float(times[-1] - times[0]) / math.tau
+        if once:
+            words += rf" once a period, at $t = {times[0] % math.tau:.4g}$ mod $2\pi$"
+        if long > (ROWS if once else LONG):
+            times, u, words = largest(times, there, u, motion)
+            signed = False
     label, there = ("$n$", there) if row is None else ("column", there - row.start)
     with drawing(ax, height=8.0) as (drawn, axes):
         limit = float(np.abs(u).max()) or 1.0
-        mesh = axes.pcolormesh(there, times / math.tau, u, cmap=COLOURS, vmin=-limit, vmax=limit,
-                               shading="nearest", rasterized=True)  # fmt: skip
+        look = {"cmap": COLOURS, "vmin": -limit} if signed else {"cmap": SIZES, "vmin": 0.0}
+        mesh = axes.pcolormesh(
+            there, times / math.tau, u, **look, vmax=limit, shading="nearest", rasterized=True
+        )
         axes.set(xlabel=label, ylabel=r"$t/2\pi$")
         axes.set_title(title, loc="left")
         _whole_numbers(axes.xaxis)
-        axes.figure.colorbar(mesh, ax=axes, label="$u_n$")
+        axes.figure.colorbar(mesh, ax=axes, label=words)
     return drawn
 
 

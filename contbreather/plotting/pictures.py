@@ -55,7 +55,9 @@ def plot(
     Branches are drawn as the field does: solid stable, dashed unstable, labelled special points.
     Of cycles a state is drawn by its envelope, its largest and its smallest value. Equilibria are
     dashed where an eigenvalue has a positive real part; anybody's equations are taken for those of
-    a flow, ``x' = F``, where Hopf points are among the events looked for. Where walls were lifted
+    a flow, ``x' = F``, where Hopf points are among the events looked for. Where stability was not
+    computed, without these or of more than 250 unknowns, lines are grey and dash-dotted (in their
+    colours where these stand for something), and a legend says so. Where walls were lifted
     (``inadmissible=True``) the part behind them is dotted. Where branches
     differ in a parameter that is fixed along each, colours go by it, and a legend says so; of
     boundaries colours go by their kinds, too.
@@ -63,16 +65,19 @@ def plot(
     Parameters
     ----------
     *values : Branch, or any one value
-        Branches of one problem or several, as long as all have the columns that are drawn; without
-        a column ``unstable`` and without Hopf points among the events, and on boundaries, lines are
-        solid. Or one diagram, zones (or several in a list), orbit, cycle, point, run, sweep or
-        basin: of these `contbreather.plotting` has functions with more to choose.
+        Branches of one problem or several, as long as all have the columns that are drawn; on
+        boundaries lines are solid. Or one diagram, zones (or several in a list), orbit, cycle,
+        point, run, sweep or basin: of these `contbreather.plotting` has functions with more to
+        choose.
     x, y : str, optional
-        Columns. By default the free parameter of the first branch, and its first unknown (on a
-        boundary the other parameter; of cycles the first state). An array unknown is drawn by its
-        largest entry. ``plot(branch, "a", "p")`` says the same.
+        Columns. By default the free parameter of the first branch, and the first unknown (on a
+        boundary the other parameter; of cycles the first state; of breathers p, half the momentum
+        of an impact, but with arms among them the asymmetry or t1, whichever tells them apart). An
+        array unknown is drawn by its entry of largest size, with its sign; ``"norm(u)"`` is its
+        norm. ``plot(branch, "a", "p")`` says the same.
     ax : matplotlib Axes, optional
-        A new figure of the width of a journal column unless given.
+        A new figure of the width of a journal column unless given. Axes that show other columns
+        are refused.
     labels : bool, optional
         Whether special points are named beside them. Unless given they are as long as there are not
         more than a dozen; otherwise a legend says what the markers stand for.

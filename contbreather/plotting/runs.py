@@ -23,8 +23,10 @@ from contbreather.plotting.canvas import (
     drawing,
     legend_above,
     legend_size,
+    name_axes,
     symbol,
 )
+from contbreather.plotting.envelopes import LONG, edges_of, envelope, samples, with_impacts
 from contbreather.plotting.orbits import draw_states
 from contbreather.simulation.basin import Basin, Outcome
 from contbreather.simulation.measures import localised
@@ -38,7 +40,6 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 RUNS = (SimulationRun, SmoothRun)
-LONG = 20.0  # periods; of more, lines would fill the axes
 OUTCOMES = {
     Outcome.RETURNED: BLUE,
     Outcome.OTHER: SKY,
@@ -51,7 +52,7 @@ COLUMNS = {
     "p": "$p$",
     "amplitude": "speed of the centre",
     "participation": "participation ratio",
-    "tilt": r"$t_2 - t_1 - \pi$",
+    "tilt": "asymmetry",  # t2 - t1 - pi, by the name that branches have for it
     "centre": "site with most energy",
     "others": "impacts elsewhere, a period",
 }
@@ -69,8 +70,8 @@ def plot_motion(
     states.
 
     More than 20 periods are drawn by their envelopes, the largest and the smallest displacement in
-    each period. Of a run with impacts these are part of the lines: its sites reach their walls
-    however coarsely they were sampled.
+    each period, and the axis says of how many samples. Of a run with impacts these are part of the
+    lines: its sites reach their walls however coarsely they were sampled.
 
     Parameters
     ----------
@@ -118,18 +119,19 @@ def plot_motion(
     with drawing(ax) as (drawn, axes):
         for i, n in enumerate(record.sites):
             t, u = record.times, record.u[:, i]
-            if isinstance(run, SimulationRun):
-                t, u = _with_impacts(t, u, run, n)
-            t = t / PERIOD
-            inside = (first <= t) & (t <= last)
+            t, u = with_impacts(t, u, run, n)
+            inside = (first <= t / PERIOD) & (t / PERIOD <= last)
             t, u = t[inside], u[inside]
             look: dict[str, Any] = {"color": CYCLE[i % len(CYCLE)], "label": f"$u_{{{n}}}$"}
             if last - first > LONG:
-                low, high, edges = _envelope(t, u)
-                axes.fill_between(edges, low, high, step="post", alpha=0.5, linewidth=0.0, **look)
+                edges, _ = edges_of(t)
+                low, high = (np.append(end, end[-1]) for end in envelope(t, u, edges))
+                band = {"step": "post", "alpha": 0.5, "linewidth": 0.5, **look}
+                axes.fill_between(edges / PERIOD, low, high, **band)
             else:
-                axes.plot(t, u, "-", linewidth=1.0, **look)
-        axes.set(xlabel=r"$t/2\pi$", ylabel="$u_n$")
+                axes.plot(t / PERIOD, u, "-", linewidth=1.0, **look)
+        extremes = f", range in a period ({samples(record.times)})"
+        axes.set(xlabel=r"$t/2\pi$", ylabel=f"$u_n${extremes if last - first > LONG else ''}")
         axes.margins(x=0.0)
         legend_above(axes, fontsize=legend_size(axes))
     return drawn
@@ -145,23 +147,6 @@ def _window(t: Array, periods: tuple[float, float] | None) -> tuple[float, float
             f"{t[0]:.6g} to {t[-1]:.6g}"
         )
     return ends[0], ends[1]
-
-
-def _with_impacts(t: Array, u: Array, run: SimulationRun, site: int) -> tuple[Array, Array]:
-    """The samples of a site, and its impacts between them, where it is at a wall."""
-    impacts = run.at_site(site)
-    impacts = impacts[(impacts["time"] >= t[0]) & (impacts["time"] <= t[-1])]
-    walls = [run.conditions.walls.position(site, int(wall)) for wall in impacts["wall"]]
-    order = np.argsort(np.concatenate([t, impacts["time"]]), kind="stable")
-    return np.concatenate([t, impacts["time"]])[order], np.concatenate([u, walls])[order]
-
-
-def _envelope(t: Array, u: Array) -> tuple[Array, Array, Array]:
-    """The smallest and the largest value in each period, and where the periods begin."""
-    begins = np.flatnonzero(np.diff(np.floor(t), prepend=-np.inf) > 0)
-    low, high = np.minimum.reduceat(u, begins), np.maximum.reduceat(u, begins)
-    # a step goes from where its value stands: the last one to the end
-    return np.append(low, low[-1]), np.append(high, high[-1]), np.append(t[begins], t[-1])
 
 
 def plot_section(
@@ -223,7 +208,8 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     y : str
         One of its columns: ``p``, ``amplitude``, ``participation``, ``tilt``, ``others``.
     ax : matplotlib Axes, optional
-        Those of the continued branch for instance, to see both together.
+        Those of the continued branch for instance, to see both together; axes that show another
+        quantity are refused.
 
     Examples
     --------
@@ -242,6 +228,7 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
     looks = {1.0: ("sweep up", BLUE, "^"), -1.0: ("sweep down", VERMILLION, "v")}
     named: set[float] = set()
     with drawing(ax) as (drawn, axes):
+        name_axes(axes, symbol(sweep.name), COLUMNS[y])
         for start, end in pairwise([0, *turns.tolist(), len(x) - 1]):
             way = float(np.sign(x[end] - x[start])) or 1.0
             name, colour, mark = looks[way]
@@ -251,7 +238,6 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
                 label=None if way in named else name,
             )  # fmt: skip
             named.add(way)
-        axes.set(xlabel=symbol(sweep.name), ylabel=COLUMNS[y])
         axes.legend(frameon=False, loc="best", handletextpad=0.2, fontsize=legend_size(axes))
     return drawn
 

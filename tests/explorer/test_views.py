@@ -87,7 +87,7 @@ DRAWN = (
     "MultiPolygons xs ys fill=colour line=colour; " + "MultiLine xs ys; " * 4
     + "Text x y text; Scatter x y; Text x y text x_offset=dx y_offset=dy; MultiLine xs ys; "
     + "Scatter x y; Scatter x y",
-    "MultiLine xs ys line=colour; " * 3
+    "MultiLine xs ys line=colour; " * 4
     + "Scatter x y fill=colour line=colour marker=mark; Text x y text x_offset=dx y_offset=dy; "
     + "Scatter x y; Scatter x y",
     "Segment x0 y x1 y; Segment n low n high; Scatter n u",
@@ -227,9 +227,9 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
     view.show(both, "a", "phi")
     printed = [line for line in plot(branch, x="a", y="phi").axes.get_lines()
                if line.get_linestyle() != "None"]  # fmt: skip
-    dashes = {id(one.data_source): one.glyph.line_dash for one in glyphs(view.figure)[:3]}
+    dashes = {id(one.data_source): one.glyph.line_dash for one in glyphs(view.figure)[:4]}
     for (style, source), dash in zip(
-        view.lines.items(), ("solid", "dashed", "dotted"), strict=True
+        view.lines.items(), ("solid", "dashed", "dotted", "dashdot"), strict=True
     ):
         own = [line for line in printed if line.get_linestyle() == style]
         wanted = [(line, colour) for colour in DARK.cycle[:2] for line in own]
@@ -255,7 +255,7 @@ def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch:
         around(axis, data.min(), data.max())
     for point, x, y, place in (
         (branch[5], "arclength", "residual", ([branch[5].arclength], [branch[5].residual])),
-        (branch[5], "t2", "a", ([np.nan], [branch[5]["a"]])),  # a column that it does not have
+        (branch[5], "p2", "a", ([np.nan], [branch[5]["a"]])),  # a column that it does not have
         (None, "a", "phi", ([], [])),
     ):
         view.choose(Chosen("x", B, point), x, y)
