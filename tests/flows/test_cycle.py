@@ -466,6 +466,62 @@ def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
     assert ended[-1]["mu"] == pytest.approx(1 / 9)
 
 
+def stuck(t, x, p):
+    return [p["v"]]
+
+
+def slipping(t, x, p):
+    return [x[1], p["c"] - x[0]]
+
+
+STUCK = cb.Flow(stuck, until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [x[0], p["v"]])
+SLIPPING = cb.Flow(slipping, until=lambda t, x, p: p["v"] - x[1], reset=lambda t, x, p: [x[0]])
+
+
+@pytest.mark.parametrize(
+    ("flows", "start"),
+    [([STUCK, SLIPPING], {"x": 0.2}), ([SLIPPING, STUCK], {"x": 1.0, "y": 0.5})],
+)
+def test_a_flow_of_one_state_may_end_on_its_section_wherever_the_cycle_begins(flows, start) -> None:
+    """A mass on a belt that is let go at 1 slips on a circle around c: it is there again, at
+    2 c - 1, after all but the angle on the other side of x = 1; no perturbation is left."""
+    branch = cb.trace(cb.cycle(flows, start, {"v": 0.5, "c": 0.6}), "v", within={"v": (0.2, 1.0)})
+    assert {point.kind for point in branch.special} == {"EP"}
+    assert not branch.doubtful
+    for point in branch:
+        orbit, v = point.solution, point["v"]
+        slips = TAU - 2 * math.atan(0.4 / v)
+        assert orbit.period == pytest.approx(0.8 / v + slips, rel=1e-10)
+        assert orbit.multipliers[0] == pytest.approx(1.0, abs=1e-10)
+        assert abs(orbit.multipliers[1:]).max(initial=0.0) < 1e-12
+
+
+def test_an_orbit_that_passes_from_one_state_to_one_state_is_followed_from_each_of_its_flows() -> (
+    None
+):
+    """Thrown up at 1 it comes back after 2, leaks from e to g, and is filled up to 1."""
+    thrown = cb.Flow(
+        lambda t, x, p: [x[1], -1.0],
+        until=lambda t, x, p: x[0],
+        reset=lambda t, x, p: [-p["e"] * x[1]],
+    )
+    leaks = cb.Flow(
+        lambda t, x, p: [-x[0]], until=lambda t, x, p: x[0] - p["g"], reset=lambda t, x, p: [x[0]]
+    )
+    filled = cb.Flow(
+        lambda t, x, p: [1 + 0 * x[0]],
+        until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [0 * x[0], x[0]],
+    )
+    flows, starts = [thrown, leaks, filled], [{"h": 0.0, "v": 1.0}, {"x": 0.8}, {"x": 0.3}]
+    for i, start in enumerate(starts):
+        orbit = cb.cycle([*flows[i:], *flows[:i]], start, {"e": 0.8, "g": 0.3})
+        branch = cb.trace(orbit, "g", within={"g": (0.1, 0.7)})
+        wanted = [2 + math.log(0.8 / g) + 1 - g for g in branch["g"]]
+        np.testing.assert_allclose(branch["period"], wanted, rtol=1e-10)
+        assert not branch["unstable"].any()
+
+
 # --- refusals --------------------------------------------------------------------------------
 
 
