@@ -22,7 +22,7 @@ from .newton import Undefined
 from .point import Event, Point
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
 from .step_interpolant import StepInterpolant
-from .trace import trace
+from .trace import traced
 
 Windows = Mapping[str, tuple[float, float]]
 
@@ -154,23 +154,17 @@ def _further(
 ) -> Branch:
     """The branch with what lies beyond one end."""
     line = branch if side == "last" else branch.reversed()
+    asked = None if event_of(branch.problem) else settings.events
 
     def whole(piece: Branch) -> Branch:
         longer = replace(line.join(piece), settings=settings)
         return longer if side == "last" else longer.reversed()
 
     with piece_of(file, whole, branch) as inner:
-        piece = trace(
-            line[-1].problem,
-            branch.free,
-            within=settings.within,
-            events=None if event_of(branch.problem) else settings.events,
-            steps=settings.steps,
-            progress=progress,
-            along=line[-1].direction,
-            inadmissible=settings.inadmissible,
-            save=inner,
-        )
+        piece = traced(
+            line[-1].problem, branch.free, replace(settings, events=asked), "both",
+            line[-1].direction, progress, inner, refined=False,
+        )  # fmt: skip
     end = _closing(line, piece)
     if end is None:
         return whole(piece)

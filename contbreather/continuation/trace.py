@@ -127,10 +127,24 @@ def trace(
         raise BadInput(
             "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
         )
-    events = all_of(events)  # both walks need them
+    settings = Settings(windows(within), all_of(events), steps_of(steps), inadmissible)
+    return traced(start, free, settings, towards, along, progress, save)
+
+
+def traced(
+    start: Problem | Startable,
+    free: str,
+    settings: Settings,
+    towards: str = "both",
+    along: ArrayLike | None = None,
+    progress: bool | Counter | None = None,
+    save: Save = None,
+    *,
+    refined: bool = True,
+) -> Branch:
+    """The same with its settings; in the unknowns of its start where it is not to be refined, as
+    what becomes a part of a branch."""
     origin = start if isinstance(start, Point) else None
-    steps = steps_of(steps)
-    settings = Settings(windows(within), events, steps, inadmissible)
     if isinstance(start, Point) and free in start.base_point.curve.free[:1]:
         start = start.base_point
     # once: what both find at the start is one event
@@ -141,12 +155,16 @@ def trace(
         finer: Finer | None = start, along
         while finer is not None:
             start, along = finer
-            problem, wanted = active_events(start, events, inadmissible=inadmissible)
-            look = partial(start.finer, along=along)
-            ways = starts_on_curve(problem, free, within, towards, along, steps.tolerance)
+            problem, wanted = active_events(
+                start, settings.events, inadmissible=settings.inadmissible
+            )
+            look = partial(start.finer, along=along) if refined else lambda point: None
+            ways = starts_on_curve(
+                problem, free, settings.within, towards, along, settings.steps.tolerance
+            )
             for way in ways:
-                way.point.curve.asked = events
-            walks[:] = [ContinuationIterator(way, wanted, steps) for way in ways]
+                way.point.curve.asked = settings.events
+            walks[:] = [ContinuationIterator(way, wanted, settings.steps) for way in ways]
             for one_way in walks:
                 finer = one_way.follow(shown, kept, so_far, look)
                 if finer is not None or one_way.end.stop is Stop.CLOSED:

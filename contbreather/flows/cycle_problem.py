@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from typing import Any
@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..continuation.branch_points import crossing
 from ..continuation.curve import Curve
-from ..continuation.newton import Array, Undefined
+from ..continuation.newton import Array, Undefined, newton
 from ..continuation.point import Event, Point, UnstableDimension
 from ..continuation.problem import Problem
 from ..continuation.sparse import Matrix
 from ..continuation.switching import SwitchingProblem
-from ..continuation.trace import trace
-from ..errors import BadInput, NotConverged
+from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import TrajectorySegment
@@ -35,7 +35,6 @@ _MOST_INTERVALS = 400  # of all flows together; along a branch a mesh that has m
 _ROUNDING = 1e-8  # of its size at the start: smaller orbits are
 _ROUGHLY = 1e-7  # error of slopes inside on the way to a solution, where the next is smaller
 _FAR = 1e3  # parameters larger than this are measured by their size
-_NEAR = 1e-3  # where a doubling is looked for again, relative
 COARSE = 1e-4  # how far off 1 the trivial multiplier of a resolved orbit may be
 UNRESOLVED = 5e-3  # and, where there is none, the highest term of its polynomials: about as far
 
@@ -227,8 +226,6 @@ class CycleProblem(Problem):
     """A cycle of flows."""
 
     residual: FlowEquations
-    # of an arm: where it sets out, with twice the intervals
-    again: Callable[[], SwitchingProblem] | None = field(default=None, kw_only=True)
     tested = True
 
     @property
@@ -263,16 +260,34 @@ class CycleProblem(Problem):
             return None
         if along is None:
             return self.halved(), None
-        with suppress(Undefined, BadInput, NotConverged):
-            lift = self.again() if self.again else None
-            return None if lift is None else (lift.problem, lift.seeds()[0].tangent)
+        with suppress(Undefined):
+            return self._arm(along, point.curve.free)
         return None
 
+    def _arm(self, along: Array, free: tuple[str, ...]) -> tuple[Problem, Array]:
+        """Where an arm sets out, and its direction, on a mesh of twice the intervals."""
+        finer = Curve(self.halved(), free)
+        z, guess = finer.start, np.zeros(finer.start.size)
+        here, there = self.residual.layout, finer.problem.residual.layout
+        for few, many in zip(here.nodes, there.nodes, strict=True):
+            guess[many] = np.repeat(along[few], 2, axis=0)
+        guess[there.lengths[0] :] = along[here.lengths[0] :]  # durations, phase and parameter
+        row = finer.metric * guess
+        if SwitchingProblem(self, free[0]).tangents[1] is None:  # one curve passes it, as at HB
+            z = newton(finer, z, row).z
+            tangent = finer.tangent_at(z, guess)[0]
+        else:
+            found = crossing(finer, z)
+            z, tangent = found.solution.z, max(found.tangents, key=lambda way: abs(way @ row))
+        return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
+
     def halved(self) -> CycleProblem:
-        """The same from its start on a mesh of half the intervals."""
-        flights = self.residual.flights(self.x, self.params)
-        finer = replace(self.residual, start=tuple(flight.halved() for flight in flights))
-        return replace(self, residual=finer, start=finer.unknowns(finer.start))
+        """The same from its start on a mesh of half the intervals: the phase stays what it was."""
+        equations = self.residual
+        finer = replace(equations, start=tuple(flight.halved() for flight in equations.start))
+        flights = equations.flights(self.x, self.params)
+        start = finer.unknowns([flight.halved() for flight in flights])
+        return replace(self, residual=finer, start=start)
 
     def unresolved(self, point: Point) -> str:
         try:
@@ -302,18 +317,7 @@ def _doubled(point: Point) -> SwitchingProblem:
     problem = point.curve.problem
     twice = equations_of(point).doubled(np.array(point.x), point.params)
     arm = problem_of(twice, point.params, problem.events, problem.label)
-    return SwitchingProblem(
-        replace(arm, again=partial(_again, point)), point.curve.free[0], both=False
-    )
-
-
-def _again(point: Point) -> SwitchingProblem:
-    """The same where the doubling is on a finer mesh."""
-    (free,), problem = point.curve.free, point.problem
-    assert isinstance(problem, CycleProblem)
-    near = _NEAR * (1 + abs(point[free]))
-    window = {free: (point[free] - near, point[free] + near)}
-    return _doubled(trace(problem.halved(), free, within=window).first(point.kind))
+    return SwitchingProblem(arm, point.curve.free[0], both=False)
 
 
 def problem_of(

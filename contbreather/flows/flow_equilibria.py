@@ -151,15 +151,6 @@ def _born(point: Point) -> SwitchingProblem:
             cycle = problem_of(equations, first.params, events, "cycle")
             # beside the origin the orbit says nothing of what it grows to: a hundred times itself
             unit = max(cycle.scales["orbit"], size * amplitude / _AMPLITUDES[0])
-            scales = {**cycle.scales, "orbit": unit}
-            cycle = replace(cycle, again=partial(_again, point), scales=scales)
+            cycle = replace(cycle, scales={**cycle.scales, "orbit": unit})
             return _Born(cycle, free, both=False)
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")
-
-
-def _again(point: Point) -> SwitchingProblem:
-    """The same on a finer mesh."""
-    problem, residual = point.curve.problem, point.curve.problem.residual
-    twice = replace(residual.collocation, intervals=2 * residual.collocation.intervals)
-    finer = replace(problem, residual=replace(residual, collocation=twice))
-    return _born(replace(point, curve=Curve(finer, point.curve.free)))

@@ -75,3 +75,73 @@ def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(
         assert run["cycles"][-1].solution.period == pytest.approx(2 * np.pi)
     with pytest.raises(cb.BadInput, match=r"the problem has \['x', 'y'\], which the file has not"):
         cb.load(tmp_path / "both.nc", problem=rest)
+
+
+# --- arms ---------------------------------------------------------------------------------------
+
+
+def forked(t, x, p):
+    """An oscillator born at mu = 0, beside which w = 0 and from mu = .5 on w^2 = mu - .5."""
+    return [x[1], (p["mu"] - x[0] ** 2) * x[1] - x[0], x[2] * (p["mu"] - 0.5 - x[2] ** 2)]
+
+
+@pytest.fixture(scope="module")
+def born() -> cb.Branch:
+    """The cycles from their Hopf point to beyond where they fork."""
+    start = {"x": 0.0, "v": 0.0, "w": 0.0}
+    rest = cb.equilibrium(forked, start, {"mu": -0.5}, collocation=FEW)
+    line = cb.trace(rest, "mu", within={"mu": (-1.0, 0.4)})
+    (cycles,) = cb.switch(line.first("HB"), within={"mu": (-1.0, 0.7)})
+    return cycles
+
+
+def test_an_arm_of_cycles_on_a_finer_mesh_is_itself_and_not_what_it_left(born) -> None:
+    arms = cb.switch(born.first("BP"), within={"mu": (0.2, 2.0)})
+    assert sorted(round(arm[-1]["max(w)"], 9) for arm in arms) == [-1.224744871, 1.224744871]
+    for arm in arms:
+        assert arm["mesh"].shape[1] > born["mesh"].shape[1]
+        np.testing.assert_allclose(arm["max(w)"] ** 2, arm["mu"] - 0.5, atol=1e-10)
+        np.testing.assert_allclose(arm["min(w)"], arm["max(w)"], atol=1e-10)
+        assert not arm.doubtful
+
+
+def test_what_goes_on_from_a_cycle_does_not_begin_at_its_hopf_point_again(born) -> None:
+    longer = cb.extend(born, within={"mu": (-1.0, 2.0)}, end="last")
+    assert [point.label for point in longer.special] == ["EP1", "BP1", "EP2"]
+    assert longer["mesh"].shape[1] == born["mesh"].shape[1]
+    (place,) = longer.doubtful
+    assert "the mesh is too coarse near t" in place.detail["reason"]
+
+
+def test_arms_of_a_symmetric_circuit_are_followed_into_where_they_need_more_intervals() -> None:
+    """AUTO's demo tor: its torus and its doubling."""
+
+    def circuit(t, u, p):
+        cubic = 0.933578 * (u[1] - u[0]) ** 3
+        return [
+            (-(0.5 + p["nu"]) * u[0] + 0.5 * u[1] - 0.328578 * u[0] ** 3 + cubic) / 0.6,
+            0.5 * u[0] + 0.1 * u[1] - u[2] - cubic,
+            u[1],
+        ]
+
+    rest = cb.equilibrium(circuit, {"x": 0.0, "y": 0.0, "z": 0.0}, {"nu": -0.9})
+    line = cb.trace(rest, "nu", within={"nu": (-1.2, -0.58)})
+    (cycles,) = cb.switch(line.first("HB"), within={"nu": (-0.6, -0.3)})
+    steps = cb.Steps(most=45)
+    arms = cb.switch(cycles.first("BP"), within={"nu": (-0.77, -0.58)}, steps=steps)
+    assert len(arms) == 2
+    for arm in arms:
+        assert arm["mesh"].shape[1] > cycles["mesh"].shape[1]
+        assert [point.kind for point in arm.special[:3]] == ["EP", "NS", "PD"]
+        assert arm.first("NS")["nu"] == pytest.approx(-0.5916502, abs=1e-7)
+        assert arm.first("PD")["nu"] == pytest.approx(-0.6149552, abs=1e-7)
+
+
+def test_a_diagram_has_arms_on_finer_meshes_and_what_they_left_once() -> None:
+    rest = cb.equilibrium(forked, {"x": 0.0, "v": 0.0, "w": 0.0}, {"mu": -0.5}, collocation=FEW)
+    tree = cb.diagram(rest, "mu", within={"mu": (-0.5, 1.8)})
+    cycles = [branch for branch in tree if branch[-1].kind == "EP" and "mesh" in branch[-1].values]
+    assert not tree.failed
+    ends = sorted(round(branch[-1]["max(w)"], 6) for branch in cycles)
+    assert ends == [-1.140175, 0.0, 1.140175]
+    assert {branch[-1]["mu"] for branch in cycles} == {1.8}
