@@ -446,12 +446,18 @@ def _earlier(
 
 
 def sizes_of(flights: Sequence[TrajectorySegment]) -> tuple[Array, ...]:
-    """How much each state of each flow moves, or how large it is."""
+    """How much each state of each flow moves, or how large it is.
+
+    It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
+    one flow as in another has such meshes, too, wherever its branch began.
+    """
     sizes = []
-    for flight in flights:
-        states = flight.sampled(2)[1]
+    for one in flights:
+        alike = [flight for flight in flights if len(flight.states) == len(one.states)]
+        sampled = [flight.sampled(2)[1] for flight in alike]
         # what hardly moves is measured by its value: its motion may be rounding
-        size = np.maximum(np.ptp(states, axis=1), 0.1 * abs(states).max(axis=1))
+        moved = np.max([np.ptp(states, axis=1) for states in sampled], axis=0)
+        size = np.maximum(moved, 0.1 * np.max([abs(s).max(axis=1) for s in sampled], axis=0))
         # and what is zero, as beside a branch that leaves a subspace, by what moves most
         least = _AT_REST * size.max()
         sizes.append(np.where(size < least, size.max(), np.maximum(size, 1e-3 * size.max())))

@@ -3,6 +3,7 @@ vanish, units of any size."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -146,3 +147,52 @@ def test_a_cycle_begins_to_slide_where_it_touches_the_threshold() -> None:
     )  # fmt: skip
     largest = max(free.y_events[0][-4:, 1])
     assert sliding.special[-1]["h"] == pytest.approx(largest, abs=1e-8)
+
+
+# --- meshes keep the symmetry of an orbit -------------------------------------------------------
+
+PUSH = 26.0
+
+
+def pushed(sign: float, t, x, p):
+    return [x[1], sign * PUSH - 0.2 * x[1] - x[0] - x[0] ** 3]
+
+
+BANG = [cb.Flow(partial(pushed, 1.0), at=0.5), cb.Flow(partial(pushed, -1.0), at=0.0)]
+
+
+def driven(p):
+    return TAU / p["om"]
+
+
+def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_doubles() -> None:
+    """A mirror image after half a period, x(t + T/2) = -x(t): a half that ends in a mirror, whose
+    multiplier is -1 where the whole loses its symmetry."""
+    mirrored = cb.Flow(partial(pushed, 1.0), reset=lambda t, x, p: [-x[0], -x[1]])
+    half = cb.cycle(
+        mirrored, {"x": 0.0, "v": 0.0}, {"om": 0.75}, period=lambda p: np.pi / p["om"], settle=300
+    )
+    lost = cb.trace(half, "om", within={"om": (0.7, 1.2)})
+    wanted = [point["om"] for point in lost.special if point.kind == "PD"][-2:]
+    whole = cb.cycle(BANG, {"x": 2.0, "v": 5.0}, {"om": 1.03}, period=driven, settle=300)
+    found = []
+    for way, count in (("down", 28), ("up", 38)):
+        branch = cb.trace(whole, "om", towards=way, steps=cb.Steps(most=count))
+        assert abs(branch[0]["max(x)"] + branch[0]["min(x)"]) > 1
+        found += [point for point in branch.special if point.kind == "BP"]
+    assert [point["om"] for point in found] == pytest.approx(wanted, abs=1e-8)
+    for point in found:
+        assert point["max(x)"] == pytest.approx(-point["min(x)"], abs=1e-7)
+
+
+def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() -> None:
+    rest = {"x": 0.0, "v": 0.0}
+    twice = cb.cycle(BANG, rest, {"om": 0.7}, period=driven, settle=300)
+    assert twice.start["durations"].size == 4
+    window, steps = {"om": (0.695, 0.72)}, cb.Steps(most=25)
+    back = cb.trace(twice, "om", within=window, towards="up", steps=steps)
+    assert [point.kind for point in back.special if point.kind != "EP"] == ["BP", "PD"]
+    once = cb.cycle(BANG, rest, {"om": 0.75}, period=driven, settle=300)
+    symmetric = cb.trace(once, "om", within={"om": (0.71, 0.76)})
+    for arm in cb.switch(symmetric.first("BP"), within={"om": (0.703, 0.73)}):
+        assert arm.first("PD")["om"] == pytest.approx(back.first("BP")["om"], abs=1e-8)
