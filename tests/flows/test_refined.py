@@ -13,6 +13,7 @@ from contbreather.flows import Collocation
 from .zoo import van_der_pol
 
 FEW = Collocation(intervals=6, points=4)
+TEN = Collocation(intervals=10, points=4)
 
 
 @pytest.fixture(scope="module")
@@ -124,10 +125,10 @@ def test_arms_of_a_symmetric_circuit_are_followed_into_where_they_need_more_inte
             u[1],
         ]
 
-    rest = cb.equilibrium(circuit, {"x": 0.0, "y": 0.0, "z": 0.0}, {"nu": -0.9})
+    rest = cb.equilibrium(circuit, {"x": 0.0, "y": 0.0, "z": 0.0}, {"nu": -0.9}, collocation=TEN)
     line = cb.trace(rest, "nu", within={"nu": (-1.2, -0.58)})
     (cycles,) = cb.switch(line.first("HB"), within={"nu": (-0.6, -0.3)})
-    steps = cb.Steps(most=45)
+    steps = cb.Steps(most=22)
     arms = cb.switch(cycles.first("BP"), within={"nu": (-0.77, -0.58)}, steps=steps)
     assert len(arms) == 2
     for arm in arms:
