@@ -266,7 +266,7 @@ class CycleProblem(Problem):
 
     def _arm(self, along: Array, free: tuple[str, ...]) -> tuple[Problem, Array]:
         """Where an arm sets out, and its direction, on a mesh of twice the intervals."""
-        finer = Curve(self.halved(), free)
+        finer = Curve(self.halved(self.residual.start), free)  # tangents keep their phase
         z, guess = finer.start, np.zeros(finer.start.size)
         here, there = self.residual.layout, finer.problem.residual.layout
         for few, many in zip(here.nodes, there.nodes, strict=True):
@@ -281,13 +281,12 @@ class CycleProblem(Problem):
             z, tangent = found.solution.z, max(found.tangents, key=lambda way: abs(way @ row))
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
 
-    def halved(self) -> CycleProblem:
-        """The same from its start on a mesh of half the intervals: the phase stays what it was."""
-        equations = self.residual
-        finer = replace(equations, start=tuple(flight.halved() for flight in equations.start))
-        flights = equations.flights(self.x, self.params)
-        start = finer.unknowns([flight.halved() for flight in flights])
-        return replace(self, residual=finer, start=start)
+    def halved(self, flights: Sequence[TrajectorySegment] = ()) -> CycleProblem:
+        """The same from its start on a mesh of half the intervals; of a phase that is measured by
+        that start, or by the flights that are given."""
+        here = self.residual.flights(self.x, self.params)
+        finer = replace(self.residual, start=tuple(f.halved() for f in flights or here))
+        return replace(self, residual=finer, start=finer.unknowns([f.halved() for f in here]))
 
     def unresolved(self, point: Point) -> str:
         try:
