@@ -22,7 +22,7 @@ from .newton import Undefined
 from .point import Event, Point
 from .settings import Settings, Steps, Within, all_of, steps_of, windows
 from .step_interpolant import StepInterpolant
-from .trace import traced
+from .trace import walk_from
 
 Windows = Mapping[str, tuple[float, float]]
 
@@ -161,7 +161,7 @@ def _further(
         return longer if side == "last" else longer.reversed()
 
     with piece_of(file, whole, branch) as inner:
-        piece = traced(
+        piece = walk_from(
             line[-1].problem, branch.free, replace(settings, events=asked), "both",
             line[-1].direction, progress, inner, refined=False,
         )  # fmt: skip

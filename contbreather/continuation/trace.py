@@ -128,10 +128,10 @@ def trace(
             "trace starts at one point, got a whole branch: give branch[0], or branch.first('PF')"
         )
     settings = Settings(windows(within), all_of(events), steps_of(steps), inadmissible)
-    return traced(start, free, settings, towards, along, progress, save)
+    return walk_from(start, free, settings, towards, along, progress, save)
 
 
-def traced(
+def walk_from(
     start: Problem | Startable,
     free: str,
     settings: Settings,
