@@ -8,6 +8,7 @@ points and cycles of maps, and periodic orbits of flows.
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -58,6 +59,15 @@ def linked(fold: Event, flips: Callable[[Point], float]) -> dict[str, Event]:
 
 
 # --- multipliers ------------------------------------------------------------------------------
+
+
+def _count(values: Values, wanted: float) -> int:
+    """How many of these are at one value. Rounding moves two of them that are one by its root, but
+    their sum and their product by no more than itself: so with all symmetric functions of them."""
+    size = max(1.0, abs(values).max(initial=0.0))
+    off = (values - wanted)[abs(values - wanted).argsort()] / size
+    parts = (abs(np.poly(off[:k])[1:]).max() for k in range(1, off.size + 1))
+    return sum(1 for _ in itertools.takewhile(lambda most: most < _DOUBLE, parts))
 
 
 def _all(point: Point) -> tuple[Values, float]:
@@ -273,7 +283,8 @@ def _slope_of_pair(curve: Curve, z: Array, extra: Array) -> Array:
 
 def _turned(curve: Curve, z: Array, left: Array, right: Array) -> Array:
     """``left @ curve.along(z, right)`` by one central difference: eight digits, and a row of
-    Newton's iteration needs no more. Rows in which the closing is not F_x are linear."""
+    Newton's iteration needs no more. Rows in which the closing is not F_x are linear; that of a
+    section may be turned, by which nothing singular becomes regular: there `left` is zero."""
     way = np.append(right, np.zeros(z.size - right.size))
     size = float(np.linalg.norm(way / np.maximum(curve.scales, abs(z))))
     step = _STEP / max(size, _NOTHING)
@@ -330,7 +341,7 @@ def _angle(point: Point) -> float:
     curve of folds or doublings has this angle."""
     values = _all(point)[0]
     for double, angle in ((1.0, _ASIDE), (-1.0, math.pi - _ASIDE)):
-        if np.count_nonzero(abs(values - double) < _DOUBLE) == 2:
+        if _count(values, double) == 2:
             return angle
     upper = values[values.imag > 0]
     if not upper.size:
@@ -381,7 +392,7 @@ def _examine_double(on: str, sign: int, point: Point) -> Examined:
     """Two multipliers there, with one eigenvector; of +1 whether branches cross as well. A curve of
     NS ends where there are two, too: it comes back with the pair interchanged."""
     values = _all(point)[0]
-    count = np.count_nonzero(abs(values - sign) < _DOUBLE * max(1.0, abs(values).max(initial=0.0)))
+    count = _count(values, sign)
     if count != 2:
         return f"{count} multipliers are {sign}; two were expected"
     if _eigenvectors(sign, point) > 1:

@@ -269,19 +269,21 @@ def lyapunov_coefficient(point: Point, omega: float) -> Coefficient:
     """
     forms = Forms(point)
     critical, double = (plus_diagonal(forms.A, -1j * k * omega) for k in (1, 2))
-    coefficient = _of_pair(forms, critical, double, 2 * omega)
+    coefficient = _of_pair(forms, critical, double, forms.A, 2 * omega)
     return replace(coefficient, value=coefficient.value.real)
 
 
-def _of_pair(forms: Forms, critical: Matrix, double: Matrix, unit: complex) -> Coefficient:
-    """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude and of the
-    square of that, which turns twice as fast."""
+def _of_pair(
+    forms: Forms, critical: Matrix, double: Matrix, steady: Matrix, unit: complex
+) -> Coefficient:
+    """The cubic coefficient of a pair of eigenvalues, from the matrices of its amplitude, of the
+    square of that, which turns twice as fast, and of its size, which does not turn."""
     q, p = forms.eigenvectors(critical)
     real, imaginary = forms.jet(q.real), forms.jet(q.imag)
     # B(q, .), the conjugate of B(conj(q), .), and C(q, q, conj(q))
     B, C = real.B + 1j * imaginary.B, (real.C + imaginary.C) @ q
     # on the centre manifold x = z q + cc + h20 z^2 / 2 + h11 |z|^2 + ...
-    h11 = solve(-forms.A, B @ q.conj())
+    h11 = solve(-steady, B @ q.conj())
     h20 = solve(-double, B @ q)
     # <p, C(q, q, cq) + 2 B(q, h11) + B(cq, h20)> / unit, with cq for conj(q): 2 omega for l1 of a
     # flow, 2 mu for d of a map
@@ -365,7 +367,7 @@ def flip(point: Point, agreed: float = _AGREED) -> Coefficient:
     jet = forms.jet(q)
     # on the centre manifold x = u q + u^2 h / 2 with -F_x h = B(q, q), as (-1)^2 = 1, and
     # c = <p, C(q, q, q) + 3 B(q, h)> / 6
-    h = solve(-forms.A, jet.B @ q)
+    h = solve(-forms.closed(1.0), jet.B @ q)
     coefficient = _sum(float(p @ jet.C @ q) / 6, float(p @ jet.B @ h) / 2)
     least = _ROUNDING * forms.cubic
     return replace(coefficient, rounding=max(_ROUNDING, agreed), least=least)
@@ -382,5 +384,6 @@ def rotation_coefficient(point: Point, angle: float, agreed: float = _AGREED) ->
     mu, forms = np.exp(1j * angle), Forms(point, agreed)
     if min(abs(mu**k - 1) for k in (1, 2, 3, 4)) < _DEFECTIVE:
         raise Undefined("a strong resonance: the normal form is another")
-    coefficient = _of_pair(forms, forms.closed(mu), forms.closed(mu**2), 2 * mu)
+    critical, double, steady = (forms.closed(power) for power in (mu, mu**2, 1.0))
+    coefficient = _of_pair(forms, critical, double, steady, 2 * mu)
     return replace(coefficient, rounding=max(_ROUNDING, agreed))

@@ -218,18 +218,31 @@ def relative_paces(equations: FlowEquations, x: Array, p: Params) -> dict[int, f
 
 def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Matrix:
     """The square derivative whose null vectors are perturbations that have grown by mu after
-    the cycle."""
+    the cycle; of an autonomous one as they come back to a section across it.
+
+    With M of the whole turn and f the velocity where it begins, ``M f = f``, its determinant is
+    that of
+
+        | M - mu  f |
+        |  f^T    0 |
+
+    which is ``-det(M - mu) |f|^2 / (1 - mu)``: the trivial multiplier is taken out, and where
+    another one joins it, at a fold, 1 is a simple zero.
+    """
     layout = equations.layout
     square = matrix[:, : layout.size].astype(type(mu))
     sparse = not isinstance(square, np.ndarray)
     square = square.tolil() if sparse else square.copy()
-    for row in layout.nodes[0][0]:  # the first state is mu times as far off as where all ends
+    start = layout.nodes[0][0]
+    for row in start:  # the first state is mu times as far off as where all ends
         square[row, row] += mu - 1
-    if equations.autonomous:  # perturbations need no phase; their period is that of the cycle
-        for i, flow in enumerate(equations.flows):
-            if flow.until is None:
-                square[layout.lengths[i]] = 0.0
-                square[layout.lengths[i], layout.lengths[i]] = 1.0
+    endless = [i for i, flow in enumerate(equations.flows) if flow.until is None]
+    for i in endless if equations.autonomous else ():
+        square[layout.lengths[i]] = 0.0
+        if i == endless[-1]:  # its length is free, and brings back to the section
+            square[layout.lengths[i], start] = square[start, layout.lengths[i]].T
+        else:
+            square[layout.lengths[i], layout.lengths[i]] = 1.0
     if equations.phased:
         square[-1, -1] = 1 - mu
     return square.tocsc() if sparse else square

@@ -308,6 +308,35 @@ def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
     assert not line.doubtful
 
 
+@pytest.mark.parametrize("intervals", [6, 10])
+def test_a_curve_of_tori_without_forcing_ends_where_that_of_the_forced_flow_does(intervals) -> None:
+    """The same oscillator, driven by a circle that turns: its trivial multiplier and that of the
+    fold are a pair at 1 all along the folds beyond."""
+
+    def driven(t, x, p):
+        growth = 1 - x[2] ** 2 - x[3] ** 2
+        push = 0.3 * (1 - x[0] ** 2) * x[1] - x[0] + p["A"] * x[2]
+        return [x[1], push, growth * x[2] - p["w"] * x[3], growth * x[3] + p["w"] * x[2]]
+
+    start = {"x": 0.8, "v": 2.0, "c": 1.0, "s": 0.0}
+    few = Collocation(intervals=intervals)
+    cycle = cb.cycle(driven, start, {"w": 1.1, "A": 0.5}, settle=60, collocation=few)
+    point = cb.trace(cycle, "A", within={"A": (0.35, 0.5)}, towards="down").first("NS")
+    window = {"w": (1.05, 1.1)}
+    tori = cb.boundary(point, ("w", "A"), within=window, towards="down")
+    assert [place.kind for place in tori.special] == ["EP", "R1"]
+    assert tori[-1]["angle"] == pytest.approx(0, abs=1e-9)
+    # the forced flow, whose resonance is located with no trivial multiplier about
+    resonance = {"w": 1.0736909324, "A": 0.3165821692}
+    near = 1e-8 if intervals == 10 else 1e-6
+    assert [tori[-1][name] for name in resonance] == pytest.approx([*resonance.values()], abs=near)
+    folds = cb.boundary(tori[-1], ("w", "A"), within=window)
+    assert [folds.first("R1")[name] for name in resonance] == pytest.approx(
+        [*resonance.values()], abs=near
+    )
+    assert not (*tori.doubtful, *folds.doubtful)
+
+
 # --- hybrid ----------------------------------------------------------------------------------
 
 
