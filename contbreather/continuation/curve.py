@@ -132,6 +132,18 @@ class Curve:
     def length(self, z: Array) -> float:
         return math.sqrt(z.dot(self.metric * z))
 
+    def turned(self, z: Array, near: Array) -> Array:
+        """The same solution with its angles as they are nearest to those of another, or of several
+        in rows."""
+        periods = self.problem.periods(z[: self.size], self.params(z))
+        if not periods:
+            return z
+        turned = np.array(np.broadcast_to(z, near.shape))
+        for name, period in periods.items():
+            i = self.slots[name]
+            turned[..., i] += period * np.round((near[..., i] - z[i]) / period)
+        return turned
+
     def normalised(self, z: Array) -> Array:
         return z / self.length(z)
 

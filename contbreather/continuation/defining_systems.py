@@ -12,7 +12,7 @@ of n + m + 1 equations for x, y and p: the points of that curve are regular ones
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -395,6 +395,10 @@ class ExtendedProblem(Problem):
 
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
+
+    def periods(self, x: Array, params: Params) -> Mapping[str, float]:
+        curve, z = self.beneath(x, params, ())
+        return curve.problem.periods(z[: curve.size], curve.params(z))
 
     def unresolved(self, point: Point) -> str:
         return point.base_point.problem.unresolved(point.base_point)

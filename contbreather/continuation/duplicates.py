@@ -51,6 +51,7 @@ def placed(point: Point, curve: Curve) -> Array | None:
 
 
 def _same(curve: Curve, z: Array, other: Array, reach: float = math.inf) -> bool:
+    z = curve.turned(z, other)
     return curve.length(z - other) <= min(_SAME * (1 + curve.length(z)), _APART * reach)
 
 
@@ -58,10 +59,10 @@ def _near(z: Array, branch: Branch) -> list[int]:
     """The steps of a branch that pass z at a small distance."""
     curve = branch.curve
     weights = np.sqrt(curve.metric)
-    places = np.stack([point.z for point in branch.points]) * weights
-    start, chords = places[:-1], np.diff(places, axis=0)
+    places = np.stack([point.z for point in branch.points])
+    chords = np.diff(places, axis=0) * weights
     lengths = np.maximum((chords**2).sum(axis=1), 1e-300)
-    to = z * weights - start
+    to = (curve.turned(z, places[:-1]) - places[:-1]) * weights
     # the nearest place of each chord; curves bulge from it by a fraction _OFF of its length at most
     u = np.clip((to * chords).sum(axis=1) / lengths, 0.0, 1.0)
     gaps = np.sqrt(((to - u[:, None] * chords) ** 2).sum(axis=1))
@@ -72,6 +73,7 @@ def _near(z: Array, branch: Branch) -> list[int]:
 def _on_segment(z: Array, reach: float, first: Point, last: Point) -> bool:
     """Whether z is the point of the curve between two neighbours, found anew beside it."""
     curve = first.curve
+    z = curve.turned(z, first.z)
     if _same(curve, first.z, z, reach) or _same(curve, last.z, z, reach):
         return True
     if last.arclength - first.arclength < _SAME * (1 + curve.length(z)):

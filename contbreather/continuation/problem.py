@@ -55,6 +55,7 @@ class Problem:
     -----
     What else there may be to know of equations is said by methods of a class derived from this
     one: ``interpret(point)``, what a point is to its user, as ``point.solution`` has it;
+    ``periods(x, params)``, modulo which unknowns that are angles count;
     ``sensitivity(x, params, name)``, the derivative in one parameter beside `jacobian`; `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
     `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show,
@@ -138,6 +139,11 @@ class Problem:
         """The solutions that a symmetry of the equations makes of one, its mirror image or the
         other phases of a cycle."""
         return ()
+
+    def periods(self, x: Array, params: Params) -> Mapping[str, float]:
+        """Of unknowns that are angles, single numbers, what added to them at x changes nothing:
+        curves close, and solutions are the same, modulo that."""
+        return {}
 
     def simpler(self, point: Any) -> Problem | None:
         """Where a solution is one of a smaller problem too, a fixed point among the cycles of

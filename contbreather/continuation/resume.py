@@ -170,8 +170,9 @@ def _further(
         return whole(piece)
     joined = line.join(piece[:end])
     first, *rest = joined.points
-    gap = line.curve.length(first.z - rest[-1].z)
-    last = Point(line.curve, first.z, first.tangent, rest[-1].arclength + gap, first.residual)
+    z = line.curve.turned(first.z, rest[-1].z)
+    gap = line.curve.length(z - rest[-1].z)
+    last = Point(line.curve, z, first.tangent, rest[-1].arclength + gap, first.residual)
     if first.kind == "EP" and first.parent is None:  # no end any more
         first = replace(first, kind="", label="")
     once = labelled((first, *rest, last))

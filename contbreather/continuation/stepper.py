@@ -107,9 +107,9 @@ class Stepper:
         self.tiny = self.tiny + 1 if length < TINY * self.longest else 0
         if self.tiny > _PATIENCE:
             raise StepFailed(Stop.NO_CONVERGENCE, f"{_PATIENCE} steps in a row had to be tiny")
-        if count > 2 and self._closes(point, last):
-            length = point.arclength + self.curve.length(self.start.z - point.z)
-            end = Points.of([replace(self.start, arclength=length)])
+        if count > 2 and (start := self._passed(point, last)):
+            length = point.arclength + self.curve.length(start.z - point.z)
+            end = Points.of([replace(start, arclength=length)])
             step = replace(step, points=end, stop=Stop.CLOSED)
         return step
 
@@ -147,25 +147,28 @@ class Stepper:
 
     # --- one by one ---
 
-    def _closes(self, point: Point, last: Point) -> bool:
-        """Whether the step passes the start, in the direction in which the curve left it."""
-        start, row = self.start, self.across
-        before, after = row.dot(point.z - start.z), row.dot(last.z - start.z)
+    def _passed(self, point: Point, last: Point) -> Point | None:
+        """The start, if the step passes it in the direction in which the curve left it; its angles
+        as they are there."""
+        start, row = self.curve.turned(self.start.z, last.z), self.across
+        before, after = row.dot(point.z - start), row.dot(last.z - start)
         # across t0 at the start: from behind it to beyond, within 60 degrees of t0
         if not before < 0 <= after or row.dot(last.direction) < 0.5:
-            return False
+            return None
         segment = StepInterpolant(point, last, self.steps.tolerance)
         guess, slope = segment.guess(before / (before - after))
-        gap = guess - start.z
+        gap = guess - start
         if self.curve.length(gap) > 0.1 * segment.length:
-            return False
+            return None
         if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
             off = self.curve.length(gap) / segment.length
-            return off <= _PASS and _angle(self.curve, slope, start.direction) <= _PASS
-        # across the start only: along the curve Newton's linear condition keeps the place
-        solution = self.correct(start.z + gap - row.dot(gap) * start.direction, row)
-        gap = solution.z - start.z
-        return self.curve.length(gap) <= _FINE * (1 + self.curve.length(solution.z))
+            closes = off <= _PASS and _angle(self.curve, slope, self.start.direction) <= _PASS
+        else:
+            # across the start only: along the curve Newton's linear condition keeps the place
+            guess = start + gap - row.dot(gap) * self.start.direction
+            z = self.correct(guess, row).z
+            closes = self.curve.length(z - start) <= _FINE * (1 + self.curve.length(z))
+        return replace(self.start, z=start) if closes else None
 
     def _advance(self, point: Point) -> BranchPiece:
         """The next point, with as many halvings of the step as it takes."""

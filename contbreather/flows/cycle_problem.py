@@ -235,6 +235,10 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
 
+    def periods(self, x: Array, params: Params) -> Mapping[str, float]:
+        """The first impact is at a time of the forcing."""
+        return {"phase": self.residual.forcing_period(params)} if self.residual.phased else {}
+
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
         return self.residual(x, params, _ROUGHLY)
 

@@ -221,10 +221,13 @@ class FlowEquations:
 
     def _over(self, i: int | None, x: Array, p: Params) -> float:
         """By how much durations exceed their periods."""
-        assert self.period is not None
-        whole = float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
         taken, turns = self._timed(i)
-        return float(taken @ x[self.layout.lengths] - turns * whole)
+        return float(taken @ x[self.layout.lengths] - turns * self.forcing_period(p))
+
+    def forcing_period(self, p: Params) -> float:
+        """How long the forcing takes, of which a cycle may take several."""
+        assert self.period is not None
+        return float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
 
     def _timed(self, i: int | None) -> tuple[Array, float]:
         """Which flows take how many periods: all of them; of a cycle that was doubled those up to

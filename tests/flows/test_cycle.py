@@ -600,3 +600,49 @@ def test_a_multiplier_beyond_all_numbers_is_infinite_and_nobody_is_told_more(cap
     point = cb.trace(start, "a", steps=cb.Steps(most=1))[0]
     assert np.isinf(abs(point.solution.multipliers)).all()
     assert capfd.readouterr() == ("", "")
+
+
+# --- curves that close modulo the period of the forcing -----------------------------------------
+
+
+def fires(periods: int, **params: float) -> cb.Problem:
+    """v' = I - v + a cos(2 pi t) + b sin(2 pi t) up to 1, and from 0 again: a neuron that fires
+    once in so many periods."""
+
+    def f(t, x, p):
+        return [p["I"] - x[0] + p["a"] * np.cos(TAU * t) + p["b"] * np.sin(TAU * t)]
+
+    flow = cb.Flow(f, until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]])
+    rate = 1 / (1 - math.exp(-periods))
+    params = {"I": rate + 0.01, "a": 0.0, "b": 0.0} | params
+    return cb.cycle([flow], {"v": 0.0}, params, period=1.0, settle=50)
+
+
+@pytest.mark.parametrize(("periods", "b"), [(1, 0.5), (1, 0.2), (2, 0.1)])
+def test_a_curve_closes_where_its_phase_has_fallen_by_a_period(periods: int, b: float) -> None:
+    """It fires at phi where (I + Im b exp(2 pi i phi) / (1 + 2 pi i)) (1 - exp(-T)) = 1."""
+    branch = cb.trace(fires(periods, b=b), "I", within={"I": (1, 2)})
+    assert branch.stop.name == "CLOSED"
+    assert abs(branch["phase"][-1] - branch["phase"][0]) == pytest.approx(1, abs=1e-12)
+    rate, swing = 1 / (1 - math.exp(-periods)), b / math.hypot(1, TAU)
+    found = [(point.kind, round(point["I"], 9)) for point in branch.special]
+    assert sorted(found) == [("LP", round(rate - swing, 9)), ("LP", round(rate + swing, 9))]
+
+
+def test_a_curve_of_folds_closes_where_its_phase_has_fallen_by_a_period() -> None:
+    """The swing is I - 1/(1 - 1/e) all along: a circle in a and b."""
+    neuron = fires(1, b=0.2)
+    fold = cb.trace(neuron, "I", within={"I": (1, 2)}).first("LP")
+    line = cb.boundary(fold, ("a", "b"), within={"a": (-1, 1)})
+    assert line.stop.name == "CLOSED"
+    assert np.hypot(line["a"], line["b"]) == pytest.approx(0.2, abs=1e-9)
+    assert abs(line["phase"][-1] - line["phase"][0]) == pytest.approx(1, abs=1e-12)
+
+
+def test_a_curve_in_pieces_closes_modulo_the_period_and_goes_no_further() -> None:
+    part = cb.trace(fires(1, b=0.5), "I", towards="up", steps=cb.Steps(most=12))
+    assert part.stop.name == "MOST"
+    whole = cb.extend(part, steps=cb.Steps(most=500))
+    assert whole.stop.name == "CLOSED"
+    assert [point.kind for point in whole.special] == ["LP", "LP"]
+    assert abs(whole["phase"][-1] - whole["phase"][0]) == pytest.approx(1, abs=1e-12)
