@@ -141,7 +141,8 @@ class Curve:
         turned = np.array(np.broadcast_to(z, near.shape))
         for name, period in periods.items():
             i = self.slots[name]
-            turned[..., i] += period * np.round((near[..., i] - z[i]) / period)
+            laps = np.round((near[..., i] - z[i]) / np.where(period, period, np.inf))
+            turned[..., i] += period * laps
         return turned
 
     def normalised(self, z: Array) -> Array:

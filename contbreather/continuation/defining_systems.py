@@ -396,7 +396,7 @@ class ExtendedProblem(Problem):
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
 
-    def periods(self, x: Array, params: Params) -> Mapping[str, float]:
+    def periods(self, x: Array, params: Params) -> Mapping[str, Any]:
         curve, z = self.beneath(x, params, ())
         return curve.problem.periods(z[: curve.size], curve.params(z))
 

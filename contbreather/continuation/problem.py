@@ -140,9 +140,9 @@ class Problem:
         other phases of a cycle."""
         return ()
 
-    def periods(self, x: Array, params: Params) -> Mapping[str, float]:
-        """Of unknowns that are angles, single numbers, what added to them at x changes nothing:
-        curves close, and solutions are the same, modulo that."""
+    def periods(self, x: Array, params: Params) -> Mapping[str, Any]:
+        """Of unknowns that are angles what added to them at x changes nothing, of an array for each
+        entry, 0 for those that are none: curves close, and solutions are the same, modulo that."""
         return {}
 
     def simpler(self, point: Any) -> Problem | None:

@@ -235,9 +235,14 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
 
-    def periods(self, x: Array, params: Params) -> Mapping[str, float]:
-        """The first impact is at a time of the forcing."""
-        return {"phase": self.residual.forcing_period(params)} if self.residual.phased else {}
+    def periods(self, x: Array, params: Params) -> Mapping[str, Any]:
+        """The first impact is at a time of the forcing; and states that the reset takes back by a
+        constant, as those of a rotation, are angles."""
+        equations = self.residual
+        if equations.phased:
+            return {"phase": equations.forcing_period(params)}
+        back = equations.taken_back(x, params)
+        return {} if back is None else {"orbit": back}
 
     def roughly(self, x: Array, params: Params) -> Array:  # type: ignore[override]
         return self.residual(x, params, _ROUGHLY)

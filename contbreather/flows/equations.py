@@ -28,6 +28,7 @@ _AT_REST = 1e-6  # a flow, or a state, that moves less than this of the others i
 _ROUNDS = 24  # an orbit is looked at for going around up to so many times
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
+_ROUNDED = 1e-12  # of the states: what a reset moves by no more stays
 _RECENT = 4  # solutions that are kept, and as many derivatives, to begin from the nearest
 
 
@@ -228,6 +229,17 @@ class FlowEquations:
         """How long the forcing takes, of which a cycle may take several."""
         assert self.period is not None
         return float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
+
+    def taken_back(self, x: Array, p: Params) -> Array | None:
+        """By how much the reset of a smooth flow moves each of the states, if that is the same for
+        all of them: a turn of an angle, and no mirror."""
+        if not self.smooth or self.flows[0].reset is None:
+            return None
+        states = x[self.layout.nodes[0]].T
+        moved = values(self.flows[0].reset, self.start[0].start, states, p) - states
+        same = np.ptp(moved, axis=1).max() <= _ROUNDED * abs(states).max()
+        back = np.where(abs(moved) > _ROUNDED * abs(states).max(), abs(moved), 0.0)
+        return back.T.ravel() if same else None
 
     def _timed(self, i: int | None) -> tuple[Array, float]:
         """Which flows take how many periods: all of them; of a cycle that was doubled those up to

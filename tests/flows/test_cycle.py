@@ -646,3 +646,26 @@ def test_a_curve_in_pieces_closes_modulo_the_period_and_goes_no_further() -> Non
     assert whole.stop.name == "CLOSED"
     assert [point.kind for point in whole.special] == ["LP", "LP"]
     assert abs(whole["phase"][-1] - whole["phase"][0]) == pytest.approx(1, abs=1e-12)
+
+
+def test_a_curve_of_rotations_closes_where_its_angle_has_turned_once_more() -> None:
+    """The pendulum between its passages through the bottom, and between strokes of the forcing."""
+
+    def f(t, x, p):
+        return [x[1], p["T"] - x[1] - np.sin(x[0]) + 0.5 * np.cos(2 * t)]
+
+    def back(t, x, p):
+        return [x[0] - TAU, x[1]]
+
+    branches = []
+    for flow in (
+        [cb.Flow(f, until=lambda t, x, p: TAU - x[0], reset=back)],
+        cb.Flow(f, reset=back),
+    ):
+        start, params = {"x": 0.0, "v": 1.0}, {"T": 2.0}
+        turns = cb.cycle(flow, start, params, period=math.pi, settle=60)
+        branches.append(cb.trace(turns, "T", within={"T": (0.5, 4)}))
+    folds = [sorted((at.kind, round(at["T"], 8)) for at in each.special) for each in branches]
+    assert folds[0] == folds[1]
+    assert [kind for kind, _ in folds[0]] == ["LP", "LP"]
+    assert [each.stop.name for each in branches] == ["CLOSED", "CLOSED"]
