@@ -135,7 +135,7 @@ class Curve:
     def turned(self, z: Array, near: Array) -> Array:
         """The same solution with its angles as they are nearest to those of another, or of several
         in rows."""
-        periods = self.problem.periods(z[: self.size], self.params(z))
+        periods = self.problem.modulo(z[: self.size], self.params(z))
         if not periods:
             return z
         turned = np.array(np.broadcast_to(z, near.shape))

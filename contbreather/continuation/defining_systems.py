@@ -396,9 +396,9 @@ class ExtendedProblem(Problem):
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
 
-    def periods(self, x: Array, params: Params) -> Mapping[str, Any]:
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         curve, z = self.beneath(x, params, ())
-        return curve.problem.periods(z[: curve.size], curve.params(z))
+        return curve.problem.modulo(z[: curve.size], curve.params(z))
 
     def unresolved(self, point: Point) -> str:
         return point.base_point.problem.unresolved(point.base_point)

@@ -55,7 +55,7 @@ class Problem:
     -----
     What else there may be to know of equations is said by methods of a class derived from this
     one: ``interpret(point)``, what a point is to its user, as ``point.solution`` has it;
-    ``periods(x, params)``, modulo which unknowns that are angles count;
+    ``modulo(x, params)``, by which unknowns that are angles repeat;
     ``sensitivity(x, params, name)``, the derivative in one parameter beside `jacobian`; `images`
     and `simpler`, by which diagrams recognise solutions, `lift`, where other curves leave an event,
     `finer` and `sized`, the same in more unknowns, `unresolved`, what these do not show,
@@ -140,7 +140,7 @@ class Problem:
         other phases of a cycle."""
         return ()
 
-    def periods(self, x: Array, params: Params) -> Mapping[str, Any]:
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         """Of unknowns that are angles what added to them at x changes nothing, of an array for each
         entry, 0 for those that are none: curves close, and solutions are the same, modulo that."""
         return {}

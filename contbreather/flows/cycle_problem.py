@@ -235,7 +235,7 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         return Cycle(self.residual, np.array(point.x), point.params)
 
-    def periods(self, x: Array, params: Params) -> Mapping[str, Any]:
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         """The first impact is at a time of the forcing; and states that the reset takes back by a
         constant, as those of a rotation, are angles."""
         equations = self.residual
