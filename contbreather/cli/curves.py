@@ -320,7 +320,8 @@ def _lines(
     free = point.curve.free[0]
     yield f"{point.label} at {free} = {point[free]:.12g}, on {parent.describe()}."
     if "coefficient" in point.detail:
-        size = f"(t2 - t1 - pi)^2 / ({free} - {point[free]:.6g}) -> {point['coefficient']:.9g}"
+        shift = "(t2 - t1 - pi)^2" if point["power"] == 2 else "|t2 - t1 - pi|"
+        size = f"{shift} / ({free} - {point[free]:.6g}) -> {point['coefficient']:.9g}"
         yield f"{point.detail['criticality'].capitalize()}: {size}."
     yield _table(arms)
     for i, arm in enumerate(arms, start=1):

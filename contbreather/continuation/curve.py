@@ -417,11 +417,12 @@ class Curve:
         start, scales = np.append(0.0, z[n:]), np.append(1.0, self.scales[n:])
         return self._by_trying(shifted, start, columns, scales)
 
-    def along(self, z: Array, vector: Array) -> Array:
-        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only."""
+    def along(self, z: Array, vector: Array, *, ahead: bool = False) -> Array:
+        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only; with
+        `ahead` on the side to which that points."""
         direction = np.zeros(z.size)
         direction[: vector.size] = vector
-        return derivatives.along(self.jacobian, z, direction, self.scales)
+        return derivatives.along(self.jacobian, z, direction, self.scales, ahead=ahead)
 
     def _by_trying(
         self, function: Callable[[Array], Array], z: Array, columns: range, scales: Array

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -44,17 +44,28 @@ def differences(
     scales: Array | None = None,
     finer: Array | float = 1.0,
     one_sided: bool = False,
+    kinks: Collection[int] = (),
 ) -> Array:
     """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
 
     Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a edge, where a
     step would leave the domain, shorter ones are taken, and with `one_sided` at the edge itself
-    steps to one side.
+    steps to one side. Along entries in `kinks` the function may have one at `z`: the mean of both
+    sides, each by itself.
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
     chosen = range(z.size) if columns is None else columns
     column = _column_inside if one_sided else _column
-    return np.stack([column(function, z, i, steps[i]) for i in chosen], axis=-1)
+    kinked = {*map(int, kinks)}
+    return np.stack(
+        [(_column_at_kink if i in kinked else column)(function, z, i, steps[i]) for i in chosen],
+        axis=-1,
+    )
+
+
+def _column_at_kink(function: Function, z: Array, i: int, step: float) -> Array:
+    h = np.eye(1, z.size, i)[0] * step / 2
+    return np.asarray((ahead(function, z, h) - ahead(function, z, -h)) / step)
 
 
 def _column(function: Function, z: Array, i: int, step: float) -> Array:
@@ -76,12 +87,12 @@ def _column_inside(function: Function, z: Array, i: int, step: float) -> Array:
     except OUT_OF_DOMAIN:
         short = np.eye(1, z.size, i)[0] * step / 64
         try:
-            return 64 * _forward(function, z, short) / step
+            return 64 * ahead(function, z, short) / step
         except OUT_OF_DOMAIN:
-            return -64 * _forward(function, z, -short) / step
+            return -64 * ahead(function, z, -short) / step
 
 
-def _forward(function: Function, z: Array, step: Array) -> Array:
+def ahead(function: Function, z: Array, step: Array) -> Array:
     """As `directional`, over ``z + {0..4} step``."""
     # off by h^4 / 5 of the fifth derivative: six times as much as to both sides
     weights = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
@@ -99,29 +110,36 @@ def directional(function: Function, z: Array, step: Array) -> Array:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def along(function: Function, z: Array, vector: Array, scales: Array) -> Array:
+def along(
+    function: Function, z: Array, vector: Array, scales: Array, *, ahead: bool = False
+) -> Array:
     """``vector . grad`` of a matrix-valued function, by the step that suits function and vector.
 
     Central differences are extrapolated while their step is halved, and end where two orders
     agree, or where rounding makes them part again. The first step is relative to the entries that
-    the vector moves; an idle one of size 100 says nothing about it.
+    the vector moves; an idle one of size 100 says nothing about it. With `ahead` all places are on
+    the side to which the vector points, for a function with a kink in z.
 
-    Raises `Undefined` where the function has no value to both sides.
+    Raises `Undefined` where the function has no value to these sides.
     """
     size = math.sqrt(float(np.sum((vector / np.maximum(scales, abs(z))) ** 2)))
     h = _LONGEST / max(size, 1e-300)
-    floor = _SMALL * size * row_sizes(function(z), scales) + 1e-300
+    here = function(z)
+    floor = _SMALL * size * row_sizes(here, scales) + 1e-300
+    ratio = 2 if ahead else 4
     best, doubt = None, math.inf
     before: list[Array] = []
     for _ in range(_HALVINGS):
         try:
-            row = [(function(z + h * vector) - function(z - h * vector)) / (2 * h)]
+            behind, width = (here, h) if ahead else (function(z - h * vector), 2 * h)
+            row = [(function(z + h * vector) - behind) / width]
         except OUT_OF_DOMAIN:
             before, h = [], h / 8
             continue
         for k, coarser in enumerate(before, 1):
-            # Richardson: the error of central differences is a series in h^2, and h was halved
-            row.append(row[-1] + (row[-1] - coarser) / (4**k - 1))
+            # Richardson: the error of central differences is a series in h^2, of others in h, and
+            # h was halved
+            row.append(row[-1] + (row[-1] - coarser) / (ratio**k - 1))
         apart = 0.0
         if before:
             change = row_sizes(row[-1] - before[-1], scales)

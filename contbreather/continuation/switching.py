@@ -32,8 +32,6 @@ from .trace import trace
 
 _SINGULAR = 1e-6  # least singular value of balanced equations where curves cross
 _ALIKE = 0.999  # entries of a direction that are equal but for rounding
-_KINK = 1e-3  # how far directions differ where a curve has a kink
-_STRIDE = 1e-3  # from a point to where the direction of an arm with a kink is looked for
 _AT_START = 1e-7  # points this close to the start of an arm, relative to its first step, are there
 _APART = 1e-3  # arms closer than this, relative to their distance from where they left, coincide
 
@@ -113,9 +111,11 @@ class SwitchingProblem:
 
     def seeds(self) -> tuple[Seed, ...]:
         """Where the arms set out."""
-        (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
-        sides = (1.0, -1.0) if self.both else (1.0,)
-        return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
+        (tangent, parent), curve = self.tangents, Curve(self.problem, (self.free,))
+        ways = (tangent, -tangent) if self.both else (tangent,)
+        if parent is not None:
+            ways = tuple(leaving(curve, curve.start, way, parent) for way in ways)
+        return tuple(Seed(self.problem, curve.start, way, parent) for way in ways)
 
     def arm(self, amplitude: float = 0.01, free: str | None = None) -> Problem:
         """The problem started on an arm, at a distance along `direction`; its sign chooses the arm,
@@ -154,29 +154,31 @@ def across(point: Point) -> tuple[Seed, ...]:
     row = point.curve.metric * point.direction
     other = min(point.detail["tangents"], key=lambda tangent: abs(float(tangent.dot(row))))
     return tuple(
-        Seed(point.problem, point.z, _beside(point, side * other), point.tangent)
+        Seed(point.problem, point.z, leaving(point.curve, point.z, side * other, point.direction),
+             point.tangent)
         for side in (-1, 1)  # the leading unknown of a tangent grows along it: first where it falls
-    )
+    )  # fmt: skip
 
 
-def _beside(point: Point, tangent: Array) -> Array:
-    """A direction, or that of solutions found beside the point where a curve has a kink there: as
-    where two impacts at once come apart, in another order on either side."""
-    curve, solutions = point.curve, []
-    row = curve.metric * tangent
-    for distance in (_STRIDE, 2 * _STRIDE):
-        try:
-            solution = newton(curve, point.z + distance * tangent, row)
-        except Undefined:
-            return tangent
-        if not solution.converged:
-            return tangent
-        solutions.append(solution.z)
-    # the one-sided difference of second order: (4 z(h) - z(2h) - 3 z(0)) / 2h
-    secant = curve.normalised(4.0 * solutions[0] - solutions[1] - 3.0 * point.z)
-    off = curve.length(secant - tangent)
-    follows = curve.length(secant - float(row @ point.direction) * point.direction) < off
-    return tangent if follows or off < _KINK else secant
+def leaving(curve: Curve, z: Array, way: Array, parent: Array) -> Array:
+    """Tangent of what leaves a curve to one side, in the direction `way` but for a share of `parent`,
+    the tangent of that curve.
+
+    Equations may have a kink there, as where impacts at once come apart, in another order on either
+    side. On the side of `way` they are smooth, ``way + c parent`` solves them to second order if
+    ``w H_zz (way + c parent)^2 = 0``, and along the parent alone this vanishes. Without a kink there
+    is no such share.
+    """
+    weak = least_singular(curve.balanced(curve.jacobian(z)))
+    try:
+        change = curve.along(z, way, ahead=True)
+    except Undefined:  # at the edge of a domain: there is nothing on that side
+        return way
+    row = weak.left @ curve.balanced(change) / curve.scales
+    turn = float(row @ parent)
+    if not turn:
+        raise Undefined("to second order nothing tells it from the curve it is to leave")
+    return np.asarray(way - 0.5 * float(row @ way) / turn * parent)
 
 
 # --- following them ----------------------------------------------------------------------------

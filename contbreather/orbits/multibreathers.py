@@ -33,6 +33,7 @@ from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
 from contbreather.orbits.grazing import GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at
+from contbreather.orbits.orbit_events import branching
 from contbreather.orbits.section import Section
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.tables import Cell, HtmlRepr, Sheet
@@ -116,16 +117,26 @@ def _in_words(choice: Sequence[int] | Mapping[int, Any]) -> str:
 def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
     if branch is None:
         return f"{choice}: without coupling these impacts are no orbit of the lattice already."
-    end = branch[-1]
+    end = _farthest(branch)
     why = {
-        # at EP it has come back to where it set out, through a point where it doubles or unfolds
         "LP": "it turns back, into an orbit of another choice",
-        "EP": "it turns back, into an image of itself",
-    }.get(end.kind) or str(end.solution.admissibility().reason)
+        # where it doubles, or unfolds: beyond it comes back to where it set out
+        "BP": "it turns back, into an image of itself, at a branch point",
+        "PF": "it meets its mirror image, at a pitchfork of an orbit that is its own",
+        "GR": str(end.solution.admissibility().reason),
+        "VI": str(end.solution.admissibility().reason),
+    }.get(end.kind, branch.reason or branch.stop.value)
     return (
-        f"{choice}: this orbit reaches gamma = {branch['gamma'].max():.9g}, not {on.gamma:.9g}; "
+        f"{choice}: this orbit reaches gamma = {end['gamma']:.9g}, not {on.gamma:.9g}; "
         f"there {why.removesuffix('.')}."
     )
+
+
+def _farthest(branch: Branch) -> Point:
+    """Where its coupling is largest: located, as where it meets an image of itself and comes back,
+    or its end."""
+    special: tuple[Point, ...] = branch.special
+    return max(special, key=lambda point: float(point["gamma"]))
 
 
 # --- from one site to many ----------------------------------------------------------------------
@@ -228,8 +239,8 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
     if on.gamma <= first:
         curve = Curve(start, ("gamma",))
         return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
-    # behind a fold the coupling falls again
-    ends = (replace(fold(), ends="branch"), GRAZING)
+    # behind a fold the coupling falls again, and behind a branch point where it meets its image
+    ends = (replace(fold(), ends="branch"), replace(branching(), count=None), GRAZING)
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
 
@@ -320,9 +331,9 @@ def _entry(sites: tuple[int, ...], copies: int, on: Conditions) -> Multibreather
         branch = None
     if branch is None:
         return Multibreather(sites, copies, 0.0, "no orbit without coupling", None)
-    end = branch[-1]
+    end = _farthest(branch)
     ended = "" if end["gamma"] >= on.gamma else end.kind
-    return Multibreather(sites, copies, float(branch["gamma"].max()), ended, end.solution)
+    return Multibreather(sites, copies, float(end["gamma"]), ended, end.solution)
 
 
 def _classes(lattice: Finite, count: int, walls: Walls) -> list[tuple[tuple[int, ...], int]]:

@@ -26,7 +26,7 @@ from contbreather.orbits.closure import ClosureTerms, saltation_of
 from contbreather.orbits.impact_sequence import VANISHED
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.representation import Representation, suitable
-from contbreather.orbits.section import Section
+from contbreather.orbits.section import AT_ONCE, Section
 from contbreather.orbits.symmetries import images_of, simpler_than
 from contbreather.stability.counting import many_outside
 from contbreather.stability.half_period import HalfMap
@@ -278,7 +278,6 @@ Equations = Callable[[Curve, FloatArray, FloatArray], FloatArray]
 Slopes = Callable[[Equations, Curve, FloatArray, FloatArray], FloatArray]
 
 STEP = 1e-4  # of unknowns of the order of one, and of parameters
-AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
 
 
 @dataclass(frozen=True)
@@ -339,7 +338,7 @@ def by_differences(
 ) -> FloatArray:
     """To one side where a parameter is at the end of its domain: curves set out from gamma = 0. The
     first unknowns are the times of impacts, which stay in their order: where sites that are
-    coupled change it there is a kink."""
+    coupled change it there is a kink. Of impacts at once it is the mean of both sides."""
 
     def near(variables: FloatArray) -> FloatArray:
         return conditions(curve, variables[: z.size], variables[z.size :])
@@ -348,7 +347,15 @@ def by_differences(
     orbit = Point(curve, z).solution
     finer = np.full(variables.size, RELATIVE / step)  # what `differences` divides its own step by
     finer[: orbit.times.size] = RELATIVE / min(step, _in_order(orbit))
-    return differences(near, variables, columns, scales=scales, finer=finer, one_sided=True)
+    return differences(
+        near, variables, columns, scales=scales, finer=finer, one_sided=True, kinks=_at_once(orbit)
+    )
+
+
+def _at_once(orbit: Any) -> NDArray[np.intp]:
+    """Impacts at the same time as another of the section, by index."""
+    late = abs(orbit.times[:, None] - orbit.times) < AT_ONCE
+    return np.flatnonzero(late.sum(axis=1) > 1)
 
 
 def _in_order(orbit: Any) -> float:

@@ -24,6 +24,7 @@ from contbreather.lattice.conditions import Conditions
 FloatArray = NDArray[np.float64]
 Sequenced = tuple[tuple[int, int], ...]
 
+AT_ONCE = 1e-6  # impacts less apart than this are at once: mirror images of each other
 SHORT = 1e-2  # from one impact to the next: the site flies on a cubic
 Speed = Callable[[int, int, FloatArray], FloatArray | None]
 
