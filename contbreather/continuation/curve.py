@@ -418,8 +418,8 @@ class Curve:
         return self._by_trying(shifted, start, columns, scales)
 
     def along(self, z: Array, vector: Array, *, ahead: bool = False) -> Array:
-        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only; with
-        `ahead` on the side to which that points."""
+        """Derivative of the Jacobian along a vector in the space of z, or of the unknowns only,
+        with `ahead` on its side."""
         direction = np.zeros(z.size)
         direction[: vector.size] = vector
         return derivatives.along(self.jacobian, z, direction, self.scales, ahead=ahead)

@@ -111,11 +111,9 @@ class SwitchingProblem:
 
     def seeds(self) -> tuple[Seed, ...]:
         """Where the arms set out."""
-        (tangent, parent), curve = self.tangents, Curve(self.problem, (self.free,))
-        ways = (tangent, -tangent) if self.both else (tangent,)
-        if parent is not None:
-            ways = tuple(leaving(curve, curve.start, way, parent) for way in ways)
-        return tuple(Seed(self.problem, curve.start, way, parent) for way in ways)
+        (tangent, parent), z = self.tangents, Curve(self.problem, (self.free,)).start
+        sides = (1.0, -1.0) if self.both else (1.0,)
+        return tuple(Seed(self.problem, z, side * tangent, parent) for side in sides)
 
     def arm(self, amplitude: float = 0.01, free: str | None = None) -> Problem:
         """The problem started on an arm, at a distance along `direction`; its sign chooses the arm,
@@ -161,13 +159,13 @@ def across(point: Point) -> tuple[Seed, ...]:
 
 
 def leaving(curve: Curve, z: Array, way: Array, parent: Array) -> Array:
-    """Tangent of what leaves a curve to one side, in the direction `way` but for a share of `parent`,
-    the tangent of that curve.
+    """Tangent of what leaves a curve to one side: `way` but for a share of `parent`, the tangent of
+    that curve.
 
     Equations may have a kink there, as where impacts at once come apart, in another order on either
     side. On the side of `way` they are smooth, ``way + c parent`` solves them to second order if
-    ``w H_zz (way + c parent)^2 = 0``, and along the parent alone this vanishes. Without a kink there
-    is no such share.
+    ``w H_zz (way + c parent)^2 = 0``, and along the parent alone this vanishes. Without a kink
+    there is no such share.
     """
     weak = least_singular(curve.balanced(curve.jacobian(z)))
     try:

@@ -8,22 +8,53 @@ at first.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
 from contbreather.checks import check_kind
 from contbreather.continuation.curve import Curve
+from contbreather.continuation.derivatives import directional
 from contbreather.continuation.point import Point
 from contbreather.continuation.problem import Problem
-from contbreather.continuation.switching import SwitchingProblem
+from contbreather.continuation.switching import Seed, SwitchingProblem, leaving
 from contbreather.errors import BadInput, NotConverged
+from contbreather.lattice.finite import stiffness_of
 from contbreather.orbits.orbit import Orbit, in_order, orbit_at
+from contbreather.orbits.section import AT_ONCE
+
+FloatArray = NDArray[np.float64]
 
 SINGULAR = 1e-6  # how far off the equations of the longer orbit may be
+_STEP = 1e-3  # along a branch, of differences of places on it
 
 
+@dataclass(frozen=True)
 class OrbitSwitching(SwitchingProblem):
     """An orbit at a pitchfork or a period doubling, as a problem that knows the orbits that
     branch off there: of the whole, or of the doubled, period. Along `direction` the first impact
     comes earlier; its negative leads to their mirror images, or to the same orbits a period later.
+
+    Parameters
+    ----------
+    along : ndarray, optional
+        The tangent of the branch there, where on the arms neighbours that hit their walls at once
+        do so in one order or the other: then they leave with a kink.
     """
+
+    along: FloatArray | None = None
+
+    def seeds(self) -> tuple[Seed, ...]:
+        """Where the arms set out, each in its own order of impacts."""
+        seeds, along = super().seeds(), self.along
+        if along is None:
+            return seeds
+        curve = Curve(self.problem, (self.free,))
+        return tuple(
+            seed._replace(tangent=leaving(curve, seed.z, seed.tangent, along)) for seed in seeds
+        )
 
     def arm(self, amplitude: float = 0.01, free: str | None = None) -> Problem:
         """As there, for amplitudes at which the solution is a sequence of impacts."""
@@ -72,7 +103,46 @@ def lift(point: Point) -> OrbitSwitching:
             f"hold, or are regular, by {off:.2g}",
             residual=off,
         )
-    return switching
+    if not changes_order(orbit_at(problem), switching.direction):
+        return switching
+    return replace(
+        switching, along=tangent_in(curve, point, lambda orbit: orbit.representation.lifted())
+    )
+
+
+# --- impacts of neighbours at once ----------------------------------------------------------------
+
+# What the first one does to the velocity of the second grows like the square of the time between
+# them: second derivatives of the equations are others where their order is.
+
+
+def changes_order(orbit: Orbit, v: FloatArray) -> bool:
+    """Whether impacts at once, of neighbours, come apart along a direction."""
+    sites = np.array([impact.site for impact in orbit.impacts])
+    first, second = np.triu_indices(sites.size, 1)
+    late = orbit.times[second] - orbit.times[first]
+    late -= orbit.period * np.round(late / orbit.period)
+    apart = abs(v[second] - v[first]) > SINGULAR * abs(v[: sites.size]).max()
+    pairs = np.flatnonzero((abs(late) < AT_ONCE) & apart)
+    return any(_coupled(orbit, int(sites[first[i]]), int(sites[second[i]])) for i in pairs)
+
+
+def _coupled(orbit: Orbit, site: int, other: int) -> bool:
+    if orbit.gamma == 0.0:
+        return False
+    if orbit.lattice.sites is None:
+        return abs(site - other) == 1
+    return bool(stiffness_of(orbit.lattice)[site, other])
+
+
+def tangent_in(curve: Curve, point: Point, longer: Callable[[Orbit], Problem]) -> FloatArray:
+    """The tangent of the branch of a point in a longer problem, whose solutions it is among."""
+
+    def place(z: FloatArray) -> FloatArray:
+        return Curve(longer(Point(point.curve, z).solution).having(*curve.free), curve.free).start
+
+    step = _STEP / np.linalg.norm(point.direction)
+    return directional(place, point.z, step * point.direction) / step
 
 
 def _orbit_at(point: Point) -> Orbit:

@@ -1,7 +1,8 @@
 """GR: a site comes to touch a wall that it must not touch. One test, one locus for every orbit.
 
 The test is the clearance from the walls, the locus ``u = wall, u' = 0`` at an unknown time for the
-site that is closest. VI: an impact itself loses its velocity, or two of them become one.
+site that is closest. VI: an impact itself loses its velocity, or two of them become one. CC: the
+last impact of a section comes at once with the first of the next one.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from contbreather.orbits.clearance import (
 from contbreather.orbits.margins import MARGIN, WHEN
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_problem import breathers_along
+from contbreather.orbits.section import AT_ONCE
 from contbreather.orbits.site_motion import SiteMotion, Terms
 
 Array = NDArray[np.float64]
@@ -285,12 +287,12 @@ def _which(point: Point) -> dict[str, str]:
 def _together(point: Point) -> DefiningSystem:
     _, *pair = _closest(point.solution)
     names = [f"t{j + 1}" for j in pair]
-    return DefiningSystem({}, partial(_gap, names), partial(_gap_slope, names))
+    return DefiningSystem({}, partial(_gap, names, ONE), partial(_gap_slope, names))
 
 
-def _gap(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
+def _gap(names: Sequence[str], wanted: float, curve: Curve, z: Array, extra: Array) -> Array:
     early, late = (z[curve.slots[name]] for name in names)
-    return np.array([late - early - ONE])
+    return np.array([late - early - wanted])
 
 
 def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
@@ -302,3 +304,36 @@ def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Ar
 # VI where two impacts of one site at one wall become one, whether walls are lifted or not: with
 # them come to an end the equations, too
 MERGING = Event("VI", _apart, ends="branch", locus=_together, examine=_which)
+
+
+# --- an impact that is caught up by one of the next section ---------------------------------------
+
+# Within a section impacts of different sites may overtake each other, and equations go on with a
+# kink. The first impact of the next section cannot come before the last one of this: the state
+# between the two, from which a section sets out, is lost. Of impacts at once the order makes no
+# difference beyond rounding, and a branch ends where they have ceased to be.
+
+
+def _ends_of(point: Point) -> tuple[int, int]:
+    times = point.solution.times
+    return int(times.argmin()), int(times.argmax())
+
+
+def _room(point: Point) -> float:
+    orbit = point.solution
+    return float(orbit.section.length + AT_ONCE - np.ptp(orbit.times))
+
+
+def _caught(point: Point) -> DefiningSystem:
+    names = [f"t{j + 1}" for j in _ends_of(point)]
+    furthest = point.solution.section.length + AT_ONCE
+    return DefiningSystem({}, partial(_gap, names, furthest), partial(_gap_slope, names))
+
+
+def _which_sites(point: Point) -> dict[str, str]:
+    first, last = (point.solution.section.impacts[j][0] for j in _ends_of(point))
+    return {"impacts": f"sites {last} and {first} hit their walls at once, and change their order"}
+
+
+# CC, corner collision: the corner of configurations in which both sites are at their walls
+CATCHING = Event("CC", _room, ends="domain", locus=_caught, examine=_which_sites)

@@ -31,7 +31,7 @@ from contbreather.lattice.formula import forcing_of
 from contbreather.one_thread import one_thread
 from contbreather.orbits.clearance import Inadmissible
 from contbreather.orbits.exact_modes import ExactModes, symmetric_orbits
-from contbreather.orbits.grazing import GRAZING
+from contbreather.orbits.grazing import CATCHING, GRAZING
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_events import branching
 from contbreather.orbits.section import Section
@@ -125,6 +125,7 @@ def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
         "PF": "it meets its mirror image, at a pitchfork of an orbit that is its own",
         "GR": str(end.solution.admissibility().reason),
         "VI": str(end.solution.admissibility().reason),
+        "CC": "sites hit their walls at once that did so one after the other",
     }.get(end.kind, branch.reason or branch.stop.value)
     return (
         f"{choice}: this orbit reaches gamma = {end['gamma']:.9g}, not {on.gamma:.9g}; "
@@ -135,8 +136,8 @@ def _refusal(choice: str, branch: Branch | None, on: Conditions) -> str:
 def _farthest(branch: Branch) -> Point:
     """Where its coupling is largest: located, as where it meets an image of itself and comes back,
     or its end."""
-    special: tuple[Point, ...] = branch.special
-    return max(special, key=lambda point: float(point["gamma"]))
+    points: tuple[Point, ...] = (*branch.special, branch[-1])
+    return max(points, key=lambda point: float(point["gamma"]))
 
 
 # --- from one site to many ----------------------------------------------------------------------
@@ -216,8 +217,25 @@ def _section(singles: Sequence[Single]) -> tuple[Section, list[float]]:
     cut = (len(impacts) - int(last)) % len(impacts)
     again = [(time + length, site, sign * wall) for time, site, wall in impacts[:cut]]
     impacts = impacts[cut:] + again
+    impacts = _halves(impacts) or impacts
     sequence = tuple((n, wall) for _, n, wall in impacts)
     return Section(sequence, turns, sign), [time for time, _, _ in impacts]
+
+
+def _halves(impacts: list[tuple[float, int, int]]) -> list[tuple[float, int, int]]:
+    """Impacts whose second half comes in the order of the first, where each site then hits its
+    opposite walls; empty if not all do. Those of different sites may overtake each other."""
+    of_site: dict[int, list[tuple[float, int, int]]] = {}
+    for impact in impacts:
+        of_site.setdefault(impact[1], []).append(impact)
+    late = {}
+    for own in of_site.values():
+        half = len(own) // 2
+        late |= dict(zip(own[:half], own[half:], strict=False))
+    opposite = all(a[2] == -b[2] for a, b in late.items())
+    first = [impact for impact in impacts if impact in late]
+    whole = opposite and 2 * len(first) == len(impacts)
+    return [*first, *(late[impact] for impact in first)] if whole else []
 
 
 def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
@@ -240,7 +258,7 @@ def _from_the_limit(singles: Sequence[Single], on: Conditions) -> Branch | None:
         curve = Curve(start, ("gamma",))
         return Branch(Points.of([Point(curve, curve.start)]), Stop.START)
     # behind a fold the coupling falls again, and behind a branch point where it meets its image
-    ends = (replace(fold(), ends="branch"), replace(branching(), count=None), GRAZING)
+    ends = (replace(fold(), ends="branch"), replace(branching(), count=None), GRAZING, CATCHING)
     return trace(start, "gamma", within={"gamma": (first, on.gamma)}, towards="up", events=ends)
 
 

@@ -11,11 +11,11 @@ one linear system, for by symmetry neither right side of the first equation has 
 
 Where neighbours hit their walls at the same time and come apart along v, the order of their impacts
 is another one on either side: what the first does to the velocity of the second grows like the
-square of the time between them, so that G_xx jumps. By symmetry ``w G_xx v v`` then changes its sign
+square of the time between them, so that G_xx jumps. By symmetry ``w G_xx v v`` then changes sign
 with s, and the bifurcation equation is
 
-    ``s (alpha (parameter - its value) + beta |s|) = 0``, ``alpha = w (G_xx v x' + G_x,parameter v)``,
-    ``beta = w G_xx v v/2`` on the side of v,
+    ``s (alpha (parameter - its value) + beta |s|) = 0``,
+    ``alpha = w (G_xx v x' + G_x,parameter v)``, ``beta = w G_xx v v/2`` on the side of v,
 
 x' being the derivative along the symmetric orbits: arms that leave linearly, and no square root.
 """
@@ -36,9 +36,8 @@ from contbreather.continuation.normal_forms import solve
 from contbreather.continuation.point import Point
 from contbreather.continuation.switching import leaving
 from contbreather.errors import BadInput
-from contbreather.lattice.finite import stiffness_of
+from contbreather.orbits.branch_switching import changes_order, tangent_in
 from contbreather.orbits.orbit import Orbit
-from contbreather.orbits.section import AT_ONCE
 from contbreather.tables import Cell, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
@@ -153,35 +152,15 @@ def _form(point: Point) -> PitchforkForm:
     shifts = right[-1][m : 2 * m] - right[-1][:m]
     # so that s is the asymmetry
     v, w = right[-1] / shifts[abs(shifts).argmax()], left[:, -1]  # G_x v = 0, w G_x = 0
-    kink = _changes_order(orbit.unfolded(), v)
-    bend = _slope(curve, matrix, v) if kink else _curvature(curve, matrix, v, w)
+    kink = changes_order(orbit.unfolded(), v)
+    bend = _slope(curve, point, v) if kink else _curvature(curve, matrix, v, w)
     power = 1 if kink else 2
     return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0, power)
 
 
-def _changes_order(orbit: Orbit, v: FloatArray) -> bool:
-    """Whether impacts at once, of neighbours, come apart along a direction."""
-    sites = np.array([impact.site for impact in orbit.impacts])
-    first, second = np.triu_indices(sites.size, 1)
-    late = orbit.times[second] - orbit.times[first]
-    late -= orbit.period * np.round(late / orbit.period)
-    apart = abs(v[second] - v[first]) > _SINGULAR * abs(v[: sites.size]).max()
-    pairs = np.flatnonzero((abs(late) < AT_ONCE) & apart)
-    return any(_coupled(orbit, int(sites[first[i]]), int(sites[second[i]])) for i in pairs)
-
-
-def _coupled(orbit: Orbit, site: int, other: int) -> bool:
-    if orbit.gamma == 0.0:
-        return False
-    if orbit.lattice.sites is None:
-        return abs(site - other) == 1
-    return bool(stiffness_of(orbit.lattice)[site, other])
-
-
-def _slope(curve: Curve, matrix: FloatArray, v: FloatArray) -> float:
+def _slope(curve: Curve, point: Point, v: FloatArray) -> float:
     """Of the parameter along the arms where they leave with a kink."""
-    plane = np.linalg.svd(matrix)[2][-2:]  # of v and the tangent of the symmetric orbits
-    along = plane[:, -1] @ plane
+    along = tangent_in(curve, point, lambda orbit: orbit.unfolded().problem)
     return float(leaving(curve, curve.start, np.append(v, 0.0), along / along[-1])[-1])
 
 

@@ -41,7 +41,7 @@ from contbreather.continuation.point import (
 from contbreather.continuation.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.chain import InfiniteChain, Ring
-from contbreather.orbits.grazing import GRAZING, MERGING
+from contbreather.orbits.grazing import CATCHING, GRAZING, MERGING
 from contbreather.orbits.normal_form import bends
 from contbreather.orbits.orbit import Orbit, orbit_at
 from contbreather.orbits.orbit_problem import OnCircle, breathers_along, unstable_by
@@ -63,7 +63,8 @@ def events_of(section: Section, lattice: Any, threshold: float) -> tuple[Event, 
     breaking = real_multiplier("PF", 1.0) if section.symmetric else real_multiplier("PD", -1.0)
     mixed = (Event("MX", None, count=_certain_count),) if endless and not section.symmetric else ()
     merging = (MERGING,) if section.repeats else ()
-    return (breaking, pair_leaves(lattice, threshold), GRAZING, *mixed, *merging)
+    catching = () if section.local else (CATCHING,)
+    return (breaking, pair_leaves(lattice, threshold), GRAZING, *mixed, *merging, *catching)
 
 
 def events_without_losses(section: Section, lattice: Any, threshold: float) -> tuple[Event, ...]:

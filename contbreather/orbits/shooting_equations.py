@@ -18,7 +18,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
 from contbreather.lattice.finite import Basis, Finite
 from contbreather.lattice.modal_flow import (
@@ -107,15 +106,6 @@ class SectionTrajectory:
     r: FloatArray
     conditions: Conditions
     offsets: ClassVar[tuple[float, ...]] = ()  # are part of the state
-
-    def __post_init__(self) -> None:
-        if not np.ptp(self.t) < self.section.length:
-            early, late = int(self.t.argmin()) + 1, int(self.t.argmax()) + 1
-            raise BadInput(
-                f"impact times {self.t.tolist()}: t{late} is a section of length "
-                f"{self.section.length:.6g} or more after t{early}, so it has been overtaken by "
-                f"the next one of those; list the impacts from t{late} on."
-            )
 
     @cached_property
     def basis(self) -> Basis:
