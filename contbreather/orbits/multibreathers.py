@@ -228,7 +228,7 @@ def _halves(impacts: list[tuple[float, int, int]]) -> list[tuple[float, int, int
     of_site: dict[int, list[tuple[float, int, int]]] = {}
     for impact in impacts:
         of_site.setdefault(impact[1], []).append(impact)
-    late = {}
+    late: dict[tuple[float, int, int], tuple[float, int, int]] = {}
     for own in of_site.values():
         half = len(own) // 2
         late |= dict(zip(own[:half], own[half:], strict=False))

@@ -240,8 +240,9 @@ def pitchfork() -> Event:
 
     Of a symmetric breather ``a f''(phi) = 2 p sigma(gamma)``, exact on chain and ring for any
     forcing; a located point knows its normal form: ``criticality`` says which way the arms bend,
-    ``coefficient`` how strongly, the limit of ``(t2 - t1 - pi)^2`` on them over the distance of
-    the free parameter from the pitchfork.
+    ``coefficient`` how strongly, the limit of ``|t2 - t1 - pi|^power`` on them over the distance of
+    the free parameter from the pitchfork. The ``power`` is 2; 1 where neighbours that hit their
+    walls at once do so one after the other on the arms.
 
     Examples
     --------

@@ -301,13 +301,6 @@ def check_both_walls(section: Section, on: Conditions) -> None:
 
 def check_order(section: Section, times: Any) -> None:
     """`BadInput` unless the impacts of each site come in order, within one section."""
-    if np.ptp(times) > section.length + AT_ONCE:
-        early, late = int(np.argmin(times)) + 1, int(np.argmax(times)) + 1
-        raise BadInput(
-            f"impact times {np.asarray(times).tolist()}: t{late} is more than a section of length "
-            f"{section.length:.6g} after t{early}, so it has been overtaken by the next one of "
-            f"those; list the impacts from t{late} on."
-        )
     for site in section.hit:
         indices = [j for j, (n, _) in enumerate(section.impacts) if n == site]
         # after the last impact of a section comes the first, a section later
@@ -320,6 +313,13 @@ def check_order(section: Section, times: Any) -> None:
                     f"before {after} = {times[j] + length:.9g}; times of a site rise within one "
                     f"section of length {section.length:.6g}."
                 )
+    if np.ptp(times) > section.length + AT_ONCE:
+        early, late = int(np.argmin(times)) + 1, int(np.argmax(times)) + 1
+        raise BadInput(
+            f"impact times {np.asarray(times).tolist()}: t{late} is more than a section of length "
+            f"{section.length:.6g} after t{early}, so it has been overtaken by the next one of "
+            f"those; list the impacts from t{late} on."
+        )
 
 
 # --- impacts of one site at one wall -----------------------------------------------------------
