@@ -122,12 +122,13 @@ def test_sites_apart_that_hit_at_once_keep_the_square_root() -> None:
     assert len(cb.switch(point, within={"a": (0.6, 0.85)})) == 2
 
 
-@pytest.mark.parametrize("name", ["ring of 8", "chain of 2"])
+@pytest.mark.parametrize("name", ["ring of 8", "chain of 2", "three in a row"])
 def test_their_curve_in_two_parameters_is_followed(name) -> None:
     point = fork(name)
     line = cb.boundary(point, ("damping", "a"), within={"damping": (0.03, 0.09), "a": (0.4, 0.9)})
     assert not line.stop.failed
     end = line[-1]
+    assert {p.curve.wrong_entry(p.z) for p in (line[0], end)} == {""}  # by differences
     again = cb.trace(end.base_point.problem, "a", within={"a": (end["a"] - 0.02, end["a"] + 0.02)})
     assert min(abs(p["a"] - end["a"]) for p in again.special if p.kind == "PF") < 1e-8
 
