@@ -109,7 +109,7 @@ def run(
         Address of the scheduler of a Dask cluster, tcp://HOST:PORT, in place of this machine. Its
         workers have to see the folder.
     again
-        Replace results of other settings, and try again what failed.
+        Replace results of other settings and files of others, and try again what failed.
     dry_run
         Check everything, and list what would be computed; nothing is computed or written.
     json

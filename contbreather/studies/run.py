@@ -18,13 +18,13 @@ from contbreather.plotting.canvas import save_figure
 from contbreather.plotting.pictures import plot
 from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
+from contbreather.studies.folder import put
 from contbreather.studies.schema import Figure, Study, part
-from contbreather.studies.tasks import Task, dry_run, finish
+from contbreather.studies.tasks import ATLAS, Task, dry_run, finish
 from contbreather.tables import Column, HtmlRepr, Sheet
 from contbreather.workers import Failed, each
 
 Tell = Callable[[str], object]
-ATLAS = ".nc4"  # beside the results that `load` reads
 PATIENCE = 5  # seconds until a scheduler that does not answer is given up
 
 
@@ -115,8 +115,8 @@ def run(
     progress : bool, optional
         Show how many parts are done; by default at a terminal or in a notebook only.
     again : bool
-        Replace results of other settings, and try once more what failed; such results are
-        refused otherwise.
+        Replace results of other settings and files that it did not write, which are refused
+        otherwise, and try once more what failed.
     tell : callable, optional
         ``tell(line)`` is called with one line on each part as it ends, for a log.
 
@@ -127,7 +127,8 @@ def run(
     Raises
     ------
     BadInput
-        If the file is wrong: all mistakes at once. If there are results of other settings.
+        If the file is wrong: all mistakes at once. If something would be replaced, or a link in
+        the folder leads out of it.
     Interrupted
         On Ctrl-C; its ``partial`` is the report up to there.
 
@@ -233,8 +234,8 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     shown = _StudyResults(study, tasks, report)
     for name in study.atlas:
         if shown.there(name):
-            path = report.folder / f"{name}{ATLAS}"
-            report.written.append(save_atlas(path, shown.atlas(name)))
+            path, atlas = report.folder / f"{name}{ATLAS}", shown.atlas(name)
+            report.written.append(put(path, partial(save_atlas, atlas=atlas)))
     for name, figure in study.figure.items():
         missing = [name for name in figure.draws if not shown.there(name)]
         lost = [name for name in missing if not shown.absent(name)]
@@ -242,9 +243,9 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
             why = f"there is nothing of {', '.join(lost or missing)} to draw"
             (report.failed if lost else report.absent)[f"figure {name}"] = why
             continue
-        path = report.folder / (figure.file or f"{name}.png")
+        path = report.folder / figure.path(name)
         try:
-            report.written.append(save_figure(shown.drawn(figure), path))
+            report.written.append(put(path, partial(save_figure, shown.drawn(figure))))
         except ContbreatherError as error:  # a column that is not there: the others are drawn
             report.failed[f"figure {name}"] = str(error)
 

@@ -265,6 +265,10 @@ class Figure(Table):
     over: str | None = None
     at: dict[str, float] = Field(default_factory=dict)
 
+    def path(self, name: str) -> str:
+        """The file it is drawn to, in the folder of the study."""
+        return self.file or f"{name}.png"
+
 
 class Study(Table):
     """All of it."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from contbreather.checks import combinations
 from contbreather.continuation.boundary import boundary
@@ -24,12 +27,24 @@ from contbreather.orbits.atlas import Slice, drawn_in_plane
 from contbreather.orbits.start_search import find_symmetric, problem_with
 from contbreather.parameters import window_of
 from contbreather.runs import load, save
+from contbreather.studies.folder import MARKS, check_links, is_own, places
 from contbreather.studies.schema import Chain, FromPoint, GridTask, Study, part
 from contbreather.studies.validation import read
 from contbreather.tables import Column, HtmlRepr, Sheet
 
-MARKS = ".study"  # the folder of what is known of the tasks
+ATLAS = ".nc4"  # beside the results that `load` reads
 WORDS = {"": "to compute", "kept": "there", "failed": "failed before", "absent": "absent"}
+
+
+class Mark(BaseModel):
+    """What is known of a task: of which settings its result is, and why there is none: it `failed`,
+    or what it starts from is `absent`."""
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    settings: str
+    failed: str = ""
+    absent: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,17 +81,21 @@ class Task:
     def file(self, folder: Path) -> Path:
         return folder / f"{self.name}.nc"
 
-    def _mark(self, folder: Path) -> Path:
+    def mark_file(self, folder: Path) -> Path:
         return folder / MARKS / f"{self.name.replace('/', '@')}.json"
 
-    def stored_state(self, folder: Path) -> dict[str, Any] | None:
-        """What is known of it: of which settings its result is, and why there is none: it `failed`,
-        or what it starts from is `absent`."""
+    def last_mark(self, folder: Path) -> Mark | None:
+        """Read what the last run said of it, if any did."""
         try:
-            mark = {"absent": "", **json.loads(self._mark(folder).read_text(encoding="utf-8"))}
-        except (FileNotFoundError, NotADirectoryError, ValueError):
+            return Mark.model_validate_json(self.mark_file(folder).read_bytes())
+        except (FileNotFoundError, NotADirectoryError, ValidationError):
             return None
-        return mark if mark["failed"] or mark["absent"] or self.file(folder).exists() else None
+
+    def stored_state(self, folder: Path) -> Mark | None:
+        """What is known of it, as far as its result is there."""
+        mark = self.last_mark(folder)
+        there = mark and (mark.failed or mark.absent or self.file(folder).exists())
+        return mark if there else None
 
     def outcome(self, folder: Path, again: bool = False) -> tuple[str, str]:
         """What is on disk of it, "kept", "failed" or "absent", and why; nothing where it is to be
@@ -85,12 +104,12 @@ class Task:
         if before in ("failed", "absent"):
             return self.lacking(before)
         mark = self.stored_state(folder)
-        if mark is None or mark["settings"] != self.fingerprint:
+        if mark is None or mark.settings != self.fingerprint:
             return "", ""
-        why: str = mark["failed"] or mark["absent"]
+        why = mark.failed or mark.absent
         if not why:
             return "kept", ""
-        absent = self.optional and not mark["failed"]
+        absent = self.optional and not mark.failed
         return ("", "") if again else ("absent" if absent else "failed", why)
 
     def lacking(self, before: str) -> tuple[str, str]:
@@ -99,11 +118,12 @@ class Task:
         absent = self.optional and before == "absent"
         return "absent" if absent else "failed", f"there is no {self.needs.name} to start from"
 
-    def mark(self, folder: Path, failed: str = "", absent: str = "") -> None:
-        """Say that it is finished; last of all, so that what is said is there."""
-        text = json.dumps({"settings": self.fingerprint, "failed": failed, "absent": absent})
-        self._mark(folder).parent.mkdir(parents=True, exist_ok=True)
-        write_whole(self._mark(folder), lambda file: file.write(text.encode()))
+    def mark(self, folder: Path, **why: str) -> None:
+        """Say that it is finished, or why there is nothing."""
+        mark = Mark(settings=self.fingerprint, **why)
+        path = self.mark_file(folder)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, lambda file: file.write(mark.model_dump_json().encode()))
 
 
 def tasks_of(study: Study) -> list[Task]:
@@ -174,15 +194,18 @@ def finish(task: Task, folder: Path) -> str:
             return str(error)
         raise
     except ContbreatherError as error:
-        task.mark(folder, str(error))
+        task.mark(folder, failed=str(error))
         raise
     path = task.file(folder)
     path.parent.mkdir(parents=True, exist_ok=True)
+    # the mark comes first, so that a file without one is somebody else's; the result of other
+    # settings before that, so that none is taken for this one
+    path.unlink(missing_ok=True)
+    task.mark(folder)
     if isinstance(result, tuple):
         save(path, **{f"arm{i}": arm for i, arm in enumerate(result, start=1)})
     else:
         save(path, **{task.kind: result})
-    task.mark(folder)
     return ""
 
 
@@ -327,17 +350,30 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     study = read(path)
     place = named("write", folder) if folder is not None else Path(path).with_suffix("")
     place, tasks = place.resolve(), tasks_of(study)
-    other = [
-        task.name
-        for task in tasks
-        if (mark := task.stored_state(place)) and mark["settings"] != task.fingerprint
-    ]
-    if other and not again:  # what is replaced may have taken weeks
-        raise BadInput(
-            f"{place} has results of other settings: {', '.join(other)}. Name another folder, or "
-            "have them replaced (again, --again)"
-        )
+    drawn = [place / f"{name}{ATLAS}" for name in study.atlas]
+    drawn += [place / figure.path(name) for name, figure in study.figure.items()]
+    check_links(file for task in tasks for file in (task.file(place), task.mark_file(place)))
+    check_links(file for path in drawn for file in places(path))
+    if not again:
+        _check_replaced(place, tasks, drawn)
     return DryRun(study, tasks, place, {task.name: task.outcome(place, again) for task in tasks})
+
+
+def _check_replaced(place: Path, tasks: Sequence[Task], drawn: Sequence[Path]) -> None:
+    """Refuse what would be replaced, for it may have taken weeks."""
+    states = {task.name: (task.stored_state(place), task.fingerprint) for task in tasks}
+    changed = [name for name, (mark, now) in states.items() if mark and mark.settings != now]
+    files = [task.file(place) for task in tasks if task.last_mark(place) is None]
+    foreign = [file for file in files if os.path.lexists(file)]
+    foreign += [file for file in drawn if not is_own(file)]
+    others = [str(file.relative_to(place)) for file in foreign]
+    for what, names in {"results of other settings": changed,
+                        "files that it did not write": others}.items():  # fmt: skip
+        if names:
+            raise BadInput(
+                f"{place} has {what}: {', '.join(names)}. Name another folder, or have them "
+                "replaced (again, --again)"
+            )
 
 
 def task_conditions(task: Task) -> str:

@@ -64,11 +64,14 @@ def read(path: str | Path) -> Study:
     """
     text = read_text(path)
     try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{path} is not TOML: {error}") from error
-    _beside(Path(path), tables)
-    study, wrong = _checked(tables)
+        try:
+            tables = tomllib.loads(text)
+        except ValueError as error:  # which the one of numbers too long for Python is, too
+            raise BadInput(f"{path} is not TOML: {error}") from error
+        _beside(Path(path), tables)
+        study, wrong = _checked(tables)
+    except RecursionError as error:
+        raise BadInput(f"{path} is no study: tables or lists are too deep in others") from error
     if wrong:
         lines = dict(_lines(text))
         raise BadInput(_listed(Path(path).name, [(_line(lines, at), at, why) for at, why in wrong]))
@@ -214,15 +217,16 @@ def _tables(study: Study, *kinds: str) -> Iterator[tuple[str, str, Any]]:
 
 def _names(study: Study) -> Iterator[Fault]:
     taken: dict[str, str] = {}
-    for kind, name, _ in _tables(study, *KINDS):
+    for kind, name, _ in _tables(study, *KINDS, "figure"):
         if not name.replace("-", "").replace("_", "").isalnum():
             yield (kind, name), "a name of letters, digits, - and _ was expected"
+    for kind, name, _ in _tables(study, *KINDS):
         if name in taken:
             yield (kind, name), f"{name!r} is there already, as {taken[name]}"
         taken[name] = kind
     written: dict[str, str] = {}
     for name, figure in study.figure.items():
-        first = written.setdefault(figure.file or f"{name}.png", name)
+        first = written.setdefault(figure.path(name), name)
         if first != name:
             yield ("figure", name, "file"), f"figure {first} is written to this file already"
 
@@ -364,6 +368,9 @@ def _of_the_model(study: Study) -> Iterator[Fault]:
 def _drawn(study: Study, name: str, figure: Figure, unread: Collection[str]) -> Iterator[Fault]:
     if figure.file is not None and not figure.file.lower().endswith(FIGURES):
         wanted = f"one of {', '.join(FIGURES)} was expected"
+        yield ("figure", name, "file"), f"{wanted}, got {figure.file!r}"
+    if figure.file is not None and figure.file != Path(figure.file).name:
+        wanted = "a name in the folder of the results was expected"
         yield ("figure", name, "file"), f"{wanted}, got {figure.file!r}"
     draws = [part(drawing).family for drawing in figure.draws]
     if set(draws) & set(unread):
