@@ -87,6 +87,40 @@ def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Orbit) -> None
     assert [entry for entry in answered if entry[:2] not in welcome] == []
 
 
+@pytest.mark.parametrize("lattice", [None, cb.InfiniteChain(), cb.Ring(6), cb.OpenChain(5)])
+@pytest.mark.parametrize("name", ["damping", "spring", "site"])
+def test_zones_name_what_is_no_number(name: str, lattice: Any) -> None:
+    for bad in NO_NUMBERS:
+        if name == "spring" and bad is None:  # unless given
+            continue
+        with pytest.raises(cb.BadInput, match=rf"^{name} (= |is above)"):
+            cb.zones(k=0.8, lattice=lattice, **{name: bad})
+
+
+@pytest.mark.parametrize("late", [1e16, -1e16, 1e300, 6.3e12])
+def test_a_time_too_late_to_tell_an_impact_by_is_refused(
+    late: float, breather: cb.Orbit, tmp_path: Path
+) -> None:
+    """There neighbouring numbers are milliseconds apart, later on periods."""
+    state, on = breather.state(6), {**HERE, "t0": late}
+    simulation = cb.simulation
+    calls: dict[str, Callable[[], Any]] = {
+        "simulate": lambda: cb.simulate(state, periods=1, **on),
+        "an orbit": lambda: cb.simulate(breather.on(cb.Ring(6)), periods=1, t0=late),
+        "smooth": lambda: simulation.simulate_smooth(state, periods=1, m=6, **on),
+        "record": lambda: simulation.record(tmp_path / "run.nc", state, periods=1, **on),
+        "periodic": lambda: simulation.periodic(state, **on),
+        "classify": lambda: simulation.classify(state, **on),
+        "sweep": lambda: simulation.sweep(state, "a", [0.5], periods=1, gamma=0.04, k=0.8, t0=late),
+    }
+    for call in calls.values():
+        with pytest.raises(cb.BadInput, match=r"^t0 = .* within 1e\+12 periods of 0"):
+            call()
+    assert not list(tmp_path.iterdir())
+    run = cb.simulate(state, periods=2, **{**on, "t0": 6.2e12})
+    assert run.periods == 2
+
+
 ODD: tuple[Any, ...] = (
     *NO_NUMBERS, -1, 0, "", 1e300, ("a",), [[1], [2, 3]], {"a": 1}, np.array(3.0),
 )  # fmt: skip

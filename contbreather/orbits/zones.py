@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from contbreather.checks import flag
+from contbreather.checks import MOST, flag, whole
 from contbreather.continuation.checkpoint import Inner, Save, checkpoint
 from contbreather.continuation.settings import windows
 from contbreather.errors import BadInput, add_partial_result
@@ -182,6 +182,8 @@ def model_of(
     """What the breathers of a diagram live on, as `symmetric` takes it but for the forcing, checked
     before anything is looked for: with `site` and the others they are evaluated by exact modes."""
     place = lattice if isinstance(lattice, Finite) else lattice_of(lattice)
+    site, damping = whole("site", site, -MOST), parameter("damping", damping)
+    spring = None if spring is None else parameter("spring", spring)
     if place.sites is None:
         if site or damping or spring or walls is not None:
             raise BadInput(

@@ -28,6 +28,7 @@ from contbreather.simulation.states import (
     State,
     orbit_given,
     start_of,
+    time_of,
     wall_rows,
     within,
 )
@@ -202,7 +203,7 @@ def attraction(
         check_kind(axis, Axis, "an Axis")
     site = whole("site", site, -MOST)
     tolerance = number("tolerance", tolerance, 0.0, 1e300, "a distance")
-    t0 = number("t0", t0, -1e300, 1e300, "a time")
+    t0 = time_of(t0)
     check_sites("attraction", (site, x.site, y.site), state.u.size)
     if x.name == y.name and (x.site - y.site) % state.u.size == 0:
         raise BadInput(f"both axes are {x.label}: a plane has two coordinates.")

@@ -19,7 +19,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import flag, number, whole
+from contbreather.checks import flag, whole
 from contbreather.continuation import maps
 from contbreather.continuation.maps import multiplier_matrix, shorter, with_period
 from contbreather.continuation.point import Event, Point, UnstableDimension
@@ -40,6 +40,7 @@ from contbreather.simulation.states import (
     State,
     orbit_given,
     start_of,
+    time_of,
     within_period,
 )
 from contbreather.simulation.variation import variation
@@ -283,7 +284,7 @@ def closing(
 ) -> PeriodicMotion:
     """`periodic`, near a state and under conditions that have been checked."""
     count = whole("periods", periods, 1)
-    number("t0", t0, -1e300, 1e300, "a time")
+    time_of(t0)
     if flag("symmetric", symmetric) and count != 1:
         raise BadInput(f"periods = {count}: a symmetric motion has the period 2 pi of its forcing.")
     if symmetric and not _mirrored(on):

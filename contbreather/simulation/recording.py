@@ -29,7 +29,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import number, whole
+from contbreather.checks import whole
 from contbreather.errors import BadInput
 from contbreather.files import alone, named, write_whole
 from contbreather.lattice.chain import Ring
@@ -55,6 +55,7 @@ from contbreather.simulation.states import (
     State,
     ranged,
     start_of,
+    time_of,
     within,
     within_period,
 )
@@ -227,9 +228,7 @@ def record(
     start, conditions = start_of(state, None, t0, **on)
     check_sample(sample, start.u.size)
     start = within(start, conditions.walls)
-    wanted = Recording(
-        named("write", path), conditions, number("t0", t0, -1e300, 1e300, "a time"), sample, start
-    )
+    wanted = Recording(named("write", path), conditions, time_of(t0), sample, start)
     count = whole("periods", periods, 0)
     with _locked(wanted.path):
         if os.path.lexists(wanted.path / START):

@@ -37,6 +37,7 @@ from contbreather.simulation.integrator import (
 )
 from contbreather.simulation.smooth import Explicit, SmoothIntegrator, Solver
 from contbreather.simulation.states import (
+    LONGEST,
     PERIOD,
     LatticeParameters,
     ModelParameters,
@@ -53,7 +54,6 @@ from contbreather.tables import HtmlRepr, Sheet
 Array = NDArray[Any]
 
 HELD = 2**27  # numbers of a run in memory, 1 GB, twice that while it is put together
-LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 
 
 class Record(NamedTuple):

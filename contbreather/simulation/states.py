@@ -26,6 +26,7 @@ Array = NDArray[Any]
 PERIOD = 2.0 * math.pi
 OUTSIDE = 1e-9  # beyond a wall by more than this is no rounding
 FASTEST = 1e6
+LONGEST = 1e12  # periods; beyond, not even their number is exact enough to keep time
 OWN = ("a", "gamma", "lam", "m", "damping", "spring")  # in the order of the compiled variations
 
 C = TypeVar("C", bound=Any)  # rigid or smooth
@@ -193,8 +194,7 @@ def start_of(
             del own["walls"]
         if m is not None and "lam" in on:  # says what k does
             del own["k"]
-        time = number("t0", t0, -1e300, 1e300, "a time")
-        state, on = orbit.state(t=time), {**own, **on}
+        state, on = orbit.state(t=time_of(t0)), {**own, **on}
     start = check_state(state)
     return start, conditions_of(start.u.size, m, **on)
 
@@ -260,5 +260,10 @@ def wall_rows(walls: Walls, sites: int) -> tuple[Array, Array]:
 
 def within_period(t0: ArrayLike) -> float:
     """A time within one period of the forcing, [0, 2 pi)."""
-    t = number("t0", t0, -1e300, 1e300, "a time")
-    return t % PERIOD
+    return time_of(t0) % PERIOD
+
+
+def time_of(t0: object) -> float:
+    """A time at which a run may begin: exact enough to say when something happens after it."""
+    last = LONGEST * PERIOD
+    return number("t0", t0, -last, last, f"a time within {LONGEST:g} periods of 0")

@@ -14,7 +14,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contbreather.checks import MOST, check_kind, number, row, whole
+from contbreather.checks import MOST, check_kind, row, whole
 from contbreather.columns import Columns
 from contbreather.errors import BadInput, NotConverged
 from contbreather.progress import Bar
@@ -27,6 +27,7 @@ from contbreather.simulation.states import (
     State,
     ranged,
     start_of,
+    time_of,
 )
 from contbreather.tables import Column, HtmlRepr, Sheet
 
@@ -181,7 +182,7 @@ def sweep(
     names = tuple(conditions.params) + (() if m is None else ("k",))
     if name not in names:
         raise BadInput(f"no parameter {name!r} to sweep; there are {', '.join(names)}")
-    t0 = number("t0", t0, -1e300, 1e300, "a time")
+    t0 = time_of(t0)
     how: dict[str, Any] = {"periods": whole("periods", periods, 2), "t0": t0, "progress": False}
     how |= {} if m is None else {"solver": solver}
     rows: list[tuple[Any, ...]] = []
