@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import brief
 from ..errors import BadInput
 from ..storage.netcdf import check_lengths
-from ..storage.serialise import can_read, from_dict
+from ..storage.serialise import can_read, check_types, from_dict
 from .boundary import boundary_problem
 from .branch import Branch, Points, Stop, labelled
 from .curve import Curve
@@ -29,6 +30,19 @@ from .step_interpolant import value_of_test
 Array = NDArray[Any]
 Content = Mapping[str, Any]
 
+BRANCH = {  # what `branch_to_dict` writes besides columns and groups
+    "label": str, "stop": str, "reason": str, "began": str | None, "began_reason": str,
+    "unknowns": list[str], "parameters": list[str], "recorded": list[str], "free": list[str],
+    "boundary": dict[str, Any] | None, "image_of": int | None,
+    "kinds": list[str], "located": list[int], "detail": dict[str, dict[str, Any]],
+    "parent": bool, "point_label": str, "period": int | None,
+    "equations": dict[str, Any] | None, "base": tuple[list[str], list[str]],
+    "settings": dict[str, Any] | None,
+}  # fmt: skip
+SETTINGS = {
+    "within": dict[str, tuple[float, float]], "events": list[dict[str, Any]] | None,
+    "steps": dict[str, Any], "inadmissible": bool,
+}  # fmt: skip
 _FITS = 1e-6  # relative residual at which points of a file solve the equations they are given
 
 
@@ -87,12 +101,31 @@ class _Stored:
 
     def __init__(self, content: Content) -> None:
         self.content, self.columns = content, content["columns"]
+        check_types(content, BRANCH)
+        check_types(content["settings"] or {}, SETTINGS)
         names = (*content["unknowns"], *content["free"])
         fixed = {*content["parameters"]} - {*names}  # these are single numbers
         every = (name for name in self.columns if name not in fixed)
         check_lengths(self.columns, ["arclength", *every], "points")
         rows = [self.columns[name].reshape(self.columns["arclength"].size, -1) for name in names]
         self.z = np.concatenate(rows, axis=1)
+        self._check_places()
+
+    def _check_places(self) -> None:
+        """Refuse kinds and points that there are not, which nothing asks for before it is shown."""
+        content, count = self.content, len(self.z)
+        codes, places = self.columns["point_kind"], [*content["located"], *content["detail"]]
+        known = {*content["unknowns"], *content["parameters"]}
+        wrong = {
+            "free": [name for name in content["free"] or [None] if name not in known],
+            "point_kind": [c for c in codes.tolist() if c not in range(len(content["kinds"]))],
+            "located, detail": [i for i in places if str(i) not in map(str, range(count))],
+        }
+        for name, values in wrong.items():
+            if values:
+                raise BadInput(
+                    f"its contents are not as `save` writes them: {name} with {brief(values)}"
+                )
 
     @cached_property
     def here(self) -> dict[str, Any]:

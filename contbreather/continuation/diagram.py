@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..checks import whole
 from ..columns import Columns, stacked
-from ..errors import ContbreatherError, NotConverged, add_partial_result, partial_result
+from ..errors import BadInput, ContbreatherError, NotConverged, add_partial_result, partial_result
 from ..one_thread import one_thread
 from ..progress import Counter
 from ..storage.serialise import serialised
@@ -464,29 +464,44 @@ def _number(branch: Branch, point: Point) -> int:
     return next(i for i, other in enumerate(branch) if other is point)
 
 
+At = tuple[int, int]  # a branch, and the number of a point on it
+
+
 @serialised("diagram", Diagram, _to_dict)
-def _from_dict(*, groups: Mapping[str, Branch], **about: Any) -> Diagram:
+def _from_dict(
+    *,
+    groups: dict[str, Branch],
+    births: list[tuple[int, At | None, int | None]],
+    places: list[list[At]],
+    meetings: list[tuple[At, int]],
+    failed: list[tuple[At, str]],
+    left: list[At],
+    interrupted: bool,
+) -> Diagram:
     branches = [groups[f"branch{i}"] for i in range(len(groups))]
-    places: dict[tuple[int, int], Place] = {}
+    known = dict[tuple[int, int], Place]()
+    numbers = [*(image for *_, image in births), *(arm for _, arm in meetings)]
+    if len(births) != len(branches) or {*numbers} - {None, *range(len(branches))}:
+        raise BadInput(f"births {births} or meetings {meetings} are not those of its branches")
 
-    def at(where: Sequence[int]) -> Place:
+    def at(where: At) -> Place:
         branch, number = where
-        return places.setdefault((branch, number), Place(branch, branches[branch][number]))
+        if branch not in range(len(branches)) or number not in range(len(branches[branch])):
+            raise BadInput(f"there is no point {number} on a branch {branch} of its branches")
+        return known.setdefault((branch, number), Place(branch, branches[branch][number]))
 
-    births = tuple(
-        Bifurcation(depth, place and at(place), image) for depth, place, image in about["births"]
-    )
-    for i, birth in enumerate(births):  # the point that an arm left is that of the branch
+    origins = [Bifurcation(depth, place and at(place), image) for depth, place, image in births]
+    for i, birth in enumerate(origins):  # the point that an arm left is that of the branch
         if birth.place is not None and branches[i][0].parent is not None:
             points, parent = branches[i].points, birth.place.point
             made = {**points.made, 0: replace(points[0], parent=parent)}
             branches[i] = replace(branches[i], points=replace(points, made=made), origin=parent)
     return Diagram(
         tuple(branches),
-        births,
-        tuple(tuple(at(where) for where in row) for row in about["places"]),
-        tuple(Connection(at(where), branch) for where, branch in about["meetings"]),
-        tuple(Failure(at(where), reason) for where, reason in about["failed"]),
-        tuple(at(where) for where in about["left"]),
-        about["interrupted"],
+        tuple(origins),
+        tuple(tuple(at(where) for where in row) for row in places),
+        tuple(Connection(at(where), branch) for where, branch in meetings),
+        tuple(Failure(at(where), reason) for where, reason in failed),
+        tuple(at(where) for where in left),
+        interrupted,
     )

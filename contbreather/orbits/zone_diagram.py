@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.exact_modes import ExactModes, Resonance
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.regions import PROBES, Box, Region, regions
-from contbreather.parameters import window_of
+from contbreather.parameters import NEEDED, window_of
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.storage.serialise import serialised
 from contbreather.tables import Column, HtmlRepr, Sheet
@@ -261,14 +261,22 @@ def _to_dict(zones: Zones) -> dict[str, Any]:
 @serialised("zones", Zones, _to_dict)
 def _from_dict(
     *,
-    fixed: Sequence[Any],
-    pair: Sequence[str],
-    curves: Mapping[str, int],
-    groups: Mapping[str, Branch] | None = None,
-    **plain: Any,  # older files have no ceiling
+    fixed: tuple[Literal["a", "gamma", "k"], float],
+    pair: tuple[str, str],
+    curves: dict[str, int],
+    threshold: float,
+    past_folds: bool,
+    interrupted: bool,
+    groups: dict[str, Branch] | None = None,
+    ceiling: float | None = None,  # older files have none
 ) -> Zones:
+    if {fixed[0], *pair} != {*NEEDED} or {*curves} != {*KINDS}:
+        raise BadInput(f"there are no zones in {pair} at {fixed[0]}, with curves of {[*curves]}")
     by_kind = {
         kind: tuple((groups or {})[f"{kind}{i}"] for i in range(1, 1 + count))
         for kind, count in curves.items()
     }
-    return Zones(tuple(fixed), tuple(pair), by_kind, **plain)  # type: ignore[arg-type]
+    name, value = fixed
+    return Zones(
+        (name, value), (pair[0], pair[1]), by_kind, threshold, past_folds, interrupted, ceiling
+    )

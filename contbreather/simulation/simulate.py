@@ -43,6 +43,7 @@ from contbreather.simulation.states import (
     ModelParameters,
     SmoothConditions,
     State,
+    ranged,
     start_of,
     within,
     within_period,
@@ -477,6 +478,7 @@ def states_of(columns: Values, stop: str, reason: str) -> dict[str, Any]:
     """What both kinds of runs have."""
     record = None
     check_lengths(columns, ("time", "u", "v"), "states")
+    check_lengths({**columns, "u": columns["u"].T}, ("final_u", "final_v", "u"), "sites")
     if "sample_time" in columns:
         check_lengths(columns, ("sample_time", "sample_u", "sample_v"), "samples")
         sites = tuple(columns["sampled_sites"].tolist())
@@ -502,13 +504,16 @@ def _table(columns: Values, what: str, dtype: np.dtype[Any]) -> Any:
 
 @serialised("simulated run", SimulationRun, to_content)
 def _run(
-    columns: Values, conditions: Conditions, noise: float = 0.0, **ended: Any
+    columns: Values, conditions: Conditions, stop: str, reason: str, noise: float = 0.0
 ) -> SimulationRun:
     impacts, rests = _table(columns, "impact", IMPACT), _table(columns, "rest", REST)
-    shared = states_of(columns, **ended)
-    return SimulationRun(impacts=impacts, rests=rests, conditions=conditions, noise=noise, **shared)
+    shared = states_of(columns, stop, reason)
+    return SimulationRun(
+        impacts=impacts, rests=rests, conditions=ranged(conditions), noise=noise, **shared
+    )
 
 
 @serialised("smooth run", SmoothRun, to_content)
-def _smooth_run(columns: Any, conditions: Any, **ended: Any) -> SmoothRun:
-    return SmoothRun(conditions=SmoothConditions(**conditions), **states_of(columns, **ended))
+def _smooth_run(columns: Values, conditions: dict[str, Any], stop: str, reason: str) -> SmoothRun:
+    on = ranged(SmoothConditions(**conditions))
+    return SmoothRun(conditions=on, **states_of(columns, stop, reason))

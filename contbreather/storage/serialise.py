@@ -8,8 +8,11 @@ one. Nothing in a dict is ever executed: a kind that nobody entered is refused.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from inspect import isfunction
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from contbreather.checks import MOST, brief
 from contbreather.errors import BadInput
 
 Content = Mapping[str, Any]
@@ -106,10 +109,51 @@ def from_dict(content: Any, **more: Any) -> Any:
     kind = values.pop("kind")
     if not _is_known(kind):
         raise BadInput(f"{kind!r} is of no kind that is known here; update contbreather")
+    reader = _READERS[kind]
+    if isfunction(reader) and values.keys() & {"columns", "groups"}:  # a result
+        check_types(values, get_type_hints(reader))
     try:
-        return _READERS[kind](**values, **more)
+        return reader(**values, **more)
     except BadInput:
         raise
     except (ArithmeticError, LookupError, ValueError, TypeError, AttributeError) as error:
         what = f"a {kind} of {[*values]}"
         raise BadInput(f"{what} cannot be made again: {error!r}") from error
+
+
+# --- what is in a dict ----------------------------------------------------------------------------
+
+
+def check_types(content: Content, hints: Mapping[str, Any]) -> None:
+    """Refuse values that are not of the types that whoever reads them has declared.
+
+    Examples
+    --------
+    >>> check_types({"pair": ["gamma", 3]}, {"pair": tuple[str, str]})
+    Traceback (most recent call last):
+    contbreather.errors.BadInput: its contents are not as `save` writes them: pair = ['gamma', 3]
+    """
+    for name, value in content.items():
+        if not _fits(value, hints.get(name, Any)):
+            raise BadInput(f"its contents are not as `save` writes them: {name} = {brief(value)}")
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    kind, inside = get_origin(hint) or hint, get_args(hint)
+    if kind is Any:
+        return True
+    if kind in (Union, UnionType):
+        return any(_fits(value, one) for one in inside)
+    if kind is Literal:
+        return isinstance(value, str) and value in inside
+    if kind is float:  # of JSON, or of a column
+        return isinstance(value, float) or (type(value) is int and abs(value) <= MOST)
+    if kind is int:
+        return type(value) is int and abs(value) <= MOST
+    if kind in (list, tuple) and inside:
+        each = inside * len(value) if kind is list and isinstance(value, list) else inside
+        several = isinstance(value, list | tuple) and len(value) == len(each)
+        return several and all(map(_fits, value, each))
+    if isinstance(value, Mapping) and inside:
+        return all(_fits(inner, inside[1]) for inner in value.values())
+    return isinstance(value, type(None) if kind is None else kind)
