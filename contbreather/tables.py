@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from .checks import visible
+
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
@@ -60,7 +62,7 @@ class Column:
     right: bool | None = None
 
     def texts(self, digits: int) -> list[str]:
-        return [_text(cell, min(digits, self.digits)) for cell in self.cells]
+        return [visible(_text(cell, min(digits, self.digits))) for cell in self.cells]
 
     def width(self, digits: int) -> int:
         return max(map(len, (self.heading, *self.texts(digits))))
@@ -123,7 +125,7 @@ class Sheet:
             left.insert(0, kept.pop().heading)
         caption = self.caption or (f"No room for {', '.join(left)}." if left else None)
         table = Table(
-            title=self.title or None, title_justify="left",
+            title=visible(self.title) or None, title_justify="left",
             caption=caption, caption_justify="left",
             show_header=any(column.heading for column in kept),
         )  # fmt: skip

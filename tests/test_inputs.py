@@ -102,7 +102,8 @@ def test_a_time_too_late_to_tell_an_impact_by_is_refused(
     late: float, breather: cb.Orbit, tmp_path: Path
 ) -> None:
     """There neighbouring numbers are milliseconds apart, later on periods."""
-    state, on = breather.state(6), {**HERE, "t0": late}
+    state = breather.state(6)
+    on: dict[str, Any] = {**HERE, "t0": late}
     simulation = cb.simulation
     calls: dict[str, Callable[[], Any]] = {
         "simulate": lambda: cb.simulate(state, periods=1, **on),

@@ -74,7 +74,7 @@ def shown(result: Any) -> None:
 def places(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     if at:
         yield at
-    inside = value.items() if isinstance(value, dict) else ()
+    inside: Any = value.items() if isinstance(value, dict) else ()
     inside = enumerate(value[:2]) if isinstance(value, list) else inside
     for key, inner in inside:
         yield from places(inner, (*at, key))

@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather import __version__
+from contbreather.checks import visible
 from contbreather.cli.process import STATUS as INTERRUPTED
 from contbreather.cli.process import CutShort, abandon, heard, interruptible, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
@@ -129,7 +130,7 @@ def _refused(reason: object, status: int) -> int:
     except OSError:
         abandon(sys.stdout)
     try:
-        print(f"contbreather: {reason}", file=sys.stderr, flush=True)
+        print(f"contbreather: {visible(str(reason))}", file=sys.stderr, flush=True)
     except OSError:
         abandon(sys.stderr)
     return status

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import contbreather as cb
+from contbreather.checks import visible
 from contbreather.cli.process import end
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import identity, stream_of, writable, write_csv
@@ -38,18 +40,21 @@ def say(*lines: object, aside: bool = False) -> None:
     shown = Console(highlight=False, width=width, soft_wrap=False, stderr=aside)
     for line in lines:
         free = not isinstance(line, str) and not shown.is_terminal
+        line = visible(line) if isinstance(line, str) else line
         shown.print(line, markup=False, width=ENDLESS if free else None)
 
 
 def inform(line: str) -> None:
     """Say on standard error what a person should know; programs go on undisturbed."""
-    print(f"contbreather: {line}", file=sys.stderr)
+    print(f"contbreather: {visible(line)}", file=sys.stderr)
 
 
 def to_json(content: Mapping[str, Any]) -> None:
     """One JSON object on standard output; what is not finite becomes null, never NaN."""
     plain = not (sys.stdout.encoding or "utf-8").lower().startswith("utf")
-    sys.stdout.write(json.dumps(_plain(content), allow_nan=False, ensure_ascii=plain) + "\n")
+    text = json.dumps(_plain(content), allow_nan=False, ensure_ascii=plain)
+    # JSON writes out the first 32 of the characters that a terminal obeys
+    sys.stdout.write(re.sub("[\x7f-\x9f]", lambda c: f"\\u{ord(c[0]):04x}", text) + "\n")
 
 
 def _plain(value: Any) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contbreather.checks import combinations
+from contbreather.checks import combinations, visible
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.lattice.conditions import Conditions, Walls
@@ -182,7 +182,7 @@ def _line(lines: Mapping[KeyPath, int], place: KeyPath) -> int:
 
 def _listed(name: str, faults: Sequence[tuple[int, KeyPath, str]]) -> str:
     mistakes = [
-        f"line {line}{', ' + '.'.join(place) if place else ''}: {why}"
+        visible(f"line {line}{', ' + '.'.join(place) if place else ''}: {why}")
         for line, place, why in sorted(faults, key=lambda fault: fault[0])
     ]
     if len(mistakes) == 1:
