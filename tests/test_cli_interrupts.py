@@ -236,7 +236,7 @@ IMPORTED = [
 
 
 @pytest.mark.parametrize(("line", "module"), IMPORTED)
-def test_during_an_import_it_waits_until_that_is_over(
+def test_one_that_comes_during_an_import_is_not_lost(
     tmp_path: Path, line: str, module: str
 ) -> None:
     one = process(line, tmp_path, script=["-c", AMID_IMPORT, module])

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -37,13 +38,11 @@ POINT = ["point", "--a", "0.5", "--gamma", "0.04", "--k", "0.8", "--json"]
 @pytest.fixture(autouse=True)
 def surroundings(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What a process of its own would change for good, put back."""
-    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM)
+    before = signal.getsignal(signal.SIGINT)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.setenv("COLUMNS", "80")
     yield
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    signal.signal(signal.SIGINT, before[0])
-    signal.signal(signal.SIGALRM, before[1])
+    signal.signal(signal.SIGINT, before)
 
 
 # --- streams --------------------------------------------------------------------------------------
@@ -216,9 +215,16 @@ def leaving(monkeypatch) -> None:
 
 
 @pytest.mark.apart
-def test_until_something_is_computed_a_process_of_its_own_ends_at_once(spoken, leaving) -> None:
-    with interruptible(alone=True), pytest.raises(Left, match="130"):
-        signal.raise_signal(signal.SIGINT)
+def test_until_something_is_computed_a_process_of_its_own_ends_at_once(
+    spoken, leaving, monkeypatch
+) -> None:
+    def command() -> None:
+        with interruptible(alone=True):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(cli, "main", command)
+    with pytest.raises(Left, match="130"):
+        entry.main()
     assert spoken == ["contbreather: interrupted\n"]
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
@@ -275,71 +281,44 @@ def test_a_new_command_line_knows_nothing_of_the_last_one(spoken, leaving) -> No
         pass
 
 
-def within(name: str, *signals: int) -> None:
-    """Signals that come while a function of a module of this name is carried out."""
-    own = {"__name__": name, "raise_signal": signal.raise_signal}
-    # what Python does about a signal it does at the next call
-    exec(
-        "def come(numbers):\n    for one in numbers:\n        raise_signal(one)\n        len(())",
-        own,
-    )
-    own["come"](signals)
-
-
-@pytest.fixture
-def clock(monkeypatch) -> list[float]:
-    """The alarms that are set, none of which comes."""
-    alarms: list[float] = []
-    monkeypatch.setattr(signal, "setitimer", lambda which, after: alarms.append(after))
-    return alarms
-
-
-DEAF = "numba.core.dispatcher", "llvmlite.binding.ffi"
-
-
 @pytest.mark.apart
-def test_what_would_make_another_error_of_it_is_left_alone_for_a_while(
-    spoken, leaving, clock
-) -> None:
-    for name in DEAF:
-        with pytest.raises(Left), interruptible(alone=True), computing():  # after three seconds
-            within(name, signal.SIGINT, *300 * [signal.SIGALRM])
-        assert clock == [*300 * [0.01], 0.0]
-        assert spoken == ["contbreather: interrupted\n"]
-        clock.clear()
-        spoken.clear()
-
-
-@pytest.mark.apart
-def test_a_ctrl_c_that_is_heard_again_is_not_the_second_one(spoken, leaving, clock) -> None:
-    done: list[str] = []
-
-    def interrupted() -> None:
-        with interruptible(alone=True):
-            with computing():
-                within(DEAF[0], signal.SIGINT, signal.SIGALRM)
-            signal.raise_signal(signal.SIGALRM)
-            done.append("written")
+@pytest.mark.parametrize("kind", [ImportError, AttributeError, SystemError])
+def test_what_imports_and_machine_code_make_of_it_is_an_interruption(kind) -> None:
+    def working(interrupted: bool) -> None:
+        with interruptible(alone=False), computing():
+            try:
+                if interrupted:
+                    signal.raise_signal(signal.SIGINT)
+            finally:
+                raise kind("it failed")
 
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert done == ["written"]
-    assert len(spoken) == 1
-    assert "writing what is done" in spoken[0]
+        working(True)
+    with pytest.raises(kind, match="it failed"):
+        working(False)
 
 
 @pytest.mark.apart
-def test_elsewhere_it_is_an_exception_at_once(spoken, leaving, clock) -> None:
-    """In other modules, without any stack, and in somebody else's process."""
-    others = ("contbreather.numba", "numbasic.core", "builtins", "")
-    for name, alone in (*((name, True) for name in others), (DEAF[0], False)):
-        with interruptible(alone=alone), computing():
-            with pytest.raises(KeyboardInterrupt):
-                within(name, signal.SIGINT)
-            with pytest.raises(KeyboardInterrupt):
-                signal.getsignal(signal.SIGINT)(signal.SIGINT, None)
-        assert 0.01 not in clock
-    assert spoken == []
+def test_while_results_are_written_the_second_one_leaves(spoken) -> None:
+    """Also where the first one stopped the computation."""
+    done: list[str] = []
+
+    def both(during: int, after: int) -> None:
+        with interruptible(alone=False):
+            with suppress(KeyboardInterrupt), computing():
+                for _ in range(during):
+                    signal.raise_signal(signal.SIGINT)
+            for _ in range(after):
+                signal.raise_signal(signal.SIGINT)
+            done.append("written")
+
+    for during, after in ((1, 1), (0, 2)):
+        with pytest.raises(KeyboardInterrupt):
+            both(during, after)
+    with pytest.raises(KeyboardInterrupt):  # which was not taken for the end of the command
+        both(1, 0)
+    assert done == ["written"]
+    assert len(spoken) == 1
 
 
 def test_what_a_computation_gives_is_kept_with_whether_it_was_cut_short() -> None:

@@ -2,15 +2,13 @@
 
 Until anything is computed there is nothing to keep, and the process ends at once. While something
 is computed Ctrl-C is a `KeyboardInterrupt`, and the library hands over what it has. While results
-are written it waits, so that nothing is half written or half said; the second one does not wait.
-An import and a compilation are not interrupted, for the exception would come out as another one or
-be lost: Ctrl-C is heard again when they are over, or the process ends where that takes seconds.
+are written the first one waits, so that nothing is half written or half said; the second does not.
+An import may make another exception of it, or none: then the command ends by it all the same.
 """
 
 from __future__ import annotations
 
 import contextlib
-import enum
 import errno
 import io
 import logging
@@ -25,18 +23,9 @@ from typing import Any, ParamSpec, TypeVar, cast
 from contbreather.errors import Interrupted
 
 STATUS = 130
-PAUSE, PATIENCE = 0.01, 300  # seconds, and how often what may not be interrupted is looked at again
 COLUMNS = range(20, 10_000)  # with fewer or more the layout of tables and help breaks down
 T = TypeVar("T")
 P = ParamSpec("P")
-
-
-class Act(enum.Enum):
-    """What Ctrl-C does now."""
-
-    LEAVE = enum.auto()
-    STOP = enum.auto()
-    WAIT = enum.auto()
 
 
 class CutShort(KeyboardInterrupt):
@@ -44,60 +33,26 @@ class CutShort(KeyboardInterrupt):
 
 
 class _Interrupts:
-    """Ctrl-C in this process: what it does now, and whether one waits."""
+    """Handlers of Ctrl-C, and what came of it in this command line."""
 
-    def __init__(self) -> None:
-        self.act, self.rest = Act.STOP, Act.STOP
-        self.count, self.waiting = 0, False
-        self.outside: int | None = None
-        self.patience = PATIENCE
+    ours = False  # whether it is for us to handle: in the main thread, within `interruptible`
+    came = False
+    waiting = False  # one came while results were written
 
-    def begin(self, *, alone: bool) -> None:
-        self.act, self.rest = Act.LEAVE if alone else Act.STOP, Act.WAIT
-        self.count, self.waiting, self.patience = 0, False, PATIENCE
-        # a clock of its own only where the process is: others may use the alarm
-        self.outside = _deaf(sys._getframe()) if alone and hasattr(signal, "SIGALRM") else None
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        self.came = True
+        raise KeyboardInterrupt
 
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        self.count += 1
-        if self.act is Act.WAIT and self.count == 1:
-            self.waiting = True
-            _tell("interrupted: writing what is done; Ctrl-C once more to leave it")
-            return
-        deaf = self.outside is not None and _deaf(frame) > self.outside
-        if self.act is Act.LEAVE or (deaf and self.patience == 0):
-            _tell("interrupted")
-            os._exit(STATUS)
-        self.waiting = deaf
-        if not deaf:
+    def wait(self, number: int, frame: FrameType | None) -> None:
+        if self.came:
             raise KeyboardInterrupt
-        self.patience -= 1
-        signal.signal(signal.SIGALRM, self.again)
-        signal.setitimer(signal.ITIMER_REAL, PAUSE)
-
-    def again(self, number: int, frame: FrameType | None) -> None:
-        """The same Ctrl-C once more, for whoever listens to it by now."""
-        self.count -= 1
-        signal.raise_signal(signal.SIGINT)
+        self.came = self.waiting = True
+        line = b"contbreather: interrupted: writing what is done; Ctrl-C once more to leave it\n"
+        with contextlib.suppress(OSError):  # `print` may be under way
+            os.write(2, line)
 
 
 _interrupts = _Interrupts()
-
-
-def _deaf(frame: FrameType | None) -> int:
-    """How many frames, in and above this one, make another exception of it, or none."""
-    count = 0
-    while frame is not None:
-        count += frame.f_code.co_filename.startswith("<frozen importlib")
-        count += str(frame.f_globals.get("__name__")).startswith(("numba.", "llvmlite."))
-        frame = frame.f_back
-    return count
-
-
-def _tell(line: str) -> None:
-    """A line on standard error from within a signal handler, where `print` may be under way."""
-    with contextlib.suppress(OSError):
-        os.write(2, f"contbreather: {line}\n".encode())
 
 
 @contextlib.contextmanager
@@ -107,22 +62,26 @@ def interruptible(*, alone: bool) -> Iterator[None]:
     Raises
     ------
     KeyboardInterrupt
-        At the end, if one came while results were written.
+        At the end, if one came that has stopped nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the business of the main thread
         return
-    _interrupts.begin(alone=alone)
-    before = signal.signal(signal.SIGINT, _interrupts)
+    _interrupts.ours, _interrupts.came, _interrupts.waiting = True, False, False
+    before = signal.getsignal(signal.SIGINT)
+    if not alone:  # else what came before this leaves the process until something is computed
+        signal.signal(signal.SIGINT, _interrupts.stop)
     try:
         yield
-        if _interrupts.waiting:
+        if _interrupts.came:  # it waited, or somebody else's code has lost it
             raise KeyboardInterrupt
+    except (ImportError, AttributeError, SystemError) as error:
+        if _interrupts.came:  # what imports and machine code make of any exception
+            raise KeyboardInterrupt from error
+        raise
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN if alone else before)
-        if _interrupts.outside is not None:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-        _interrupts.act = _interrupts.rest = Act.STOP
+        _interrupts.ours = False
 
 
 @contextlib.contextmanager
@@ -130,11 +89,13 @@ def computing() -> Iterator[None]:
     """Let Ctrl-C stop a computation; afterwards it waits for what is written."""
     if _interrupts.waiting:
         raise KeyboardInterrupt
-    _interrupts.act = Act.STOP
+    if _interrupts.ours:
+        signal.signal(signal.SIGINT, _interrupts.stop)
     try:
         yield
     finally:
-        _interrupts.act = _interrupts.rest
+        if _interrupts.ours:
+            signal.signal(signal.SIGINT, _interrupts.wait)
 
 
 def until_interrupted(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> tuple[T, bool]:
