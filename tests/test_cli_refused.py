@@ -134,7 +134,7 @@ simulate --a 0.6 --gamma 0.05 --k 0.8 --lattice open:9 --walls 1,-1 >> two numbe
 simulate --a 0.6 --gamma 0.05 --k 0.8 --walls -2,2 --smooth 6
     >> --walls goes with rigid walls only: leave out --smooth
 HERE --lattice open:9 --threshold 0 >> threshold = 0
-zones --damping 0.1 >> zones on the infinite chain are of site 0
+zones --damping 0.1 >> on the infinite chain site 0 impacts
 zones --damping 0.1 --sites 6 --past-folds
     >> past_folds: lower breathers are drawn on the infinite chain, or on a ring
 zones --lattice open:5 --site 5 >> no such site

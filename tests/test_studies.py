@@ -341,8 +341,8 @@ MISTAKES = {
     ]),
     # each key of the chain that diagrams and arms cannot do is refused and never passed over
     "ignored": (IGNORED, [
+        (2, "chain: impact (7, 1): no such site on the open chain"),
         (4, "chain.threshold: arms are judged by the paper's 1.005; leave threshold out"),
-        (7, "chain.site: impact (7, 1): no such site on the open chain"),
         (14, "branch.one.mistake: unknown here"),
         (22, "zones.q.past_folds: lower breathers are drawn on the infinite chain, or on a ring"),
         (25, "atlas.r.gamma: gamma = 2"),
@@ -387,7 +387,7 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
             "f is written to",
         ),
         (RING + "threshold = 0.5\n" + ONE, "line 1, chain: threshold = 0.5: on a ring"),
-        (RING + "walls = ['1,-1']\n" + ONE, "line 3, chain.walls: walls = (1.0, -1.0): two"),
+        (RING + "walls = ['1,-1']\n" + ONE, "line 1, chain: walls = (1.0, -1.0): two"),
         ("[zones.'a b']\nk = 0.8", "a name of letters"),
         ("[zones.z]\nk = 0.8\n[atlas.z]\nk = 0.8", "'z' is there already, as zones"),
         ("[branch.b]\nfree = 'a'", "k and gamma missing"),
@@ -408,8 +408,8 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         (DRAWN.format("atlas", "y='a'"), "leave y out of a figure of atlas"),
         (ONE + "\n[figure.f]\ndraws=['b']\nat={k=0.8}", "leave at out of a figure of branch"),
         ("[zones.z]\nk=2\n[figure.f]\ndraws=['y']", "nothing is called 'y'; there are z"),
-        ("[chain]\ndamping = 0.1\n" + ONE, "line 2, chain.damping: on the infinite chain site 0"),
-        ("[chain]\nsite = 1\n" + ONE, "leave site out, or name a lattice, 'ring:20'"),
+        ("[chain]\ndamping = 0.1\n" + ONE, "line 1, chain: on the infinite chain site 0"),
+        ("[chain]\nsite = 1\n" + ONE, "name a lattice, Ring(20) or 'ring:20'"),
         ("[chain]\nwalls = ['-2,2']\n" + ONE, "between walls at -1 and 1, without damping"),
         (
             "[chain]\nspring = 0.1\n" + ONE + ARMS,
@@ -417,9 +417,9 @@ DRAWN = "[{}.z]\nk = 0.8\n[figure.f]\ndraws = ['z']\n{}"
         ),
         (
             "[chain]\nspring = 0.1\n[zones.z]\nk = 0.8",
-            "line 2, chain.spring: zones: diagrams on the infinite chain",
+            "line 1, chain: on the infinite chain site 0 impacts",
         ),
-        (RING + "walls = ['3:-1,2']\n" + ONE, "line 3, chain.walls: the walls are not symmetric"),
+        (RING + "walls = ['3:-1,2']\n" + ONE, "line 1, chain: the walls are not symmetric"),
         (RING + "walls = ['9:-2,2']\n" + ONE, "walls of site 9: there is no such site"),
         ("[branch.b]\nfree = 'damping'\na = 1\ngamma = 0\nk = 0.8", "'damping' is none"),
         (ONE + "\n[arms.x]\nof = 'b/gamma=0.1'\nat = 'PF1'", "b has no gamma=0.1; it has k = 0.8"),

@@ -187,8 +187,8 @@ def model_of(
     if place.sites is None:
         if site or damping or spring or walls is not None:
             raise BadInput(
-                "zones on the infinite chain are of site 0 between walls at -1 and 1, without "
-                "damping and springs; name a lattice, Ring(20) for instance"
+                "on the infinite chain site 0 impacts, between walls at -1 and 1, without damping, "
+                "and zones are without springs; name a lattice, Ring(20) or 'ring:20'"
             )
         return {"lattice": place}
     # chain and ring without losses have closed forms; spring=0.0 asks for exact modes of a ring

@@ -14,13 +14,11 @@ from pydantic import ValidationError
 from contbreather.checks import combinations, visible
 from contbreather.errors import BadInput
 from contbreather.files import read_text
-from contbreather.lattice.conditions import Conditions, Walls
-from contbreather.orbits.section import Section, check_walls
 from contbreather.orbits.zone_search import PAIRS
 from contbreather.orbits.zones import model_of
 from contbreather.plotting.canvas import FIGURES
 from contbreather.stability.verdict import THRESHOLD
-from contbreather.studies.schema import KINDS, Chain, Figure, FromPoint, GridTask, Study, part
+from contbreather.studies.schema import KINDS, Figure, FromPoint, GridTask, Study, part
 
 KeyPath = tuple[str, ...]
 Fault = tuple[KeyPath, str]  # where it is said, and what is wrong
@@ -301,47 +299,28 @@ def _origins(study: Study, name: str) -> list[str]:
 
 
 def _of_the_chain(study: Study, unread: Collection[str]) -> Iterator[Fault]:
-    """What the library cannot do with its keys: nothing that is said there is passed over."""
+    """What the library cannot do with it: nothing that is said there is passed over."""
     chain, infinite = study.chain, study.chain.place.sites is None
-    if infinite:
-        for name in [name for name in ("damping", "site", "walls") if getattr(chain, name)]:
-            yield (
-                ("chain", name),
-                "on the infinite chain site 0 impacts, between walls at -1 and 1, without "
-                f"damping; leave {name} out, or name a lattice, 'ring:20'",
-            )
-    else:
-        yield from _impacting(chain)
-    drawn = [kind for kind in ("zones", "atlas") if getattr(study, kind) or kind in unread]
+    drawn = any(getattr(study, kind) or kind in unread for kind in ("zones", "atlas"))
     arms = bool(study.arms) or "arms" in unread
-    without = {f"{' and '.join(drawn)}: diagrams": ("20", drawn), "arms": ("200", arms)}
-    for what, (ring, asked) in without.items():
-        if infinite and chain.spring and asked:
-            yield (
-                ("chain", "spring"),
-                f"{what} on the infinite chain are without springs; leave spring out, or name a "
-                f"lattice, 'ring:{ring}'",
-            )
+    # only zones are not for an infinite chain with springs
+    passed = {"spring"} if infinite and not drawn else set()
+    try:
+        model_of(**{name: value for name, value in chain.on.items() if name not in passed})
+    except BadInput as error:
+        yield ("chain",), str(error)
+    if infinite and chain.spring and arms:
+        yield (
+            ("chain", "spring"),
+            "arms on the infinite chain are without springs; leave spring out, or name a lattice, "
+            "'ring:200'",
+        )
     if arms and chain.verge != THRESHOLD:
         yield (
             ("chain", "threshold"),
             f"arms are judged by the paper's {THRESHOLD}; leave threshold out, or keep the arms "
             "in a study of their own",
         )
-
-
-def _impacting(chain: Chain) -> Iterator[Fault]:
-    """A site that is not there, or walls that it cannot hit in turn."""
-    try:
-        section = Section(((chain.site, 1),), sign=-1).placed(chain.place)
-    except BadInput as error:
-        yield ("chain", "site"), str(error)
-        return
-    try:
-        walls = Walls.given(chain.on.get("walls"))
-        check_walls(section, Conditions(1.0, 0.0, 1.0, walls=walls, lattice=chain.place))
-    except BadInput as error:
-        yield ("chain", "walls"), str(error)
 
 
 def _of_the_model(study: Study) -> Iterator[Fault]:
