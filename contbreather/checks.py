@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from numbers import Complex, Real
 from typing import Any
-from unicodedata import category
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,22 +31,6 @@ def brief(value: object) -> str:
     except ValueError:  # Python does not write out integers of more than 4300 digits
         text = f"about {'-' * (value < 0)}2**{value.bit_length()}"  # type: ignore
     return text if len(text) <= _LONG else f"{text[:_LONG]}... ({len(text)} characters)"
-
-
-def visible(text: str) -> str:
-    """Text in which what a terminal would obey, rather than show, is written out.
-
-    Examples
-    --------
-    >>> print(visible("red\x1b[31m"))
-    red\\x1b[31m
-    """
-    return "".join(
-        letter
-        if letter == "\n" or category(letter)[0] != "C"
-        else letter.encode("unicode_escape").decode()
-        for letter in text
-    )
 
 
 def real(value: object) -> float:

@@ -11,8 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
-
-from .checks import visible
+from unicodedata import category
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
@@ -177,6 +176,22 @@ class Sheet:
             digits -= 1
         # words as wide as that are not helped by fewer digits
         return kept, digits if _width(kept, digits) < _width(kept, DIGITS) else DIGITS
+
+
+def visible(text: str) -> str:
+    """Text in which what a terminal would obey, rather than show, is written out.
+
+    Examples
+    --------
+    >>> print(visible("red\x1b[31m"))
+    red\\x1b[31m
+    """
+    return "".join(
+        letter
+        if letter == "\n" or category(letter)[0] != "C"
+        else letter.encode("unicode_escape").decode()
+        for letter in text
+    )
 
 
 def yes_or_no(verdict: bool | None) -> Cell:

@@ -12,10 +12,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from contbreather import __version__
-from contbreather.checks import visible
 from contbreather.cli.process import STATUS as INTERRUPTED
 from contbreather.cli.process import CutShort, abandon, heard, interruptible, prepare, trouble
 from contbreather.errors import BadInput, ContbreatherError
+from contbreather.tables import visible
 
 if TYPE_CHECKING:
     from cyclopts import App

@@ -14,10 +14,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import contbreather as cb
-from contbreather.checks import visible
 from contbreather.cli.process import end
 from contbreather.errors import BadInput, NotConverged
 from contbreather.files import identity, stream_of, writable, write_csv
+from contbreather.tables import visible
 
 PIPE_WIDTH = 160  # of sentences, where there is no terminal to fit into
 ENDLESS = 100_000

@@ -12,8 +12,9 @@ from inspect import isfunction
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from contbreather.checks import MOST, brief, visible
+from contbreather.checks import MOST, brief
 from contbreather.errors import BadInput
+from contbreather.tables import visible
 
 Content = Mapping[str, Any]
 Reader = TypeVar("Reader", bound=Callable[..., Any])

@@ -13,7 +13,7 @@ from contbreather.files import read_text, writable, write_whole
 MARKS = ".study"  # what is known of the files beside it
 
 
-def put(path: Path, write: Callable[[Path], object]) -> Path:
+def put_in_place(path: Path, write: Callable[[Path], object]) -> Path:
     """Let `write` draw a file, and put it in its place once it is on record as the study's own.
 
     A process may die after each line: there is then no file, or one that is on record.
@@ -28,7 +28,7 @@ def put(path: Path, write: Callable[[Path], object]) -> Path:
 
 
 def is_own(path: Path) -> bool:
-    """Tell whether `put` has written what is there, or nothing is."""
+    """Tell whether `put_in_place` has written what is there, or nothing is."""
     if not os.path.lexists(path):
         return True
     *_, record = places(path)

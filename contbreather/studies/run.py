@@ -18,7 +18,7 @@ from contbreather.plotting.canvas import save_figure
 from contbreather.plotting.pictures import plot
 from contbreather.plotting.zones import plot_atlas
 from contbreather.runs import Run, load
-from contbreather.studies.folder import put
+from contbreather.studies.folder import put_in_place
 from contbreather.studies.schema import Figure, Study, part
 from contbreather.studies.tasks import ATLAS, Task, dry_run, finish
 from contbreather.tables import Column, HtmlRepr, Sheet
@@ -235,7 +235,7 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     for name in study.atlas:
         if shown.there(name):
             path, atlas = report.folder / f"{name}{ATLAS}", shown.atlas(name)
-            report.written.append(put(path, partial(save_atlas, atlas=atlas)))
+            report.written.append(put_in_place(path, partial(save_atlas, atlas=atlas)))
     for name, figure in study.figure.items():
         missing = [name for name in figure.draws if not shown.there(name)]
         lost = [name for name in missing if not shown.absent(name)]
@@ -245,7 +245,7 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
             continue
         path = report.folder / figure.path(name)
         try:
-            report.written.append(put(path, partial(save_figure, shown.drawn(figure))))
+            report.written.append(put_in_place(path, partial(save_figure, shown.drawn(figure))))
         except ContbreatherError as error:  # a column that is not there: the others are drawn
             report.failed[f"figure {name}"] = str(error)
 

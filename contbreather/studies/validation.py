@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contbreather.checks import combinations, visible
+from contbreather.checks import combinations
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.orbits.zone_search import PAIRS
@@ -19,6 +19,7 @@ from contbreather.orbits.zones import model_of
 from contbreather.plotting.canvas import FIGURES
 from contbreather.stability.verdict import THRESHOLD
 from contbreather.studies.schema import KINDS, Figure, FromPoint, GridTask, Study, part
+from contbreather.tables import visible
 
 KeyPath = tuple[str, ...]
 Fault = tuple[KeyPath, str]  # where it is said, and what is wrong
