@@ -88,7 +88,7 @@ def walk(data: Data, rules: Rules, room: Room, state: Vector, out: Matrix, count
         count[0] = row + 1
 
 
-def correct(data: Data, rules: Rules, room: Room, answer: Vector) -> None:
+def solve_place(data: Data, rules: Rules, room: Room, answer: Vector) -> None:
     """Solve for the place in the plane across `room.tangent` where `room.end` is a guess, and for
     the tangent there; whether that came off, and the residual."""
     status, _, off = newton_steps(data, rules, room)
@@ -288,10 +288,10 @@ def angle(rules: Any, t: Any, other: Any) -> float:
 
 
 class Walker(NamedTuple):
-    """`walk` and `correct` for the equations of one kind of problem."""
+    """`walk` and `solve_place` for the equations of one kind of problem."""
 
     walk: Kernel
-    correct: Kernel
+    solve_place: Kernel
 
 
 def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: type) -> Walker:
@@ -303,11 +303,11 @@ def walker(residual: Callable[..., int], jacobian: Callable[..., int], data: typ
             copy = scope[name] = FunctionType(function.__code__, scope, name)
             copy.__annotations__ = function.__annotations__
     scope.update(residual=inlined(residual), jacobian=inlined(jacobian))
-    return Walker(Kernel(scope["walk"]), Kernel(scope["correct"]))
+    return Walker(Kernel(scope["walk"]), Kernel(scope["solve_place"]))
 
 
 def at_a_place(tolerance: float, metric: Vector) -> Rules:
-    """Those of `correct`, which takes no step."""
+    """Those of `solve_place`, which takes no step."""
     none = np.empty(0)
     slots = np.empty(0, dtype=np.int64)
     return Rules(tolerance, 0.0, math.nan, 1.0, slots, none, none, metric, metric, metric)
@@ -338,7 +338,7 @@ class Pieces:
         """The place of the curve in the plane across a vector, the tangent there, on the side of
         that, and the residual; None where Newton's iteration is more than a plain one."""
         self.room.end[:], self.room.tangent[:] = guess, across
-        self.kernels.correct(self.data, self.rules, self.room, self.state)
+        self.kernels.solve_place(self.data, self.rules, self.room, self.state)
         if not self.state[0]:
             return None
         return self.room.end.copy(), self.room.end_tangent.copy(), float(self.state[1])

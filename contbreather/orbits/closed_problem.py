@@ -285,11 +285,7 @@ class Scalar(NamedTuple):
     derivative_in: Callable[[ClosureTerms, ClosureTerms], Any]
     terms: Callable[[Breather], ClosureTerms]
     terms_in: Callable[[Breather, ClosureTerms, str], ClosureTerms]
-    kernels: Walker
-
-    def walker(self, problem: Any, free: tuple[str, ...], params: Mapping[str, float]) -> Any:
-        data = problem.kernel_data(free, params)
-        return data and (self.kernels, data)
+    walker: Callable[..., Any]  # of the defining system
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self.value(self.terms(Point(curve, z).solution.representation))])
@@ -331,12 +327,25 @@ def _pitchfork_at_edge(curve: Curve, z: Array, extra: Array) -> Array:
     return np.array([scalar, edge * edge - breather.lattice.spring])
 
 
+def _scalar_walker(kernels: Walker, problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+    data = problem.kernel_data(free, params)
+    return data and (kernels, data)
+
+
+def _fold_walker(problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+    return _scalar_walker(kernels.FOLD, problem, free, params)
+
+
+def _pitchfork_walker(problem: Any, free: Any, params: Mapping[str, float]) -> Any:
+    return _scalar_walker(kernels.PITCHFORK, problem, free, params)
+
+
 FOLD = Scalar(
     fold_scalar, fold_derivative, partial(terms_at, mean="chi"),
-    partial(terms_derivative, mean="chi"), kernels.FOLD,
+    partial(terms_derivative, mean="chi"), _fold_walker,
 )  # fmt: skip
 PITCHFORK = Scalar(
-    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, kernels.PITCHFORK,
+    pitchfork_scalar, pitchfork_derivative, _turning, _turning_derivative, _pitchfork_walker,
 )  # fmt: skip
 
 
