@@ -64,7 +64,8 @@ def explore(
     address
         Of this machine, on which others may reach it; 127.0.0.1, this machine alone, unless given.
     origin
-        HOST:PORT of a page from elsewhere that may talk to it, behind a proxy for instance.
+        HOST:PORT of another name that it is reached by, behind a proxy for instance, or of a page
+        from elsewhere that may talk to it.
     headless
         Do not open a browser.
     """

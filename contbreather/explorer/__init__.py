@@ -8,8 +8,10 @@ server on this machine that ends with Ctrl-C.
 from __future__ import annotations
 
 import logging
+import re
 import socket
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 from contbreather.checks import whole
@@ -89,7 +91,9 @@ def server_for(
     address : str
         This machine alone unless given.
     origins : sequence of str
-        ``HOST:PORT`` of pages from elsewhere that may talk to it; those of the server itself may.
+        ``HOST:PORT`` of other names that it is reached by, and of pages from elsewhere that may
+        talk to it. A request by any other name is refused: a page from elsewhere whose own name is
+        made to mean this machine (DNS rebinding) would be let in by a browser.
 
     Raises
     ------
@@ -105,23 +109,43 @@ def server_for(
             f"port = {port}: ports are whole numbers up to {HIGHEST}, 0 for any free one"
         )
     port = _free(address, port)
-    for origin in origins:
+    own = (f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address)))
+    hosts = [host.lower() for host in (*own, *origins)]
+    for host in hosts:
         try:
-            create_hosts_allowlist([origin], port)
+            create_hosts_allowlist([host], port)
         except ValueError as error:
             raise BadInput(
-                f"origin {origin!r}: HOST:PORT was expected, example.org:80 for instance"
+                f"origin {host!r}: HOST:PORT was expected, example.org:80 for instance"
             ) from error
-    own_origins = [f"{host}:{port}" for host in dict.fromkeys((LOOPBACK, "localhost", address))]
     from contbreather.explorer.page import in_template
 
     # that a page was closed, or loaded again, while something was sent to it is no trouble
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
     server = panel.io.server.get_server(
         {"/": lambda: in_template(explorer)}, port=port, address=address, start=False, show=False,
-        websocket_origin=[*own_origins, *origins], title="contbreather explorer", verbose=False,
+        websocket_origin=hosts, title="contbreather explorer", verbose=False,
     )  # fmt: skip
+    _by_no_other_name(server._tornado, hosts)
     return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
+
+
+def _by_no_other_name(application: Any, hosts: Sequence[str]) -> None:
+    """Refuse what is asked for by another name, before any handler of a page, a file or a
+    websocket; ports do not matter, the request has come to this one."""
+    from tornado.web import RequestHandler
+
+    names = [re.escape(host.split(":")[0]).replace(r"\*", ".*") for host in hosts]
+
+    class Refused(RequestHandler):
+        def prepare(self) -> None:
+            self.set_status(403)
+            self.finish(
+                f"The explorer does not answer as {escape(self.request.host)}. If it is to be "
+                "reached by that name, start it with --origin HOST:PORT, as the browser shows it."
+            )
+
+    application.add_handlers(f"(?!({'|'.join(names)})$).*$", [(".*", Refused)])
 
 
 def _panel() -> Any:

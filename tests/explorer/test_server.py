@@ -10,7 +10,9 @@ import subprocess
 import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from functools import partial
+from http.client import HTTPConnection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -52,18 +54,36 @@ def answer(url: str, request: str) -> str:
         return line.recv(100).decode(errors="replace").splitlines()[0]
 
 
-def handshake(origin: str) -> str:
+def handshake(origin: str, host: str = "127.0.0.1", token: str = "") -> str:
     key = b64encode(os.urandom(16)).decode()
     return (
-        f"GET /ws HTTP/1.1\nHost: 127.0.0.1\nUpgrade: websocket\nConnection: Upgrade\n"
+        f"GET /ws HTTP/1.1\nHost: {host}\nUpgrade: websocket\nConnection: Upgrade\n"
         f"Sec-WebSocket-Key: {key}\nSec-WebSocket-Version: 13\nOrigin: {origin}"
-    )
+    ) + f"\nSec-WebSocket-Protocol: bokeh, {token}" * bool(token)
+
+
+def asked(url: str, path: str, host: str) -> tuple[int, str]:
+    """What a client is answered that takes the server for this host, as a browser does whose name
+    server says so."""
+    with closing(HTTPConnection("127.0.0.1", port_of(url), timeout=HUNG)) as line:
+        line.putrequest("GET", path, skip_host=True)
+        line.putheader("Host", host)
+        line.endheaders()
+        response = line.getresponse()
+        return response.status, response.read().decode(errors="replace")
+
+
+def token_of(page: str) -> str:
+    """The session that a page is given, by which its websocket is let in."""
+    found = re.search(r'"token":"([^"]+)"', page)
+    assert found
+    return found[1]
 
 
 def test_it_serves_a_page_on_this_machine_alone(served: Any) -> None:
     process, url = served
     assert url.startswith("http://127.0.0.1:")
-    assert answer(url, "GET / HTTP/1.1\nHost: x") == "HTTP/1.1 200 OK"
+    assert answer(url, "GET / HTTP/1.1\nHost: localhost") == "HTTP/1.1 200 OK"
     listening = Path(f"/proc/{process.pid}/net/tcp")
     if listening.exists():
         here = f"0100007F:{port_of(url):04X}"  # 127.0.0.1
@@ -79,6 +99,47 @@ def test_pages_from_elsewhere_may_not_talk_to_it(served: Any) -> None:
     assert answer(url, handshake("http://evil.example:80")).split()[1] == "403"
     # its own origin is let in; what is missing then is the token of a session
     assert answer(url, handshake(own)).split()[1] != "403"
+
+
+HANDLERS = (
+    "/", "/static/js/bokeh.min.js", "/static/extensions/panel/panel.min.js", "/metadata",
+    "/autoload.js?bokeh-autoload-element=1", "/favicon.ico", "/nothing",
+)  # fmt: skip
+
+
+def test_under_a_name_of_somebody_else_nothing_is_answered(served: Any) -> None:
+    """A page of evil.example whose name is later said to be 127.0.0.1 is of the same origin as the
+    server for a browser: all that tells them apart is the name that it asks for."""
+    _, url = served
+    port = port_of(url)
+    for own in (f"127.0.0.1:{port}", f"localhost:{port}", f"LOCALHOST:{port}"):
+        assert [asked(url, path, own)[0] for path in HANDLERS] == [200] * 6 + [404]
+    token = token_of(asked(url, "/", f"127.0.0.1:{port}")[1])
+    good = f"127.0.0.1:{port}"
+    assert answer(url, handshake(f"http://{good}", good, token)).split()[1] == "101"
+    for evil in (f"evil.example:{port}", "evil.example", f"127.0.0.1.evil.example:{port}",
+                 f"localhost.:{port}", f"xlocalhost:{port}", f"127a0a0a1:{port}"):  # fmt: skip
+        for path in HANDLERS:
+            status, said = asked(url, path, evil)
+            assert (status, "--origin" in said) == (403, True), (evil, path)
+        for origin in (evil, good):
+            line = answer(url, handshake(f"http://{origin}", evil, token))
+            assert line.split()[1] == "403", (evil, origin)
+
+
+def test_a_name_that_it_is_told_is_its_own() -> None:
+    explore = ("-m", "contbreather", "explore", "--headless", "--origin", "Lab.example:80")
+    with begun(*explore) as process:
+        assert process.stdout is not None
+        url = process.stdout.readline().split()[4]
+        status, page = asked(url, "/", "lab.example")
+        assert status == 200
+        origin = "http://lab.example"
+        wanted = handshake(origin, "lab.example", token_of(page))
+        assert answer(url, wanted).split()[1] == "101"
+        assert asked(url, "/", "other.example")[0] == 403
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
 
 
 @pytest.mark.parametrize(("more", "opened"), [("", ["/"]), (" --headless", [])])
@@ -105,6 +166,12 @@ def test_a_port_that_is_taken_is_refused(run: Run) -> None:
     assert (status, out) == (2, "")
     assert re.fullmatch(r"contbreather: cannot listen at 127\.0\.0\.1, port \d+: .*\n", err)
     assert "choose another port" in err
+
+
+def test_an_address_that_pages_cannot_name_is_a_sentence(run: Run) -> None:
+    status, out, err = run("explore --headless --address ::1")
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert "::1" in err
 
 
 def test_a_damaged_file_is_a_sentence_and_status_2(run: Run, tmp_path: Path) -> None:
