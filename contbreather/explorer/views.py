@@ -36,6 +36,7 @@ from contbreather.plotting.branches import (
 )
 from contbreather.plotting.multipliers import with_band
 from contbreather.plotting.orbits import impacts_of
+from contbreather.plotting.runs import with_impacts
 from contbreather.plotting.zones import LINES
 from contbreather.simulation.simulate import SimulationRun
 from contbreather.simulation.states import PERIOD
@@ -432,7 +433,7 @@ class MotionView(OrbitView):
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
         self.figure.title.text = verdict
-        colours = self._draw(times / PERIOD, dict(zip(there, u, strict=True)))
+        colours = self._draw({n: (times, its) for n, its in zip(there, u, strict=True)})
         hits = impacts_of(orbit, there)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))
         real = there if size is None else [n % size for n in there]
@@ -443,16 +444,16 @@ class MotionView(OrbitView):
         record = run.record
         assert record is not None  # asked for by `jobs.simulated`
         columns = zip(record.sites, record.u.T, strict=True)
-        self._draw(record.times / PERIOD, dict(columns))
+        self._draw({n: with_impacts(record.times, u, run, n) for n, u in columns})
         self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
         count = len(run.impacts)
         self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {outcome}"
 
-    def _draw(self, times: Array, by_site: dict[int, Array]) -> dict[int, str]:
+    def _draw(self, by_site: dict[int, tuple[Array, Array]]) -> dict[int, str]:
         colours = {n: self.theme.cycle[i % len(self.theme.cycle)] for i, n in enumerate(by_site)}
-        rows = ((*thinned(times, u), colours[n], f"site {n}") for n, u in by_site.items())
-        _fill(self.lines, rows)
-        _reach(self.figure.x_range, times[[0, -1]])
+        lines = ((n, *thinned(t / PERIOD, u)) for n, (t, u) in by_site.items())
+        _fill(self.lines, ((t, u, colours[n], f"site {n}") for n, t, u in lines))
+        _reach(self.figure.x_range, [t[i] for t in self.lines.data["xs"] for i in (0, -1)])
         return colours
 
     def _bound(self, walls: Iterable[float]) -> None:

@@ -294,6 +294,26 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
         assert view.lines.data["site"] == [f"site {n}" for n in there]
 
 
+def test_a_simulated_site_is_seen_at_its_walls_however_coarsely_it_was_sampled() -> None:
+    """Impacts are part of the line: the peak is at the wall, and not .95 between two walls at 1."""
+    view = views.MotionView(LIGHT)
+    walls = cb.symmetric(0.5, 0.05, 0.8, lattice=cb.Ring(9), walls=(-0.9, 0.9), damping=0.02)
+    for orbit in (B.on(cb.Ring(12)), walls):
+        for periods in (3, 300):  # all of the line, and its extremes where it is long
+            sample = cb.simulation.Sample((0, -1), 8)
+            given = {**vars(orbit.conditions), "periods": periods, "sample": sample}
+            run = cb.simulate(orbit.state(), **given)
+            view.run("run1", run, "periodic")
+            (x, y), (_, beside) = rows(view.lines, "xs", "ys")
+            assert (min(y), max(y)) == orbit.walls.at(0)
+            assert np.all(np.diff(x) >= 0)
+            hits = run.at_site(0)[:4]
+            there = np.interp(hits["time"] / 2 / np.pi, x, y)
+            np.testing.assert_allclose(there, [orbit.walls.at(0)[int(h > 0)] for h in hits["wall"]])
+            seen = run.at_site(-1)
+            assert len(seen) or max(beside) < orbit.walls.at(1)[1]
+
+
 def test_the_profile_shows_the_site_that_impacts_at_its_wall_and_small_lattices_whole() -> None:
     view = views.ProfileView(LIGHT)
     view.show(B)
